@@ -61,7 +61,7 @@ class Bearing(Thing):
         self.back = MountPoint(Location((0, 0, -self.width / 2)) * MATE, f"bearing-{designation}")
 
     def mass(self) -> tuple[float, str]:
-        """Return the mass [kg] of this bearing in the table above, and its source."""
+        """Return the mass [kg] of this bearing in the table of the module, and its source."""
         sizes = BEARINGS[self.p.designation]
         return (sizes.mass, sizes.source)
 

@@ -73,8 +73,8 @@ class RaspberryPi4(Board):
     """Raspberry Pi 4 Model B.
 
     Dimensions from github.com/RalfLangeDresden/RaspberryPiCases, raspberry/PiPcbConstants.scad: 85 x 56 mm, holes of 2.75 mm at distances
-    of 58 x 49 mm, 3.5 mm from the edges. Mass as measured by G. Halfacree ("Benchmarking the Raspberry Pi 4"), cited at
-    4ort.xyz/entity/raspberry-pi-4-model-b: 46 g. The positions and heights of the sockets are estimates.
+    of 58 x 49 mm, 3.5 mm from the edges. The mass of 46 g was measured by Gareth Halfacree ("Benchmarking the Raspberry Pi 4"), as cited at
+    4ort.xyz/entity/raspberry-pi-4-model-b. The positions and heights of the sockets are estimates.
     """
 
     layout = Layout(

@@ -1,6 +1,7 @@
 """ROBOTIS Dynamixel X servos: XM430-W350, XL430-W250 and XM540-W270.
 
-All models share a base class. A servo model consists of a `Drawing` (the dimensions in its published drawing), an actuator and a mass.
+All servo models share a base class. A servo model consists of a `Drawing` (the dimensions in its published drawing), an actuator and a
+mass.
 
 Sources: ROBOTIS e-Manual, pages "XM430-W350", "XL430-W250" and "XM540-W270" (size, mass, gear ratio, stall torque and no-load speed at
 12 V, control table), and the drawings that can be downloaded there, X-430 (XM430-W350, horn HN12-N101, idler HN12-I101) and X-540
@@ -101,9 +102,9 @@ class XSeries(Thing):
     Mounts: Each of the six faces of the case has a mount at its centre. `horn` and `idler` are on the outer faces of the horn and the
     idler. `rotor` is another name of the mount `horn`, for use in joints.
 
-    Every screw hole has a name: `screw_left_top_front(thickness)` returns the `Screw` in that hole, with its head on a plate of that
-    thickness. `screws_left`, `screws_right`, `screws_front`, `screws_top`, `screws_bottom`, `screws_horn` and `screws_idler` list the holes
-    of a face. The lists `screws_horn` and `screws_idler` count the holes from +x towards +y.
+    Every screw hole has a name. For example, `screw_left_top_front(thickness)` returns the `Screw` in the hole of this name, with its head
+    on a plate of the given thickness. `screws_left`, `screws_right`, `screws_front`, `screws_top`, `screws_bottom`, `screws_horn` and
+    `screws_idler` list the holes of a face. The lists `screws_horn` and `screws_idler` count the holes from +x towards +y.
 
     The solid has no cavities, so thingc scales its inertia to the manufacturer's mass.
 

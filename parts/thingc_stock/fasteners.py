@@ -1,6 +1,6 @@
 """Screws with the dimensions of bd_warehouse, and the solids to subtract from parts for their holes.
 
-All dimensions are from the tables of bd_warehouse, which contain the values of the standards. This module creates screws without threads: a
+All dimensions are from the tables of bd_warehouse, which contain the values of the standards. This module creates screws without threads. A
 revolved profile and one boolean operation take a tenth of the time of bd_warehouse's own screw. The module reads only the tables of
 bd_warehouse, without importing its 30 classes of fasteners.
 """

@@ -58,7 +58,7 @@ class HoldingMagnet(Thing):
     def pull(self, flux_density: float = SATURATION) -> float:
         """Return the maximum pull [N] on thick steel without an air gap, for the flux density [T] in both poles.
 
-        Each pole with area A has the pull B^2 A / (2 mu_0). The specified pull of the magnet must be smaller than the maximum pull.
+        Each pole with area A has the pull B^2 A / (2 mu_0). The specified pull of a magnet must be smaller than its maximum pull.
         """
         inner, outer = self.groove
         area = min(inner**2, (self.p.diameter / 2) ** 2 - outer**2) * pi * 1e-6

@@ -70,7 +70,7 @@ class _Nema17(Thing):
         self.threads: list[Hole] = [threaded_hole(mount.location, "M3", 4.5) for mount in self.hole]
 
     def mass(self) -> tuple[float, str]:
-        """Return the mass [kg] of this motor in the table above, and its source."""
+        """Return the mass [kg] of this motor in the table of the module, and its source."""
         return (STEPPERS[self.model].mass, "vendor")
 
     def result(self) -> Solid:

@@ -19,7 +19,7 @@ from thingc_stock.fasteners import Hole, Size, threaded_hole
 from thingc_stock.shapes import bevelled, block, disc, spots
 
 KGF_CM = 0.0980665
-"""One kilogram-force centimetre in N m, the unit of torque in data sheets."""
+"""The value of one kilogram-force centimetre in N m. Data sheets state torques in this unit."""
 
 ROTOR = 0.045 / 353.5**2
 """Rotor inertia [kg m^2] of a servo with a width of 28.5 mm, as identified for the Dynamixel XM430 (see `thingc_stock.dynamixel`)."""
@@ -169,7 +169,7 @@ class MG90S(HobbyServo):
     """Tower Pro MG90S, the micro servo with metal gears.
 
     The data sheet (github.com/TrDA-hab/Projects, Servo+ESP8266/MG90S-Datasheet.pdf) lists about 22.5 x 12 x 35.5 mm, 13.4 g, and at 6 V a
-    torque of 2.2 kgf cm and a time of 0.08 s for 60 deg. The case and the shaft are assumed to have a height of 32 mm of the 35.5 mm.
+    torque of 2.2 kgf cm and a time of 0.08 s for 60 deg. For the case and the shaft, a height of 32 mm out of the total 35.5 mm is assumed.
     Measured copies in github.com/kartchnb/openscad-servo-library (servos/mg90s_clone.scad) have a height of 32.5 mm, and their ears, holes
     and axis agree within 0.4 mm.
     """

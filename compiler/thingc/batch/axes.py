@@ -93,7 +93,7 @@ class AxisParser:
     def _by_path(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
         """Check the value of a path in the assembly document, and return the value. Return None for an invalid value.
 
-        The first `MOST_TRIED` values of each path are checked by resolving the assembly with them. Any further value must only have the
+        The first `MOST_TRIED` values of each path are checked by resolving the assembly with each value. Later values must only have the
         same type.
         """
         tried = self.tried[name] = self.tried.get(name, 0) + 1

@@ -62,13 +62,13 @@ CHUNK_SECONDS = 0.5
 CHUNK_MOST = 64
 """Maximum number of variants in a chunk."""
 ANEW = "run it without --resume"
-"""Help text of the error that there is no batch to resume."""
+"""Help text of the error for a missing batch, which suggests a run without `--resume`."""
 ATTEMPTS = 3
 """Number of attempts to build a variant whose result an executor has lost."""
 PIECES = 8
 """Number of smaller chunks into which a lost chunk is split.
 
-If a single variant causes such losses, smaller chunks lose fewer other variants.
+If a single variant causes the loss of its chunk, fewer other variants are lost with the smaller chunks.
 """
 CHANCE = frozenset((Code.PART_CRASHED.code, Code.PART_HUNG.code))
 """Codes of part errors that can be caused by the machine instead of the part."""
@@ -86,9 +86,9 @@ def run(
 
     Args:
         executor: An executor that calls `thingc.batch.engine.evaluate`, such as the result of `thingc.batch.cluster.connection.connect`.
-            The workers of the executor must find the documents and the folder at the same paths, unless `ship` is set. For None, use runner
-            processes on this machine.
-        jobs: Number of runner processes (0: one per core). With an `executor`, the number of chunks that run at the same time.
+            The workers of the executor must find the documents and the folder at the same paths, unless `ship` is set. If `executor` is
+            None, use runner processes on this machine.
+        jobs: Number of runner processes (0: one per core). With an `executor`, this is the number of chunks that run at the same time.
         emit: Targets that replace the targets of the document.
         limit: Build only this many variants, in order.
         resume: Continue an interrupted batch.

@@ -30,7 +30,7 @@ MESHES = "mjcf/assets/"
 _ID = re.compile("[0-9a-f]{12}")
 
 File = tuple[Any, ...]
-"""The type of the values that identify files. Two files are the same file if their values are equal."""
+"""The type of the values that identify files. Equal values identify the same file."""
 
 
 def in_order(folder: str) -> Iterator[Line]:
@@ -92,7 +92,7 @@ def _is_there(folder: str, id: str) -> bool:
 
 
 class BuildRecords:
-    """The finished variants of the batch in a folder. Its methods identify a variant by the index in the plan.
+    """The finished variants of the batch in a folder. The methods identify a variant by its index in the plan.
 
     `done` contains the indices of all finished variants in ascending order. `built` contains the indices of the built variants whose files
     exist. The class uses a few bytes of memory per variant, and caches the chunk that was read last.
@@ -201,7 +201,7 @@ VariantFiles = _InFolder | _InChunk
 def unpack(folder: str, index: int) -> str:
     """Write the files of a built variant of a packed batch to the folder `variants/<id>/`, and return its path.
 
-    Mesh files become hard links to shared files. Raises `OSError`.
+    Mesh files become hard links to shared files. Raises `OSError` if a file cannot be read or written.
     """
     with Chunks(folder).holding(index) as chunk:
         id = str(chunk.line(index)["id"])
@@ -224,7 +224,7 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
 
     Return None if the plan does not contain the variant. The id of a variant depends on how its settings differ from the assembly document,
     and its default name contains its index. If a document has changed since the batch was built, the same id or name can therefore refer to
-    another variant. For this reason, this function searches for the settings that the batch in `folder` recorded for the id or name. Raises
+    another variant. The function therefore searches for the settings that the batch in `folder` recorded for the id or name. Raises
     `BatchFault` if no variant of the plan has these settings.
     """
     line = _told(plan, wanted, folder)

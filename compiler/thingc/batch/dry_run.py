@@ -1,7 +1,8 @@
 """Count the variants of a batch and check their settings, without building parts or writing files.
 
-Rules on parameters are evaluated for every variant. Variants are resolved as in a build. This checks values, limits, poses and parts, but
-does not build geometry. For a large number of variants, only a random sample is resolved. A plan, if available, checks further variants.
+Rules on parameters are evaluated for every variant. Variants are resolved as in a build. Resolving checks values, limits, poses and parts,
+but does not build geometry. For a large number of variants, only a random sample is resolved. A plan, if available, checks further
+variants.
 """
 
 from __future__ import annotations
@@ -41,9 +42,9 @@ class DryRun:
     """The result of a dry run of a batch with `count` variants.
 
     `failing` maps each rule on parameters to the number of variants that violate the rule. `looked_at` is the number of variants that were
-    resolved, all of which satisfy the rules on parameters. `unsound` maps diagnostic codes to numbers of resolved variants, and `examples`
-    contains the first variant and error of each code. The resolved variants use `parts` distinct part definitions, of which `known` are in
-    the store. `first` contains the first variants of the batch.
+    resolved, all of which satisfy the rules on parameters. `unsound` maps diagnostic codes to numbers of resolved variants. `examples`
+    contains the first variant and error with each code. The resolved variants use `parts` distinct part definitions, of which `known` are
+    in the store. `first` contains the first variants of the batch.
     """
 
     count: int = 0
@@ -70,7 +71,7 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
     count = plan.count if limit is None else min(limit, plan.count)
     drawn = range(count) if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
     with Resolving(plan.assembly, options) as session:
-        assert session.sources is not None  # the plan was made from them
+        assert session.sources is not None  # the plan was created from these sources
         resolution = Resolution(session, SettingsReader(session.sources, kinds=plan.paths.kinds), drawn)
         variants, resolved = tee(_satisfying(islice(plan, count), foreseen))
         for variant, one in zip(variants, resolution.each(map(resolution.item, resolved), tests=False)):
@@ -84,7 +85,7 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
                     tally.unsound[code] = tally.unsound.get(code, 0) + 1
                     if code not in tally.examples:
                         tally.examples[code] = _example(session, variant, wrong)
-        if foreseen.looked_at < foreseen.left:  # plans apply to valid settings more often, so the others would be rare
+        if foreseen.looked_at < foreseen.left:  # otherwise, errors would be rare, because plans apply to valid settings more often
             foreseen.looked_at, foreseen.unsound, foreseen.examples = sample.looked_at, sample.unsound, sample.examples
         foreseen.parts = len(resolution.parts)
         foreseen.known = sum(session.environment.geometry.in_store(part) for part in resolution.parts.values())
@@ -133,7 +134,7 @@ class Resolution(Evaluation):
         self._resolved = 0
 
     def item(self, variant: Variant) -> Item:
-        """Convert a variant to the pair of settings that the method `each` requires."""
+        """Convert a variant to a pair of settings and parsed settings, as the method `each` requires."""
         settings = {**variant.parameters, **variant.choices}
         read = self.reader.read(settings)
         if variant.index in self._drawn:
@@ -155,6 +156,6 @@ class Resolution(Evaluation):
 
 
 def _example(session: Session, variant: Variant, wrong: Diagnostic) -> tuple[str, Diagnostic]:
-    """Return the name of a variant, and its error, in which numbers have the units of the documents."""
+    """Return the name of a variant and its error. Numbers in the error are in the units of the documents."""
     report = session.compile(Settings(parameters=variant.parameters, choices=variant.choices)).report
     return variant.name, next((one for one in report.ordered() if one.code is wrong.code), wrong)

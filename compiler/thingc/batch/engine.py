@@ -197,7 +197,7 @@ class LocalExecutor(Executor):
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
         """Run a function call in a thread, and return a future of its result.
 
-        The function `evaluate` then uses the runner processes of this executor.
+        If the function is `evaluate`, it uses the runner processes of this executor.
         """
         if fn is evaluate:
             named.setdefault("runners", self.runners)

@@ -41,7 +41,7 @@ MANY = 2000
 class BatchFault(Exception):
     """Raised if a batch cannot start or continue.
 
-    `diagnostic` is the reason as an error with a code. Variants that are already built remain in the folder.
+    `diagnostic` is the reason, as a diagnostic with a code. Variants that are already built remain in the folder.
     """
 
     def __init__(self, code: Code, message: str, help: Hint | None = None, detail: str | None = None) -> None:

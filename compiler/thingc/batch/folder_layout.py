@@ -116,7 +116,7 @@ class SharedAssets:
         self.folder = folder
 
     def read(self, sha256: str) -> bytes:
-        """Return the content of the shared file with this SHA-256. Raises `OSError`."""
+        """Return the content of the shared file with this SHA-256. Raises `OSError` if the file cannot be read."""
         with open(asset_path(self.folder, sha256), "rb") as stream:
             return stream.read()
 

@@ -51,7 +51,7 @@ TESTED: Mapping[str, Mapping[str, Dimension]] = {
 }
 """The measured values and their physical dimensions, for each kind of document test.
 
-All other kinds of document tests measure no numbers that change smoothly.
+All other kinds of document tests do not measure numbers that change smoothly.
 """
 
 
@@ -70,11 +70,11 @@ def measure(
 ) -> Results:
     """Compute the results of a robot in the pose `pose`.
 
-    For None, use the pose of the mode, or else q = 0. Raises `UnknownMount` for a reference to an unknown mount. If the loops of the mode
-    cannot be closed in the pose, the results for box, reach, sites and torque margin are omitted. The torque margin is also omitted if
-    `torques` is False, if the robot has closed loops, or if the robot does not stand on its feet. The torques of a robot with closed loops
-    depend on how the loops share the load. `reach` contains references to two mounts. `sites` contains references to mounts, or to single
-    coordinates of mounts.
+    If `pose` is None, use the pose of the mode, or else q = 0. Raises `UnknownMount` for a reference to an unknown mount. If the loops of
+    the mode cannot be closed in the pose, the results for box, reach, sites and torque margin are omitted. The torque margin is also
+    omitted if `torques` is False, if the robot has closed loops, or if the robot does not stand on its feet. The torques of a robot with
+    closed loops depend on how the loops share the load. `reach` contains references to two mounts. `sites` contains references to mounts,
+    or to single coordinates of mounts.
     """
     assembly = robot.assembly
     whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
@@ -189,7 +189,10 @@ def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vec
 
 
 def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
-    """Return the index of the component and the name of the mount for a reference to a mount. Raises `UnknownMount`."""
+    """Return the index of the component and the name of the mount for a reference to a mount.
+
+    Raises `UnknownMount` if the mount does not exist.
+    """
     words = text.split(".")
     path = "/".join(words)
     for exported in assembly.exported:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import mujoco
 
 MESH_BYTES = 256 * 2**20
-"""Maximum size [bytes] of cached meshes."""
+"""Maximum total size [bytes] of cached mesh files."""
 
 
 class MeshFiles:
@@ -61,7 +61,7 @@ class MeshFiles:
 
     @contextlib.contextmanager
     def mounted(self, wanted: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
-        """Yield a virtual file system of MuJoCo that contains the given mesh files. Only one thread at a time can use the file system."""
+        """Yield a virtual file system of MuJoCo that contains the given mesh files. Only one thread at a time can use this file system."""
         import mujoco
 
         own = {name: file for name, (file, _) in wanted.items()}  # by identity: each variant has links to the same files in its own folder

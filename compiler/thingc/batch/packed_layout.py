@@ -8,7 +8,7 @@ A chunk is *sealed* when all of its variants have finished: the chunk file is wr
 The plan determines the variants and their order, so a batch always has the same chunks. Files of neighbouring variants differ only in a few
 numbers. A compressed file therefore takes some hundred bytes, and reading a file decompresses one column of one group of rows. Files in the
 store are written to `assets/` once, and rows refer to these files in the column `shared`. The index of a variant in the plan determines the
-chunk and the row of this variant. No other index is needed.
+chunk and the row of this variant. No separate index of the variants is needed.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ RUN = ("seconds", "modelled", "reused", "pid", "printed", "detail")
 FILES, SHARED = "files", "shared"
 """Keys in the journal line of a built variant.
 
-Both values are mappings from paths: to files in base64, and to the SHA-256 of files in `assets/`.
+The first value maps paths to files in base64, and the second value maps paths to the SHA-256 of files in `assets/`.
 """
 HEADS = ("index", "id", "name", "status")
 CELLS = (*HEADS, "losses", "line", SHARED)
@@ -143,7 +143,7 @@ class PackedWriter:
     `done` contains a flag for each variant that is True if the variant has finished. On exit, this context manager closes the journals of
     the chunks without sealing the chunks.
 
-    All methods raise `OSError` if writing fails. The journal then does not contain an incomplete line.
+    All methods raise `OSError` if writing fails. After such an error, the journal does not contain an incomplete line.
     """
 
     def __init__(self, folder: str, done: Sequence[int]) -> None:
@@ -216,7 +216,7 @@ def seal(folder: str, number: int) -> None:
 
 
 def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ...]]]:
-    """Yield groups of rows for a chunk file. `columns` contains the column names, in which the paths of files are last."""
+    """Yield groups of rows for a chunk file. `columns` contains the column names. The paths of files are the last columns."""
     group: list[tuple[Any, ...]] = []
     size = 0
     for index in chunk.indices:

@@ -83,7 +83,7 @@ def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
 
 
 def _in_unit(value: Any, size: float) -> Any:
-    """Convert an SI value to a unit with the given size, with 12 digits. For example, convert 0.07 m to 70 mm."""
+    """Convert an SI value to a unit with the given size, with 12 digits. For example, 0.07 m is converted to 70 mm."""
     return float(f"{value / size:.12g}") if isinstance(value, (int, float)) and math.isfinite(value) else value
 
 

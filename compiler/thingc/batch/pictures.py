@@ -58,8 +58,8 @@ def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
     """Choose `most` variants that cover the ranges of the settings evenly, and return their indices in ascending order.
 
     For each setting, the choice includes the variants that are nearest to a straight line. On the line of a setting, this setting changes
-    from its first to its last value, while all other settings have middle values. If the chosen variants include all values, further
-    variants are chosen at even intervals.
+    from its first to its last value, while all other settings have middle values. If these variants include all values, further variants
+    are chosen at even intervals.
 
     The position of a value on its axis is its rank, scaled to the interval from 0 to 1. Numbers are ranked by size, and other values by
     their first occurrence. Settings with the same ranks as another setting are ignored.
@@ -101,7 +101,7 @@ def _model(files: VariantFiles, mode: str) -> str | None:
 def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[tuple[str, str]]]:
     """Yield groups of variants for rendering.
 
-    Each variant is a tuple of its id and the path of its model, whose meshes are in the same folder. The files of a packed batch are
+    Each variant is a tuple of its id and the path of its model, whose meshes are in the same folder. For a packed batch, the files are
     written to a temporary folder, which exists until the next group is requested.
     """
     if not indices:

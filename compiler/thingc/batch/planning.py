@@ -297,13 +297,13 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
     def _stated(self) -> dict[str, Value]:
         """All values that the assembly document specifies without an expression.
 
-        Variants omit settings that equal these values.
+        The settings of variants that equal these values are omitted.
         """
         own = {**self.own, **self.paths.own}
         return {name: plain(own[name]) for name, expression in self._order if expression is None and name in own}
 
     def _settings(self) -> Iterator[Setting]:
-        """Yield the settings of all variants that the document specifies, in order. The iterator can yield equal settings several times."""
+        """Yield the settings of all variants that the document specifies, in order. The method can yield equal settings several times."""
         yield from self.listed
         if self.method is not None:
             for point in points(self.method, len(self.axes), self.drawn, self.seed):
@@ -325,7 +325,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         """Yield the distinct settings of all variants that are not `done`, with the index and the id of each variant.
 
         Settings that equal the values in the assembly document are omitted. Points of a grid, and points with a coordinate that is sampled
-        from an interval, are always distinct. Only the ids of settings from other sources are stored, so long plans need little memory.
+        from an interval, are always distinct. For settings that can be equal, only their ids are stored, so long plans need little memory.
         """
         listed = len(self.listed)
         discrete = self.method is not None and all(axis.range is None or axis.whole for axis in self.axes)

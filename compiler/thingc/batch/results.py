@@ -326,7 +326,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
     def chosen(self, mode: str | None) -> str:
-        """Return the name of the mode that a method must use. For None, return the default mode or else the only mode.
+        """Return the name of the mode that a method must use. If `mode` is None, return the default mode, or else the only mode.
 
         Raises `UnknownVariant` for an unknown mode, and `FamilyError` if `mode` is None and the batch has several modes.
         """
@@ -346,11 +346,11 @@ class BatchResults(Sequence[BuiltVariant]):
     ) -> Iterator[mujoco.MjModel]:
         """Yield the MuJoCo models of several variants in order.
 
-        For None, yield the models of all variants. The models equal the results of `BuiltVariant.model`. If variants differ only in
-        numbers, MuJoCo compiles only some of the models. For all other models, numbers are written into the arrays of a compiled model. At
-        most 128 variants are read ahead. With `share`, several yielded models can be the same object: a model is then valid until the next
-        model is requested. Raises the same errors as `BuiltVariant.model`, and `FamilyError` for values that are not variants. This method
-        is not thread-safe.
+        If `variants` is None, yield the models of all variants. The models equal the results of `BuiltVariant.model`. If variants differ
+        only in numbers, MuJoCo compiles only some of the models. For all other models, numbers are written into the arrays of a compiled
+        model. At most 128 variants are read ahead. With `share`, several yielded models can be the same object: a model is then valid until
+        the next model is requested. Raises the same errors as `BuiltVariant.model`, and `FamilyError` for values that are not variants.
+        This method is not thread-safe.
         """
         key = (self.chosen(mode), scene, visual)
         models = self._models.setdefault(key, TextModels())

@@ -18,7 +18,7 @@ RESULTS: dict[str, Dimension] = {
     **dict.fromkeys(("inertia.xx", "inertia.yy", "inertia.zz", "inertia.xy", "inertia.xz", "inertia.yz"), INERTIA),
     **dict.fromkeys(("box.x", "box.y", "box.z"), LENGTH), "reach": LENGTH, "torque_margin": NUMBER,
 }
-"""The results that every variant has, with their physical dimensions.
+"""The results that every variant has, with the physical dimension of each result.
 
 In addition, variants have the results `length.JOINT`, which are distances of a joint from the previous joint.
 """
@@ -64,7 +64,7 @@ class Rule(FrozenStruct):
 def unkept(
     rules: Iterable[Rule], parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None], mode: str,
 ) -> Iterator[tuple[Rule, Diagnostic | None]]:
-    """Yield each rule that a variant violates with None, and each rule that cannot be evaluated with its error.
+    """Yield the violated rules, each with None, and the rules that cannot be evaluated, each with its error.
 
     `results` contains the results of the variant in the mode `mode`.
     """
@@ -112,7 +112,7 @@ def read_rules(
     document: Document, expressions: Iterable[Expression], parameters: Mapping[str, ExpressionValue], lengths: Iterable[str], *,
     reach: bool, report: Report,
 ) -> list[Rule]:
-    """Check the names and physical dimensions in the rules of a document, and return the valid rules. Add all errors to the report.
+    """Check the names and physical dimensions in the rules of a document, and return the valid rules. Errors are added to the report.
 
     `parameters` contains the values of all parameters of the assembly. `lengths` contains the joints that have a result `length.JOINT`.
     `reach` is True if the document defines the result `reach`.
@@ -148,7 +148,7 @@ def read_rules(
 
 
 def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, ExpressionValue]) -> bool:
-    """Return whether both sides of a rule have the same physical dimension. If the physical dimensions are invalid, report an error.
+    """Return True if the physical dimensions in a rule are consistent. If the physical dimensions are not consistent, report an error.
 
     To check the dimensions, the rule is evaluated with the parameters of the assembly, and with the value 1 for each result.
     """

@@ -52,7 +52,7 @@ _KINDS = {
     "eq": ("equality", "eq", "neq"), "tendon": ("tendon", "tendon", "ntendon"), "actuator": ("actuator", "actuator", "nu"),
     "sensor": ("sensor", "sensor", "nsensor"), "key": ("keyframe", "key", "nkey"),
 }
-"""For each prefix of array names, the kind of element in the rows, the accessor of `MjModel`, and the size that counts the elements."""
+"""For each prefix of array names: the kind of element in the rows, the accessor of `MjModel`, and the size that counts the elements."""
 
 
 @functools.cache
@@ -186,7 +186,7 @@ def _equal(a: Any, b: Any) -> bool:
 
 
 def _leading(values: Any) -> Any:
-    """Return the first rows of an array for all variants, up to the last row that differs between variants."""
+    """Return the first rows of an array that contains all variants, up to the last row that differs between variants."""
     changes = (values != values[:1]).reshape(*values.shape[:2], -1).any(axis=(0, 2))
     return values[:, : int(changes.nonzero()[0].max()) + 1]
 

@@ -73,7 +73,7 @@ def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
         (numerator, denominator, dimension), _ = scan_unit(units[0], 0)
     except UnitError:
         return None
-    if units[0] == "deg":  # as for units in documents, this is the result of `math.radians`
+    if units[0] == "deg":  # use `math.radians`, as for units in documents
         return [Quantity(math.radians(float(number)) + 0.0, dimension) for number in numbers]
     return [Quantity(float(number * Fraction(numerator, denominator)) + 0.0, dimension) for number in numbers]
 
@@ -107,7 +107,7 @@ class Paths(FrozenStruct):
     """The paths in the assembly document at which a variants document sets values, in order.
 
     `kinds` contains an example value for each path, which determines the type. `own` contains the values in the assembly document by path.
-    `expressions` contains the values in the assembly document that are expressions.
+    `expressions` contains those values in the assembly document that are expressions.
     """
 
     kinds: Mapping[str, ExpressionValue]

@@ -97,7 +97,7 @@ def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
 
 
 def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
-    """Return the first part of an invalid mount reference, the names that exist at this place, and the kind of these names.
+    """For an invalid mount reference, return its first invalid part, the names that exist instead, and the kind of these names.
 
     Return None for a valid reference. The function does not check the mounts of a part, because mounts are unknown before the part is
     built.
@@ -227,7 +227,7 @@ class _Planner:
     def units(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
         """Yield each parameter or path with its unit.
 
-        The unit is the unit in the variants document, or else in the assembly document.
+        The unit is specified by the variants document, or else by the assembly document.
         """
         root = self.sources.documents.root
         for name in names:
@@ -293,8 +293,8 @@ class _Planner:
         """Return True if the value `text` is valid at a path in the assembly document.
 
         An invalid value or an unknown path is reported as an error. A value of an explicitly listed variant is checked together with all
-        settings of this variant. All other values are first checked alone. A value that is invalid alone is checked again, together with
-        the first values of all other settings.
+        settings of this variant. Any other value is first checked without other settings. A value that is invalid alone is checked again,
+        together with the first values of all other settings.
         """
         if at[0] == "list":
             written = self.texts({name: (*at[:-1], name) for name in self.spec.list_[int(at[1])].parameters})
@@ -323,7 +323,10 @@ class _Planner:
         return {name: node.text for name, node in nodes if isinstance(node, ScalarNode)}
 
     def firsts(self) -> dict[str, str]:
-        """Return the source text of the first value of each parameter and path. Settings can be fixed, on an axis, or sampled."""
+        """Return the source text of the first value of each parameter and path.
+
+        A setting can have a fixed value, values on an axis, or sampled values.
+        """
         first: dict[str, Path] = {}
         for name, raw in self.spec.parameters.items():
             within: Path = (0,) if isinstance(raw, list) else ("from",) if isinstance(raw, AxisSpec) else ()

@@ -42,7 +42,7 @@ class Addresses:
     def read(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
         """Read the joint coordinates and the joint velocities from `qpos` and `qvel`, in the order of `Mode.coordinates`.
 
-        Coordinates of joints that are not in the tree of the mode are 0.
+        Joints that are not in the kinematic tree of the mode have the coordinate 0.
         """
         q, v = np.zeros(self._count), np.zeros(self._count)
         rows, positions, speeds = self.to_read

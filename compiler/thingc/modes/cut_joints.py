@@ -94,7 +94,7 @@ def _generators(cut: Cut) -> Array:
 
 
 def _moved(cut: Cut, q: Array, xp: Any) -> tuple[Array, Array]:
-    """Return the pose (4, 4) of end A after the motion of the joint, and the twists (n, 6) of the joint coordinates in this frame."""
+    """Return the pose (4, 4) of end A after the motion of the joint, and the twists (n, 6) of the coordinates in the frame of end A."""
     X, seen = np.eye(4), []
     for k in range(len(cut.twists) - 1, -1, -1):
         seen.append(moved_twist(inverse(X, xp), cut.twists[k], xp))

@@ -23,7 +23,10 @@ class WrongData(ModesError):
 
 
 class BaseMoves(ModesError):
-    """Raised if a mode switch requires a link at rest, but the link moves. `twist` (6,) is the velocity of the link [m/s, rad/s]."""
+    """Raised if a mode switch requires that a link is at rest, but the link is moving.
+
+    `twist` (6,) is the velocity of the link [m/s, rad/s].
+    """
 
     def __init__(self, mode: str, link: str, twist: Array) -> None:
         linear, angular = float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))

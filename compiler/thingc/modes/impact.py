@@ -46,9 +46,9 @@ def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> t
 def stop(mode: Mode, state: State, inertias: Inertias, xp: Any, **newton: int) -> tuple[State, Array, list[Array]]:
     """Compute the state after a perfectly inelastic impact, and the impulses (6,) on the root link and on the other held links.
 
-    The velocity of the robot is u = (twist of the base, joint velocities v), and the mode imposes the constraints C u = 0. These
-    constraints stop all held links, and the root link unless the base is free. They also couple each mimic joint to its leading joint, and
-    keep kinematic loops closed.
+    The velocity of the robot is u = (twist of the base, joint velocities v), and the mode imposes the constraints C u = 0. The constraints
+    stop all held links, and also the root link unless the base is free. The constraints also couple each mimic joint to its leading joint,
+    and keep kinematic loops closed.
 
     The impulses p of the constraints change the velocity from u to u'. With the mass matrix M, the equations are `M (u' - u) = C^T p` and
     `C u' = 0`. With a basis N of the allowed velocities, these equations become `u' = N w` and `N^T M N w = N^T M u`. The velocity u' is
@@ -101,7 +101,7 @@ def _impulses(mode: Mode, change: Array, moves: Array, mimics: Array, more: list
 def _at_hold(hold: Hold, X: Array, own: Array, xp: Any) -> Array:
     """Return the impulse (6,) on a held link with the pose X (4, 4): the linear impulse, then the angular impulse about the link's origin.
 
-    The linear impulse is in world axes, and the angular impulse is in the axes of the link.
+    The linear impulse is in world axes, and the angular impulse is in link axes.
     """
     turning = cross(X[:3, :3] @ hold.X_LM[:3, 3], own) if hold.turns else own[3:]
     impulse: Array = xp.concatenate([own[:3], X[:3, :3].T @ turning])

@@ -36,10 +36,10 @@ def switch(
 ) -> tuple[State, Any, Any]:
     """Convert the state of a robot in the mode `old` to its state in the mode `new`, as `Modes.switch` does.
 
-    Returns the new state, the removed part (6,) of the twist of the new root link, and the impulse (6,) on this link. The new state is NaN
-    if a held link is farther than `tolerance` [m and rad] from the pose that the new mode requires. The tolerance applies to fixed, planar
-    and ball bases, and to the other held mounts of a mode with a fixed base. `inertias` must list the links in the order of `new`, and
-    defaults to the inertias at the time of the build. All returned numbers have the same floating-point type as `state`.
+    Returns the new state, the part (6,) that was removed from the twist of the new root link, and the impulse (6,) on this link. The new
+    state is NaN if a held link is farther than `tolerance` [m and rad] from the pose that the new mode requires. The tolerance applies to
+    fixed, planar and ball bases, and to the other held mounts of a mode with a fixed base. `inertias` must list the links in the order of
+    `new`, and defaults to the inertias at the time of the build. All returned numbers have the same floating-point type as `state`.
     """
     if on_motion not in ("drop", "impact"):
         raise ModesError(f"expected on_motion \"drop\" or \"impact\", found `{on_motion}`")

@@ -77,7 +77,7 @@ class Kinematics:
     def frames(self, base: Array, q: Array, xp: Any) -> Array:
         """Return the poses (m + 1, 4, 4) of all frames in the world, for a root link with the pose `base` and joint coordinates `q` (m,).
 
-        The pose of each frame is `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL`, computed from the pose of the preceding frame.
+        The pose of each frame is `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL`, where `X_WP` is the pose of the previous frame.
         """
         still, turn, versine, slide = self._motion
         angle = (q + self._offset)[:, None, None]

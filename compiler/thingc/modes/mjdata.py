@@ -285,9 +285,9 @@ def _weights(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
 
 
 def _bodies(mode: Mode, model: Any) -> dict[str, int]:
-    """Return the number of the body of each link by name.
+    """Return a mapping from the name of each link to the number of its body.
 
-    For a massless intermediate link, return the number of the body that follows this link in the tree.
+    A massless intermediate link has the number of the body that follows this link in the tree.
     """
     body_of = {model.body(number).name: number for number in range(model.nbody)}
     for joint in reversed(mode.joints):

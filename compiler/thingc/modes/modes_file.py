@@ -112,7 +112,7 @@ def _mode(name: str, described: Mapping[str, Any], order: tuple[str, ...]) -> Mo
 def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[Joint]:
     """Yield the coordinates of a joint in the order in which the tree of the mode traverses them.
 
-    If the tree traverses the joint from child to parent, the order of the coordinates and their motions are inverted.
+    If the tree traverses the joint from child to parent, the order of the coordinates is reversed and their motions are inverted.
     """
     back = bool(described["reversed"])
     before, after = _array(described["X_PJ"], 4, 4), inverse(_array(described["X_CJ"], 4, 4))

@@ -1,8 +1,8 @@
 """Bases whose root link can move in some directions: in the x-y plane of a frame A (`planar`), or about the origin of A (`ball`).
 
-Frame A is fixed in the world. Let X_WR be the current pose of the root link, X0_WR its initial pose in the mode, and M the motion,
-expressed in A. Then X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo represents M by two slide joints and a hinge about z (`planar`), or by a
-quaternion in the axes of the root link (`ball`).
+Frame A is fixed in the world. Let X_WR be the current pose of the root link, X0_WR its initial pose in the mode, and M the motion of the
+base in A. Then X_WR = X_WA M inv(X_WA) X0_WR. MuJoCo represents M by two slide joints and a hinge about z (`planar`), or by a quaternion in
+the axes of the root link (`ball`).
 """
 
 from __future__ import annotations
@@ -96,6 +96,6 @@ class PartBase(OneLineRepr):
         return pose(R, about + R @ self.X0_WR[:3, :3].T @ (self.X0_WR[:3, 3] - about), xp)
 
     def _carried(self, X: Array) -> Array:
-        """Return the current position (3,) in the world of the point of the root link that was initially at the origin of frame A."""
+        """Return the current world position (3,) of the point of the root link that was initially at the origin of frame A."""
         carried: Array = (X @ inverse(self.X0_WR) @ self.X_WA)[:3, 3]
         return carried

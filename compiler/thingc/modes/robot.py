@@ -114,15 +114,15 @@ class Modes(Mapping[str, Mode]):
         `source` is a `RobotState`, or a tuple of the name of a mode and its `mujoco.MjData`. `target` is the name of the new mode, or a
         tuple of its name and the `mujoco.MjData` to fill. If `target` includes an `MjData`, this method writes `qpos`, `qvel` and the mocap
         pose of the robot to it. If `source` also includes an `MjData`, the method also copies the time, and the controls and activations of
-        actuators by name. Other robots and objects in the `MjData` do not change. After the switch, call `mj_forward` on the `MjData` of
-        `target`.
+        actuators by name. Other robots and objects in the `MjData` do not change. After the switch, call `mujoco.mj_forward` with the
+        `MjData` of `target`.
 
         The coordinates q and velocities v of the joints do not change. Forward kinematics gives the pose and the twist of the new root
         link. If the new mode holds or fixes the root link while the link moves faster than `at_rest` [m/s and rad/s], `on_motion` selects
         the behaviour. The value `"raise"` raises `BaseMoves`. The value `"drop"` stops the link and preserves the joint velocities.
-        The value `"impact"` computes the joint velocities after a perfectly inelastic impact (see `caught`). The impact is computed with
-        `inertias`. By default, `inertias` is read from the MuJoCo model of `target` or else of `source`, or else contains the values at the
-        time of the build. If a fixed base is farther than `tolerance` [m and rad] from its pose in the new mode, the method raises
+        The value `"impact"` computes the joint velocities after a perfectly inelastic impact (see `caught`). The computation of the impact
+        uses `inertias`. By default, `inertias` is read from the MuJoCo model of `target`, else from the model of `source`, else from
+        `modes.json`. If a fixed base is farther than `tolerance` [m and rad] from its pose in the new mode, the method raises
         `BaseElsewhere`.
 
         `on_motion` also applies to all other links that the new mode holds. If a hold allows rotation, `on_motion` applies to the velocity
@@ -174,8 +174,7 @@ def _stopped(
 ) -> tuple[State, Array, SwitchResult]:
     """Stop all links that the mode `mode` holds. Return the new state, the poses of all links, and the result of the switch.
 
-    The poses are omitted (an empty array) if the mode holds only its root link. Raises `BaseMoves` if a held link moves and `on_motion` is
-    `"raise"`.
+    If the mode holds only its root link, the array of poses is empty. Raises `BaseMoves` if a held link moves and `on_motion` is `"raise"`.
     """
     removed, poses = [state.twist - kept(mode, state.base, state.twist, np)], np.zeros((0, 4, 4))
     if mode.holds:

@@ -35,7 +35,7 @@ def change_root(state: State, old: Mode, new: Mode, xp: Any, **newton: int) -> S
 
 @lru_cache(maxsize=256)
 def _gathered(mode: Mode) -> Array:
-    """Return an index for each joint coordinate, into an array of all coordinates that is followed by the coordinates of the cut joints."""
+    """For each joint coordinate, return its index in an array that contains all coordinates and then the coordinates of the cut joints."""
     names = [*mode.coordinates, *(name for cut in mode.cuts for name in cut.coordinates)]
     last = {name: row for row, name in enumerate(names)}
     return np.array([last[name] for name in mode.coordinates], dtype=int)

@@ -103,10 +103,10 @@ class Mimic(OneLineRepr):
 class Joint(OneLineRepr):
     """A single coordinate of a joint between two links. `parent` and `child` are indices into `Mode.links`.
 
-    `first` is True for the first coordinate of a joint. `X_PJ` (4, 4) is the pose of the coordinate's frame in the frame before it, which
-    is the parent link or belongs to the previous coordinate. `twist` (6,) is the motion in the coordinate's frame per unit of q, with the
-    angular part first. The coordinate moves a second frame, which is the frame of the child link or of the next coordinate. `X_JL` (4, 4)
-    is the pose of the second frame in the coordinate's frame when q is -`offset`.
+    `first` is True for the first coordinate of a joint. `X_PJ` (4, 4) is the pose of the coordinate's frame in the previous frame. The
+    previous frame is the parent link, or belongs to the previous coordinate. `twist` (6,) is the motion in the coordinate's frame per unit
+    of q, with the angular part first. The coordinate moves a second frame, which is the frame of the child link or of the next coordinate.
+    `X_JL` (4, 4) is the pose of the second frame in the coordinate's frame when q is -`offset`.
 
     `in_model` lists the joints of the mode's MuJoCo model that move with this coordinate, with their motion per unit of q. `qpos` and `dof`
     are the addresses of the MuJoCo joints. If `reversed` is true, the document exchanges parent and child. `kind` is the kind of the joint
@@ -218,7 +218,7 @@ class Mode(OneLineRepr):
     def inertias(self) -> Inertias:
         """The mass properties of all links at the time of the build.
 
-        The method `Modes.inertias` instead returns the current mass properties in a MuJoCo model.
+        For the current mass properties in a MuJoCo model, use the method `Modes.inertias`.
         """
         return Inertias(
             mass=np.array([link.mass for link in self.links]),
@@ -239,7 +239,7 @@ class Mode(OneLineRepr):
         """Return a state of the robot in this mode, in the pose `named`, or with all joint coordinates 0 if `named` is None.
 
         `q` maps joint paths to coordinates that differ from the pose. The robot is at rest except for the joint velocities `v` and the base
-        twist `base_twist`. The base is at its initial pose unless `base_pose` is given. Raises `ModesError` for an unknown pose or joint.
+        twist `base_twist`. The base is at its initial pose, unless `base_pose` is given. Raises `ModesError` for an unknown pose or joint.
         """
         if named is not None and named not in self.named:
             raise ModesError(f"mode `{self.name}` has no pose `{named}`: {did_you_mean(named, self.named, what='poses')}")
@@ -304,7 +304,7 @@ class Mode(OneLineRepr):
         return self._values(state)[1]
 
     def arrays(self, state: RobotState) -> State:
-        """Convert a `RobotState` of this mode to a `State`, which contains arrays. Joints that this mode cuts have the coordinate 0."""
+        """Convert a `RobotState` of this mode to a `State`, which contains arrays. The coordinates of joints that this mode cuts are 0."""
         if state.mode != self.name:
             raise ModesError(f"expected a state of mode `{self.name}`, found one of mode `{state.mode}`: `switch` it first")
         for what, values in (("q", state.q), ("v", state.v)):

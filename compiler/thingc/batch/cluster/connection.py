@@ -22,8 +22,9 @@ HELP = "write `tcp://HOST:8786` for a Dask scheduler, or `slurm:partition=NAME,c
 def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
     """Connect to the cluster at an address, and return an executor that builds variants there.
 
-    `jobs` is the maximum number of chunks that run at the same time. For 0, use the default of the cluster. `folder` is for files of the
-    executor, and must be on a shared file system. Raises `BatchFault` if the address is invalid, or if the cluster does not respond.
+    `jobs` is the maximum number of chunks that run at the same time. If `jobs` is 0, use the default of the cluster. `folder` is a folder
+    for files of the executor, which must be on a shared file system. Raises `BatchFault` if the address is invalid, or if the cluster does
+    not respond.
     """
     if re.fullmatch(r"slurm(:.*)?", address):
         from thingc.batch.cluster.slurm import SlurmCluster, settings_of

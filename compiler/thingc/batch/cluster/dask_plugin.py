@@ -23,7 +23,7 @@ class UnpackedWorkspace(WorkerPlugin):
         self.transfer = transfer
 
     def setup(self, worker: Any) -> None:
-        """Unpack the workspace into the folder of a worker. This folder is deleted by dask when the worker ends."""
+        """Unpack the workspace into the folder of a worker. When the worker ends, dask deletes this folder."""
         settle(self.shipment, self.transfer, worker.local_directory, worker.address)
         self.transfer = replace(self.transfer, data=b"")  # the scheduler keeps the data for later workers
 

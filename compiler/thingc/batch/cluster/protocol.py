@@ -20,15 +20,15 @@ PATIENCE = 60.0
 class WorkerLost(Exception):
     """Raised if a worker has ended, or if a worker does not have the requested data.
 
-    After this exception, the batch submits the variants of the worker again.
+    The batch then submits the variants of this worker again.
     """
 
 
 class Cluster(Executor):
     """An executor that runs calls on other machines.
 
-    At most `ahead` chunks run at the same time. Each of the first chunks contains `first` variants. The size of later chunks is chosen so
-    that building a chunk takes about `chunk_seconds` seconds, but is at most `chunk_most` variants.
+    At most `ahead` chunks run at the same time. Each of the first chunks contains `first` variants. Later chunks contain at most
+    `chunk_most` variants, and are sized so that building a chunk takes about `chunk_seconds` seconds.
     """
 
     ahead = 1
@@ -71,5 +71,5 @@ class FileTransferExecutor(Cluster):
 
 
 def missing(package: str) -> BatchFault:
-    """Return the error for a Python package that a cluster requires but that is not installed."""
+    """Return the error for a required Python package that is not installed."""
     return BatchFault(Code.CLUSTER, f"the package `{package}` is not installed, and `--cluster` needs it", "pip install 'thingc[cluster]'")

@@ -406,7 +406,7 @@ class _Blobs:
     def _next_is(self, id: str) -> bool:
         """Return whether the next file belongs to the variant with this id.
 
-        If the file belongs to this variant and has not been fetched yet, fetch the file.
+        If the next file belongs to this variant and has not been fetched yet, fetch the file.
         """
         assert self._waiting is not None
         if not self._ahead and self._waiting and self._waiting[0].id == id:

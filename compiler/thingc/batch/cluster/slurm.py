@@ -124,8 +124,8 @@ def _silent() -> Iterator[None]:
 class SlurmCluster(Cluster):
     """An executor that submits SLURM jobs.
 
-    At most `jobs` jobs are in the queue. For 0, use `JOBS`. The library submitit writes files to `folder`, which must be on a shared file
-    system. Raises `BatchFault` if SLURM is not installed.
+    At most `jobs` jobs are in the queue. If `jobs` is 0, the limit is `JOBS`. The library submitit writes files to `folder`, which must be
+    on a shared file system. Raises `BatchFault` if SLURM is not installed.
     """
 
     def __init__(self, settings: SlurmSettings, *, jobs: int = 0, folder: str) -> None:

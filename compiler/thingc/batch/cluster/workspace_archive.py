@@ -51,7 +51,7 @@ class WorkspaceArchive(FrozenStruct):
     names: int
 
     def unpack(self, folder: str) -> None:
-        """Unpack the workspace into a new folder. Files outside this folder are never written.
+        """Unpack the workspace from the archive into a new folder. Files outside this folder are never written.
 
         Raises `OSError` if writing fails, and `ValueError` if the archive is damaged or contains unsafe paths.
         """
@@ -64,7 +64,7 @@ class WorkspaceArchive(FrozenStruct):
             raise ValueError("the packed workspace was damaged during the transfer")
         os.makedirs(folder)
         with tarfile.open(fileobj=io.BytesIO(data), mode="r:") as archive:
-            members = sorted(archive.getmembers(), key=tarfile.TarInfo.issym)  # links last
+            members = sorted(archive.getmembers(), key=tarfile.TarInfo.issym)  # create links last
             check_tree(member.name for member in members if not member.isdir())
             try:
                 archive.extractall(folder, members, filter="data")

@@ -46,8 +46,8 @@ FEW = 8
 class Evaluation:
     """Computes the results of a robot for many settings, in one mode.
 
-    `sites` contains references to mounts whose positions are additional results. If `torques` is False, the torque margin is not computed.
-    `tests` contains names of document tests. If given, only the values that these tests measure are computed.
+    `sites` contains references to mounts whose positions are also results. If `torques` is False, the torque margin is not computed.
+    `tests` contains names of document tests. If `tests` is given, only the values that these tests measure are computed.
 
     The variants document `plan`, if any, specifies the pose, the mounts for the result `reach`, and the rules. `verify` has the same
     meaning as in the class `ModelsOfMode`.
@@ -75,7 +75,7 @@ class Evaluation:
         source = iter(many)
         while chunk := list(islice(source, 1 if tests else TOGETHER)):
             ready: dict[int, Planned] = {}
-            used: set[int] = set()  # plans that have been computed for all of the chunk
+            used: set[int] = set()  # plans that have been run for the whole chunk
             for place, (settings, read) in enumerate(chunk):
                 planned = ready.pop(place, None)
                 if planned is None and not tests:
@@ -105,7 +105,7 @@ class Evaluation:
         return False
 
     def _together(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
-        """Run a plan for all settings after the index `place` that differ from the current settings only in numbers.
+        """Run a plan for the settings after the index `place` that differ only in numbers from the settings at this index.
 
         Return a mapping from the index of the settings to the outputs of the plan.
         """
@@ -139,7 +139,7 @@ class Evaluation:
         if plan is None or plan.exchange is not None:
             return None
         values = np.tile(read.values, (len(rows), 1))
-        values[:, [read.names.index(name) for name in names]] = rows + 0.0  # without the sign of zeros
+        values[:, [read.names.index(name) for name in names]] = rows + 0.0  # adding 0.0 removes the sign of zeros
         outputs, applies = restricted(plan).columns(values)
         for row in rows[applies] if self.verify != 0 else ():
             if plan.is_due(self.verify):

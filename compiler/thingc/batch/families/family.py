@@ -332,7 +332,7 @@ class RobotFamily:
         return of_parameters(self._spec, self._reader.parameters, self._bound)
 
     def numbers(self, settings: Mapping[str, Any] | Variant) -> dict[str, float]:
-        """Return a mapping from the names of all numeric settings and flags to their values [SI]. Flags are 0 or 1.
+        """Return a mapping from the names of all numeric settings and flags to their values [SI]. The value of a flag is 0 or 1.
 
         The mapping includes fixed values of the family, and values that are computed from the settings. Settings that equal the values in
         the documents are omitted.
@@ -354,8 +354,8 @@ class RobotFamily:
     def explain(self, name: str, value: Any = None, *, mode: str | None = None) -> Explanation | NoModel:
         """Explain how the MuJoCo models of a mode depend on one number in the document, and how fast new models are computed.
 
-        `name` is the name of a parameter, or a path in the document. The number is set to `value` and to nearby values. For None, use the
-        value in the document. Returns `NoModel` if the number cannot be set to `value`.
+        `name` is the name of a parameter, or a path in the document. The number is set to `value` and to nearby values. If `value` is None,
+        the value in the document is used. Returns `NoModel` if the number cannot be set to `value`.
         """
         models = self._of(mode, False)
         settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(str(name))}
@@ -379,7 +379,7 @@ class RobotFamily:
         return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)
 
     def _stated(self, name: str) -> Any:
-        """Return the value of a number in the document [SI], or an empty string if the document does not contain the number."""
+        """Return the value of a number in the document [SI], or an empty string if the document does not contain this number."""
         kind = self._reader.kind(name)
         return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
 

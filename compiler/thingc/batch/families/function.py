@@ -32,7 +32,7 @@ STEPS = (4e-3, 2.5e-4, 1.5e-5)
 If the estimate is less accurate than `FINE`, for example because one setting has an additional printed layer, a smaller distance is used.
 """
 FINE = 1e-4
-"""Relative error below which an estimated derivative needs no smaller distance."""
+"""Relative error of an estimated derivative that is accurate enough."""
 
 
 class NotDifferentiable(FamilyError):
@@ -42,9 +42,8 @@ class NotDifferentiable(FamilyError):
 class FamilyValues(np.ndarray[Any, np.dtype[np.float64]]):
     """The results of a `FamilyFunction` in SI units, as an array with shape `(m,)` or `(k, m)`. Missing results have the value NaN.
 
-    `ok` is True for settings without errors for which all results exist. For several sets of settings, `ok` is an array with shape `(k,)`,
-    otherwise a boolean. `problems` contains the diagnostics for each set of settings. Arrays that numpy computes from this array do not
-    have these attributes.
+    `ok` is True for settings without errors for which all results exist. For several sets of settings, `ok` is an array with shape `(k,)`.
+    `problems` contains the diagnostics for each set of settings. Arrays that numpy computes from this array do not have these attributes.
     """
 
     ok: bool | npt.NDArray[np.bool_] | None
@@ -73,7 +72,7 @@ class RestrictedPlan:
     """A plan that computes only those outputs that a `FamilyFunction` needs.
 
     For names on which no part depends, `traced` maps the index of the name to the index of its variable in the plan. For names on which
-    parts depend, `modelled` contains the same mapping.
+    parts depend, `modelled` contains the corresponding mapping.
     """
 
     plan: NumericPlan[ResultsShape]
@@ -155,7 +154,7 @@ class FamilyFunction:
             outputs, applies, known = together
             made[applies], rest = outputs[applies], np.flatnonzero(~applies).tolist()
             ok[applies] = not any(one.severity is Severity.ERROR for one in known)
-            problems = [known] * len(rows)  # those of `rest` are replaced
+            problems = [known] * len(rows)  # the diagnostics of `rest` are replaced below
         for place, one in zip(rest, self._evaluation.each((self._item(rows[place]) for place in rest), tests=False), strict=True):
             made[place] = [np.nan if (value := one.results.get(name)) is None else value for name in self.outputs]
             ok[place], problems[place] = one.sound and bool(one.results), one.problems
@@ -422,7 +421,7 @@ class FamilyFunction:
     def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:
         """Replace names of groups of results by the names of single results.
 
-        For example, replace `centre` by `centre.x`, `centre.y` and `centre.z`. Raises `FamilyError` for an unknown result.
+        For example, `centre` is replaced by `centre.x`, `centre.y` and `centre.z`. Raises `FamilyError` for an unknown result.
         """
         settings, read = self._item(self.start)
         results = next(self._evaluation.each([(settings, read)], tests=False))
@@ -451,9 +450,9 @@ BESIDE = 1e-6
 SAME = 1e-3
 """Relative difference up to which the derivatives on both sides of a special value are treated as equal."""
 SPECIAL = 1e-6
-"""Distance of settings from a number that may be special, such as the default of a part, as a fraction of the step."""
+"""The distance between a setting and a number that may be special, such as the default of a part, as a fraction of the step."""
 NOISE = 1e-9
-"""Relative noise of the measured values of a part, because slicing rounds to 1e-8 mm."""
+"""Relative noise of measured values of a part. Slicing rounds lengths to 1e-8 mm."""
 ROUNDING = 1e-15
 """Relative rounding error of a value, which limits the accuracy of a difference quotient."""
 
@@ -462,9 +461,9 @@ def _weights(offsets: Floats) -> Floats:
     """Return an array of weights `(4, 5)` for the values of a function at five offsets from 0.
 
     Each weighted sum of the values is an estimate of the derivative of the function at 0. The first row of weights gives the derivative of
-    the polynomial through all five values. The other rows give less accurate derivatives, whose distance from the first derivative
-    estimates its error: the derivatives of polynomials through three values, and the first row with the fourth differences, which a jump or
-    noise changes.
+    the polynomial through all five values. The other rows give less accurate derivatives, whose distance from the first derivative is an
+    estimate of its error. These rows are the derivatives of polynomials through three values, and the first row with the fourth
+    differences, which a jump or noise changes.
     """
     size = np.abs(offsets).max()
     rows = np.zeros((4, 5))

@@ -80,7 +80,10 @@ def _placed(model: mjx.Model, data: mjx.Data, qpos: Any) -> mjx.Data:
 
 
 def _subtree_sums(model: mjx.Model) -> Any:
-    """Return a matrix `(bodies, bodies)`. Its product with the values of all bodies contains the sum of these values for each subtree."""
+    """Return a matrix `(bodies, bodies)` that sums values of bodies over each subtree.
+
+    The product of this matrix and the values of all bodies contains one sum for each subtree.
+    """
     sums = np.eye(model.nbody)
     for body in range(model.nbody - 1, 0, -1):
         sums[model.body_parentid[body]] += sums[body]
@@ -93,7 +96,7 @@ def _inverse_weights(model: mjx.Model, data: mjx.Data, inverse: Any) -> tuple[An
     The first array contains two values for each body, for translation and rotation. The second array contains one value for each degree of
     freedom.
     """
-    moves = (_subtree_sums(model).T > 0)[:, model.dof_bodyid].astype(float)  # of each body by each degree of freedom
+    moves = (_subtree_sums(model).T > 0)[:, model.dof_bodyid].astype(float)  # whether each degree of freedom moves each body
     turns, offsets = data.cdof[:, :3], data.xipos - data.subtree_com[model.body_rootid]
     shifts = data.cdof[:, 3:] + jnp.cross(turns[None], offsets[:, None])
     bodies = jnp.stack([
@@ -108,7 +111,7 @@ def _inverse_weights(model: mjx.Model, data: mjx.Data, inverse: Any) -> tuple[An
         for start in range(first, first + count, width):
             means[start : start + width, start : start + width] = 1.0 / width
     freedoms = means @ jnp.diag(inverse)
-    slides = model.body_simple == 2  # MuJoCo takes the mass of a body that only slides
+    slides = model.body_simple == 2  # for a body that only slides, MuJoCo uses the mass
     single = 1.0 / jnp.maximum(model.body_mass, mujoco.mjMINVAL)
     bodies = jnp.where(slides[:, None], jnp.stack([single, jnp.zeros_like(single)], axis=1), bodies)
     return bodies, jnp.where(slides[model.dof_bodyid], single[model.dof_bodyid], freedoms)
@@ -147,7 +150,7 @@ def principal_axes(matrix: Any) -> tuple[Any, Any]:
     """Return the principal moments of an inertia matrix `(3, 3)` in descending order, and the quaternion of the principal axes.
 
     The moments are computed by Jacobi rotations. If two moments are equal, the axes are not differentiable with respect to a change that
-    couples the two axes. The derivative is then 0.
+    couples the two axes. In this case, the derivative of the axes is defined as 0.
     """
     tolerance = float(np.finfo(matrix.dtype).eps) * jnp.trace(matrix)
     rows, columns = jnp.array([0, 0, 1]), jnp.array([1, 2, 2])

@@ -64,7 +64,7 @@ class FamilyMjx:
         self._read_template(plan.made)
         self.base = self._put_base(models.mode)
         self._data = mjx.make_data(self.mj_model)
-        self._one = jax.jit(self._fields)  # traced once
+        self._one = jax.jit(self._fields)  # JAX traces the function once
         self._many = jax.jit(jax.vmap(self._one))
         for name in self._writes:
             if not isinstance(attrgetter(name)(self.base), jax.Array) or (name.startswith("opt.") and name not in OPTIONS):

@@ -90,9 +90,9 @@ def sensitivities(
 
 
 def _derivative(function: FamilyFunction, x: float) -> tuple[float, float, NotDifferentiable | None]:
-    """Return the derivative of a function of a single number at `x`, its error, and None.
+    """Return a tuple with the derivative of a function of a single number at `x`, the error of this derivative, and None.
 
-    If the derivative does not exist, the third value is the exception with the reason.
+    If the derivative does not exist, the third item is the exception with the reason.
     """
     try:
         jacobian = function.jacobian([x])

@@ -30,9 +30,9 @@ class EnvOptions(TypedDict, total=False):
     """The options of the functions `make_vec_env` and `make_env`.
 
     Attributes:
-        settings: Settings of robots. For each episode, one of them is drawn with equal probability. The option can also be a function that
-            draws settings with a `numpy.random.Generator`. The default is all valid variants of the document that satisfy its rules, or the
-            robot of an assembly.
+        settings: Settings of robots. For each episode, one set of settings is drawn with equal probability. The option can also be a
+            function that draws settings with a `numpy.random.Generator`. The default is all valid variants of the document that satisfy its
+            rules, or the robot of an assembly.
         mode: The mode of the models (default: the mode of the family).
         modes: The modes between which actions can switch. Episodes start in the first of these modes. With several modes, an action is a
             mapping with `mode` and `joints`.

@@ -44,8 +44,8 @@ def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
 class ModeSimulation:
     """The MuJoCo model and data of a robot in the mode `name`.
 
-    `spans` contains the lower and the upper bounds of the controls. `controls` contains the index in an action for each control of the
-    model.
+    `spans` contains the lower and the upper bounds of the controls. For each control of the model, `controls` contains its index in an
+    action.
     """
 
     def __init__(self, name: str, model: mujoco.MjModel, data: mujoco.MjData, spans: tuple[Array, Array], controls: Any = None) -> None:
@@ -59,8 +59,8 @@ class ModeSimulation:
 class Episode:
     """An episode of one robot. `simulations` contains one simulation for each mode, and `robot` switches between the modes.
 
-    To start an episode, call `begin`. For each action, then call `ask`, `run` and `judge`. The method `run` executes the simulation.
-    Several episodes can run in parallel threads. `variant` is the variant that the robot represents.
+    To start an episode, call the method `begin`. For each action, then call the methods `ask`, `run` and `judge`. The method `run` executes
+    the simulation. Several episodes can run in parallel threads. `variant` is the variant that the episode simulates.
     """
 
     def __init__(self, simulations: Sequence[ModeSimulation], variant: Any, rules: EnvRules, robot: Modes | None = None) -> None:
@@ -207,7 +207,7 @@ class Episode:
 def _number(reward: Any) -> float:
     """Convert the return value of a reward function to a float. Raises `FamilyError` for NaN and other invalid values.
 
-    These exceptions prevent that training continues with invalid rewards.
+    Without this exception, training would continue with the invalid reward.
     """
     try:
         number = float(reward)

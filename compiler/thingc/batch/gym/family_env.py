@@ -115,8 +115,8 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         """Start an episode in every world, or in the worlds selected by `options["reset_mask"]`.
 
         Each world simulates a random variant. With `options["variant"]`, all worlds simulate this variant, given by its index, or, for a
-        variants document, also by its id or name. World k uses the seed `seed + k`. After `close`, this method raises gymnasium's
-        `ClosedEnvironmentError`.
+        variants document, also by its id or name. The world with the index k uses the seed `seed + k`. After `close`, this method raises
+        gymnasium's `ClosedEnvironmentError`.
         """
         self._open()
         options = known_options(options, ("variant", "reset_mask"))
@@ -184,7 +184,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
     def data(self) -> tuple[mujoco.MjData, ...]:
         """The MuJoCo data of each world, for reading or rendering with the model of this world.
 
-        The attribute `model` of an `MjData` can be a different model.
+        The attribute `model` of a returned `MjData` can be a different model with the same layout.
         """
         return tuple(self._world(k)[2].data for k in range(self.num_envs))
 

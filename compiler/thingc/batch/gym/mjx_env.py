@@ -140,7 +140,7 @@ class MjxEnv:
         return len(self.actuators)
 
     def models(self, p: Any) -> tuple[tuple[mjx.Model, ...], Any]:
-        """Return the MJX models of a robot in all modes, for values `p` `(n,)` of the numbers, and a flag for valid values.
+        """For values `p` `(n,)` of the numbers, return the MJX models of a robot in all modes, and a flag for valid values.
 
         This method is a pure function.
         """
@@ -319,6 +319,6 @@ class _World:
 
 
 def _chosen(condition: Any, one: Any, other: Any) -> Any:
-    """Return the state `one` if the condition is true, otherwise return the state `other`. JAX can trace the condition."""
+    """Return the state `one` if the condition is true, otherwise return the state `other`. The condition can be a traced value of JAX."""
     return jax.tree_util.tree_map(lambda a, b: jnp.where(condition, a, b), one, other)
 

@@ -85,7 +85,7 @@ class Statistics:
         sizes[len(self._joints):] += self._rbound[:, None]
         sizes = np.concatenate((sizes, np.full((self._count, count), _LEAST)))
         meansize, mass = np.zeros(count), np.zeros(len(masses))
-        for body, largest in enumerate(np.maximum.reduceat(sizes[self._order], self._starts), start=1):  # in MuJoCo's order
+        for body, largest in enumerate(np.maximum.reduceat(sizes[self._order], self._starts), start=1):  # in the same order as MuJoCo
             meansize += largest / self._count
             mass += masses[:, body]
         box = np.concatenate((bodies[1:], centres[1:], anchors, sites, shapes - self._around, shapes + self._around))
@@ -170,7 +170,7 @@ class Arrays:
         ]
         self._constants = not self._bodies and self.written <= (INERT - TENSED if self.model.ntendon else INERT)
         self._data = mujoco.MjData(self.model)
-        self._first = copy.copy(self.model)  # this model is never lent, so borrowers cannot modify it
+        self._first = copy.copy(self.model)  # callers never get this model, so callers cannot modify it
         self._placed = mujoco.MjData(self._first)
         stated = {name for element in root.iter("statistic") for name in element.attrib}
         self._statistics = Statistics(self.model, self._placed, stated)
@@ -300,7 +300,8 @@ class Arrays:
 class Prepared:
     """The array elements of several variants, which can be written into a model.
 
-    For each variant, the object contains a row of array elements, a value for each option, and, if MuJoCo recomputes constants, statistics.
+    For each variant, this object contains a row of array elements and a value for each option. If MuJoCo recomputes constants, the object
+    also contains statistics.
     """
 
     writes: list[tuple[Array, Array, Array]]
@@ -338,7 +339,7 @@ class Bodies:
         meshes = ElementTree.Element("asset")
         meshes.extend(mesh for mesh in root.iterfind("asset/mesh") if mesh.get("name") in used)
         small.insert(len(small) - 1, meshes)
-        kept = {file: assets[file] for mesh in meshes if (file := mesh.get("file"))}  # prisms have none
+        kept = {file: assets[file] for mesh in meshes if (file := mesh.get("file"))}  # prisms do not have a file
         self.names = tuple(names)
         self.copies = copies
         self._spec = mujoco.MjSpec.from_string(ElementTree.tostring(small, encoding="unicode"), assets=kept)

@@ -26,7 +26,7 @@ class NotAnArrayEntry(Exception):
 class Entry(FrozenStruct):
     """An element of a field of `MjModel`, given by its flat index and the sign (1 or -1) by which the number is multiplied.
 
-    The field name of an option is, for example, `opt.timestep`, and the field name of a statistic is, for example, `stat.extent`.
+    Options have field names such as `opt.timestep`, and statistics have field names such as `stat.extent`.
     """
 
     field: str
@@ -80,10 +80,10 @@ def places(
 ) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
     """Find the array elements that contain the numbers for which an MJCF file has tokens.
 
-    Return the array elements together with the index of the token. Also return a mapping from body names to mass properties: the words for
-    mass, centre of mass and inertia of an `inertial` that contains tokens. `model` is the compiled model of the file. With `geometry`, the
-    result includes numbers of geoms, cameras and free bodies from which MuJoCo computes other fields. Raises `NotAnArrayEntry` if no array
-    contains a number unchanged.
+    Return a list of array elements, each with the index of the token whose number it contains. Also return a mapping from body names to
+    mass properties: the words for mass, centre of mass and inertia of an `inertial` that contains tokens. `model` is the compiled model of
+    the file. With `geometry`, the result includes numbers of geoms, cameras and free bodies from which MuJoCo computes other fields. Raises
+    `NotAnArrayEntry` if no array contains a number unchanged.
     """
     entries: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}

@@ -94,7 +94,7 @@ class TextModels:
 
 
 class _Kind:
-    """A kind of models, which differ from the model `first` only in numbers.
+    """A group of models that differ from the model `first` only in numbers.
 
     `pieces` contains the parts of the first XML text between quotation marks.
     """
@@ -127,7 +127,7 @@ class _Kind:
     def put(self, one: ModelText, prepared: Prepared, index: int, *, share: bool) -> mujoco.MjModel | None:
         """Return the model with the given index in `prepared`, or None if this model must be compiled.
 
-        With `share`, the returned model is shared. Otherwise, the caller must copy the model.
+        With `share`, the returned model is shared. Without `share`, the caller must copy the returned model.
         """
         if self._slow or self._arrays is None:
             return None

@@ -72,9 +72,10 @@ class Builds:
     """Creates builds of a document for many settings, with the same modes (none: all modes) and targets.
 
     The function `measured` computes the results of a compilation, and the function `emit` creates the files of the targets. A plan is
-    created when `patience` settings with the same names have been compiled (a power of two, default: `PATIENCE`). For each plan, the first
-    build is compared with a compilation, and then one in `verify` builds. For None, the first, second, fourth, eighth build and so on are
-    compared; for 0, no builds. MuJoCo compiles the models of a compared build.
+    created when `patience` settings with the same names have been compiled. `patience` is a power of two (default: `PATIENCE`). For
+    each plan, the first build is compared with a compilation, and then one in `verify` builds. If `verify` is None, the first, second,
+    fourth, eighth build and so on are compared. If `verify` is 0, no build is compared. MuJoCo also compiles all models of a build that is
+    compared.
     """
 
     def __init__(
@@ -114,9 +115,9 @@ class Builds:
         return made
 
     def refused(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
-        """Return the diagnostics and the number of part definitions if a plan shows that the settings are refused.
+        """If a plan shows that the settings are refused, return the diagnostics and the number of part definitions.
 
-        If no plan shows that the settings are refused, return None.
+        Otherwise, return None.
         """
         read = self._refusable(settings)
         problems = None if read is None else self._refusals.problems(read)

@@ -1,8 +1,8 @@
-"""Run a program for many settings at once.
+"""Run a program for many settings at the same time.
 
-Each number of the program is a numpy array with one value per setting. All results equal the results of `Program.run` bit by bit. NumPy is
-used only for operations that IEEE 754 defines exactly: sums, products, quotients, square roots and comparisons. For other functions, the
-last bit of NumPy's results may differ from Python. For this reason, Python computes these functions for one value at a time.
+In such a run, each number of the program is a numpy array with one value per setting. All results equal the results of `Program.run` bit by
+bit. NumPy is used only for operations that IEEE 754 defines exactly: sums, products, quotients, square roots and comparisons. For other
+functions, the last bit of NumPy's results may differ from Python. For this reason, Python computes these functions for one value at a time.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ Booleans = npt.NDArray[np.bool_]
 ColumnFunction = Callable[[Floats], "tuple[Floats, Booleans]"]
 """A function that maps values `(k, n)` of the variables to outputs `(k, m)` and flags `(k,)`.
 
-The flag of a row is True if the program applies.
+The flag of a row is True if the program applies to the values in this row.
 """
 
 _LAST = 1e-9
-"""If a result is closer than this to the middle of two floats, Python computes the result again.
+"""If a result is closer than this distance to the middle of two neighbouring floats, Python computes the result again.
 
-The unit is the distance of the two floats.
+The distance is given in units of the distance between the two floats.
 """
 
 _DECIDED = 1e-11
@@ -103,9 +103,9 @@ def _execute(
 
 
 def _operation(name: str, arguments: Sequence[Any], ok: Booleans, functions: Mapping[str, Callable[..., Any]]) -> Any:
-    if name == "item" and isinstance(arguments[0], np.ndarray):  # moments
+    if name == "item" and isinstance(arguments[0], np.ndarray):  # an item of principal moments
         return arguments[0][arguments[1]]
-    if name == "item":  # of a list of tuples
+    if name == "item":  # an item of each tuple in a list
         items = [one[arguments[1]] for one in arguments[0]]
         return items if isinstance(items[0], tuple) else np.array(items, dtype=np.float64)
     if name in EXACT:
@@ -224,7 +224,7 @@ def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
     spacing = np.spacing(np.abs(result))
     distance = np.abs(errors - (result - total)) / spacing
     sure = (np.abs(distance - 0.5) > _LAST) & (np.abs(distance - 0.25) > _LAST) & (rest < _LAST / 4.0 * spacing)
-    result = result + 0.0  # of zeros with a sign, `math.fsum` is 0.0
+    result = result + 0.0  # for zeros with a sign, `math.fsum` returns 0.0
     for row in np.flatnonzero(~((rest == 0.0) | sure) | ~np.isfinite(result)):
         exact = _attempt(math.fsum, [[float(one[row]) for one in values]])
         ok[row] &= exact is not None

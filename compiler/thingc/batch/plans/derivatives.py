@@ -181,7 +181,7 @@ def derivative_function(program: Program, by: Sequence[int] | None = None) -> De
         if isinstance(entries, dict):
             special, always = _special(program, decisions, varying, values, entries)
             entries = _by_arrays(program, steps, varying, entries)
-            if always:  # equal for all values, so they decide nothing
+            if always:  # the numbers are equal for all values, so this is not a decision
                 decisions = [one for one in decisions if one not in always]
                 run = _generated(program, steps, decisions, code)
         return Derivatives(np.array(outputs, dtype=np.float64), np.array(entries, dtype=np.float64).reshape(shape), special)
@@ -258,8 +258,8 @@ def _special(
 def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Decision], code: Code | None) -> Callable[..., Any]:
     """Generate the function that computes the outputs and the elements of the Jacobian.
 
-    At a kink, for a comparison between equal numbers, and without `code`, the generated function returns a mapping of all values by name
-    instead of the Jacobian.
+    The generated function returns all values by name instead of the Jacobian at a kink, for a comparison between equal numbers, and without
+    `code`.
     """
     text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
     text += program.code
@@ -335,9 +335,10 @@ def _index(argument: Argument) -> int:
 
 
 def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], values: dict[str, float]) -> Floats:
-    """Compute the Jacobian of a program from the values of all operations. An array contains the derivatives of each value.
+    """Compute the Jacobian of a program from the values of all operations.
 
-    `values` maps the names of values in the program to numbers. Raises `NotSmooth` if a derivative does not exist.
+    The derivatives of each value are an array with one element per variable. `values` maps the names of values in the program to numbers.
+    Raises `NotSmooth` if a derivative does not exist.
     """
     zero = np.zeros(len(varying))
     known: dict[int, Floats] = dict(zip(varying, np.eye(len(zero)), strict=True))
@@ -356,7 +357,7 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
         elif step.rule.bounded and all(np.allclose(one, branches[0], rtol=SAME, atol=0.0) for one in branches):
             known[step.target] = branches[0]
         else:
-            smooth = step.rule.bounded or step.rule is UNKNOWN  # for arguments that do not change
+            smooth = step.rule.bounded or step.rule is UNKNOWN  # smooth if the arguments do not change
             known[step.target] = np.where(np.any([one != 0.0 for one in inner], axis=0) | (not smooth), np.nan, 0.0)
             reasons[step.target] = step.rule
         if np.isnan(known[step.target]).any():

@@ -41,7 +41,7 @@ SIDES = (1.0, -1.0)
 If a number is at its bound, the sample in one of the two directions is valid.
 """
 EXCHANGED = (2, 4)
-"""The uses of a plan with exchanged parts that are also compared with a compilation, in addition to the uses that `verify` selects."""
+"""The numbers of uses after which a plan with exchanged parts is compared with a compilation, in addition to `verify`."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -94,7 +94,7 @@ class NumericPlan(Generic[Made]):
         """Compute the numbers for the object `made` for many settings at once.
 
         Each row of `values` `(k, n)` contains the values of all settings. Also return an array of flags that are True for the rows to which
-        the plan applies. The method requires that no parts depend on the settings.
+        the plan applies. This method requires that no parts depend on the settings.
         """
         outputs, ok = self._columns(values[:, list(self.free)])
         for at, value in self.fixed:
@@ -126,9 +126,10 @@ class NumericPlan(Generic[Made]):
 class PlanCache(Generic[Made]):
     """Caches plans for settings that differ only in numbers.
 
-    The names of the numbers, and the values of all other settings, are the same. `why` contains the reason for each number that cannot be
-    traced. For each traced number on which a part depends, `modelled` contains the part. `refused` is the reason why no plan can be created
-    for any of the settings. A plan is created when `patience` settings without a plan have occurred (a power of two).
+    All cached plans have the same names of numbers, and the same values of all other settings. `why` contains the reason for each number
+    that cannot be traced. For each traced number on which a part depends, `modelled` contains the part. `refused` is the reason why no plan
+    can be created for any of the settings. A plan is created when `patience` settings without a plan have occurred. `patience` is a power
+    of two.
     """
 
     def __init__(self, patience: int = 2) -> None:
@@ -189,7 +190,8 @@ class PlanCache(Generic[Made]):
 class PlanCaches(Generic[Made]):
     """Contains a separate cache of plans for each combination of names of numbers and values of other settings.
 
-    The class `PlanCache` documents `patience`. If `is_refused` returns True for some settings, no plan is created for these settings.
+    The parameter `patience` has the same meaning as in the class `PlanCache`. If `is_refused` returns True for some settings, no plan is
+    created for these settings.
     """
 
     def __init__(self, patience: int = 2, is_refused: Callable[[ParsedSettings], bool] = lambda read: False) -> None:

@@ -35,7 +35,7 @@ class Operation:
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """A condition in a program that must hold for the variables.
+    """A condition on the variables of a program.
 
     The program applies only to values of the variables for which the operation returns `outcome`.
     """
@@ -133,10 +133,10 @@ def expression(operation: str, arguments: Sequence[Argument]) -> str:
 
 
 def value_in(argument: Argument, values: Mapping[int, Any]) -> Any:
-    """Return the value of an argument, which refers to an entry of `values` or is a constant."""
+    """Return the value of an argument, which is a constant or refers to an entry of `values`."""
     return values[int(argument)] if isinstance(argument, Ref) else argument.value
 
 
 def word(argument: Argument) -> str:
-    """Format an argument of an operation as a Python expression. The expression is the name of a value, or a constant."""
+    """Format an argument of an operation as a Python expression. The expression is either the name of a value or a constant."""
     return f"v{int(argument)}" if isinstance(argument, Ref) else f"({argument.text})"

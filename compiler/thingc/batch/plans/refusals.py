@@ -28,7 +28,7 @@ PARTS = frozenset(code for code in Code if code.code.startswith("TC4"))
 PATIENCE = 4
 """Number of refused settings with the same cause that are compiled before a plan is created for this cause."""
 CUT = " characters) ..."
-"""A string that every shortened text contains. The length of a shortened text must not depend on slots."""
+"""A string that all shortened texts contain. The length of a shortened text must not depend on slots."""
 
 Diagnostics = tuple[Diagnostic, ...]
 Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], Hashable]
@@ -56,7 +56,7 @@ class Refusals:
 
         Return None if no plan applies to the settings. In this case, the settings can be valid or refused.
         """
-        if read.report is not None or not all(map(isfinite, read.values)):  # a compilation parses no such number
+        if read.report is not None or not all(map(isfinite, read.values)):  # a compilation rejects such numbers earlier
             return None
         if self._last is None or self._last[0] is not read:
             self._last = read, self._problems(read)
@@ -103,7 +103,7 @@ class Refusals:
 
         If no plan can be created, store the reason in `form` and return None.
         """
-        if self._compiled(read) != problems:  # refused later, by MuJoCo or when it was written
+        if self._compiled(read) != problems:  # MuJoCo or the writing of files has refused the settings
             form.refused = "it is not refused by a compilation"
             return None
 

@@ -73,7 +73,7 @@ class SearchMemo(Memo):
         name = f"search_{len(tape.operations)}"
         tape.operations[name] = repeated
         whole = tape.apply(name, numbers, repeated(*plain))
-        tape.guards.append((len(tape.lines), "==", (Ref(whole.line), Ref(whole.line)), True))  # also if no number of it is used
+        tape.guards.append((len(tape.lines), "==", (Ref(whole.line), Ref(whole.line)), True))  # even if none of its numbers is used
         items = [tape.apply("item", (whole, place), value) for place, value in enumerate(whole.value)]
         return _with_numbers(result, kept, _outside(inputs), iter(items))
 

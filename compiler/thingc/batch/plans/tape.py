@@ -3,8 +3,8 @@
 In the compiler passes, a `Traced` object takes the place of a number. Operators and the functions of `base/numeric.py` return another
 `Traced` object, and add a line with the operation and its arguments to the tape. A decision such as `if mass > 0` is recorded as a *guard*.
 The tape does not apply to values for which the decision would be different. Code that requires the value of a number, such as a count,
-converts the number by `float` or `int`. After such a conversion, the tape applies only to this value. In a generated file, a slot takes the
-place of the number.
+converts the number by `float` or `int`. A tape with such a conversion applies only to the converted value. In a generated file, a slot
+takes the place of the number.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class Tape:
         self.pinned: list[Traced] = []
         self.writing = False
         self.reporting = False
-        self.quoted: set[str] = set()  # texts of numbers without slots while reporting
-        self.operations: dict[str, Callable[..., Any]] = {}  # of this tape, in addition to those of `base/numeric.py`
+        self.quoted: set[str] = set()  # while reporting, the texts of numbers that do not become slots
+        self.operations: dict[str, Callable[..., Any]] = {}  # in addition to the operations of `base/numeric.py`
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
     def variable(self, value: float, of: Sequence[Traced] = ()) -> Traced:
@@ -252,7 +252,7 @@ OPERATORS: dict[str, Callable[..., Any]] = {
     "+": operator.add, "-": _minus, "*": operator.mul, "/": operator.truediv, "**": operator.pow, "%": operator.mod,
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
 }
-"""Functions for the operators of two numbers. The operator `-` also accepts one number."""
+"""Functions for the operators with two numbers. For the operator `-`, the function also accepts a single number."""
 
 
 def variables_of(tape: Tape, number: Traced) -> list[int]:

@@ -27,7 +27,7 @@ from thingc.targets.mjcf.emit import sources as model_sources
 
 
 class NotTraceable(Exception):
-    """Raised if a compilation cannot be traced with the given numbers. `why` is the reason.
+    """Raised if a compilation cannot be traced with the given numbers. `why` is the reason for the failure.
 
     `names` contains the settings that cause the problem. If the cause is unknown, `names` is empty. `modelled` is True if a part depends on
     a number. `unused` is True if no compiler pass uses a number.
@@ -72,7 +72,7 @@ def trace_compilation(
     environment.memo = SearchMemo(tape)
     environment.__dict__["parts"] = parts
     traced = {name: Quantity(tape.variable(one.value), one.dimension) for name, one in numbers.items()}  # type: ignore[arg-type]
-    changed = {} if refused else {name: one for name, one in traced.items() if "." not in name}  # in the document, which is fewer plans
+    changed = {} if refused else {name: one for name, one in traced.items() if "." not in name}  # defaults need fewer plans
     quantities = _Quantities({name: one for name, one in traced.items() if name not in changed})
     given = {**texts, **{name: text_of(one) for name, one in (traced if refused else numbers).items()}}
     settings = Settings(
