@@ -49,8 +49,8 @@ def written(robots: dict[str, list[Result]], steps: int) -> str:
     lines = [
         "# Stability of names", "", "```sh", command(steps), "```", "", *_wrapped(MEASURED.format(steps=steps)), "",
         "## Names", "",
-        f"{sum(r.members for r in every)} members, {sum(r.checks for r in every)} checks of {sum(r.names for r in every)} names, "
-        f"{sum(len(r.wrong) for r in every)} wrong.", "",
+        f"The study made {sum(r.checks for r in every)} checks of {sum(r.names for r in every)} names in "
+        f"{sum(r.members for r in every)} members, {sum(len(r.wrong) for r in every)} wrong.", "",
         *names_table(robots), "", *[f"- wrong: {text}" for r in every for text in r.wrong],
         "## Faces selected by plain selectors", "", SHARES, "", *picks_table(robots, FACES), "",
         "## Edges selected by plain selectors", "",
@@ -174,15 +174,15 @@ its position as a formula of the parameters. The table was written by hand from 
 right if its frame has the position and direction in the table within 1e-6 mm, and the finished solid has the feature there. For a mount,
 the feature is a planar face that contains the origin of the frame and has its normal. For a hole, the feature is a cylindrical face around
 the same axis with the standard diameter and with material outside. The study searches for features in the faces of the finished solid, not
-in the code of the part. The study does not find a mistake that is in both the part and the table. It checks only mounts and screw holes,
-not sketches, numbers or whole solids.
+in the code of the part. The study does not find a mistake that is in both the part and the table. The study checks only mounts and screw
+holes, not sketches, numbers or whole solids.
 
 **Plain selectors.** For the default parameters, each selector is set up to select the feature that the name identifies (for the seat of a
 screw: its hole). Then the study applies the same selector to the other members. The study uses the best axis for each selector: the axis X,
 Y or Z (or the pair of axes, for selectors with two steps) along which the feature differs most from its neighbours. Indices count from the
 end that is nearer to the feature. `T` is the geometry type of the surface. A selector returns the `same` feature, silently returns
 `another` feature, or `fails` with an `IndexError`. Plain selectors work if a change moves faces without creating, splitting or swapping
-faces, so results for one part do not apply to other parts. The study does not change several parameters at once.
+faces, so results for one part do not apply to other parts.
 """
 SHARES = "The columns show how often each outcome occurs, in percent: same / another / fails."
 

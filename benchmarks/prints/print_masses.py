@@ -259,7 +259,7 @@ def tables(found: Sequence[Case], unsliced: Sequence[str]) -> str:
     lines = [f"- {name}: {words}" for name, words in sorted(refused)]
     return "\n".join([
         f"{version()} sliced {len(found)} prints"
-        + (f". It rejected {len(unsliced)} other prints, which are not included in the results:" if unsliced else "."),
+        + (f". PrusaSlicer rejected {len(unsliced)} other prints, which are not included in the results:" if unsliced else "."),
         *lines, "", *summary(found), "", *by_part(found), "", *by_setting(found),
     ])
 
