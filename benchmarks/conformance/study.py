@@ -78,12 +78,12 @@ class Reader:
 READERS = (
     Reader(
         "mujoco", ("URDF",),
-        note="MuJoCo ignores mimics in URDF, so the study sets mimic joints to their values. A floating base is fixed to the world.",
+        note="MuJoCo ignores mimics in URDF. A floating base is fixed to the world.",
     ),
     Reader(
         "pinocchio", ("URDF",), ("pin==4.1.0",),
-        "The study loads URDF without mimics and sets joints that mimic others to their values. The study adds up the masses of "
-        "all links, because the total mass in pinocchio excludes links that are fixed to the world.",
+        "The study loads URDF without mimics, and adds up the masses of all links, because the total mass in pinocchio excludes links "
+        "that are fixed to the world.",
     ),
     Reader(
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"),
@@ -91,7 +91,7 @@ READERS = (
     ),
     Reader(
         "pybullet", ("URDF",), ("pybullet==3.2.7", "numpy==2.4.6"),
-        "The base is fixed, and the study sets mimic joints to their values. Link poses are in single precision.", floats=True,
+        "The base is fixed. Link poses are in single precision.", floats=True,
     ),
     Reader(
         "urdf_parser_py", ("URDF", "ROS"), ("urdf-parser-py==0.0.4", "lxml==6.1.3", "PyYAML==6.0.4"),
@@ -100,17 +100,16 @@ READERS = (
     ),
     Reader(
         "ikpy", ("URDF",), ("ikpy==4.2.1",),
-        "ikpy computes only kinematics, of the chain from the root to each leaf. The study sets joints that mimic others to their "
-        "values. The chain that ikpy selects automatically must contain a moving joint.",
+        "ikpy computes only kinematics, of the chain from the root to each leaf. The chain that ikpy selects "
+        "automatically must contain a moving joint.",
     ),
     Reader(
         "drake", ("MJCF", FOR_DRAKE, "URDF", "SDF"), ("drake==1.51.1",),
         "Drake does not support loops, so the study removes joints that close loops or hold mounts. Drake does not report mimics, "
-        "so the study moves the independent joints with a force and observes the other joints for 0.4 s. For kinematics, joints "
-        "that mimic others are set to their values. Efforts are reported for joints with one axis; except in SDF, each of these "
-        "joints has a drive of the same name. A floating base is placed at the origin. In MJCF, Drake ignores sites and mimics. "
-        "Without `--compat drake`, command ranges are read as efforts, which are not compared. Several joints of one body then use "
-        "the axes of the parent, which changes the robot if the body is rotated.",
+        "so the study moves the independent joints with a force and observes the other joints for 0.4 s. Efforts are reported for "
+        "joints with one axis; except in SDF, each of these joints has a drive of the same name. A floating base is placed at the "
+        "origin. In MJCF, Drake ignores sites and mimics. Without `--compat drake`, command ranges are read as efforts, which are "
+        "not compared. Several joints of one body then use the axes of the parent, which changes the robot if the body is rotated.",
         refuses="several joints of one body",
     ),
     Reader(
@@ -149,8 +148,8 @@ READERS = (
         "newton", ("URDF", "USD"), (
             "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
         ),
-        "Newton computes in single precision on a CPU. The study sets joints that mimic others to their values, and places a "
-        "floating base at the origin. The tree in Newton does not contain holds and joints that close loops. The study "
+        "Newton computes in single precision on a CPU. The study places a floating base at the origin. "
+        "The tree in Newton does not contain holds and joints that close loops. The study "
         "reads frames of USD from the file, relative to the links in Newton. Efforts and meshes are compared for USD only.",
         floats=True,
     ),

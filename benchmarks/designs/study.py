@@ -82,7 +82,7 @@ def written(verdicts: list[Verdict], seed: int, wall: float) -> str:
         *MEASURED.format(count=len(verdicts), edits=len(EDITS)).strip().splitlines(), "",
         "## Outcomes", "", *outcome_table(verdicts), "", timing(verdicts, wall), "",
         "## Rules that were broken", "",
-        "A design can break several rules. The last column shows the first message for each rule.", "", *code_table(verdicts), "",
+        "The last column shows the first message for each rule.", "", *code_table(verdicts), "",
         "## Generated designs", "", *parameter_table(verdicts), "", *edit_table(verdicts), "",
     ]
     return "\n".join(lines)
