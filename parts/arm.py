@@ -123,8 +123,8 @@ class YawPitchBracket(Thing):
 class RotorBrace(Thing):
     """One of the two sides of an arm link: an L from the horn or idler of a servo to the bottom of the next servo.
 
-    The origin is on the axis of the servo that turns the brace, at half the depth of the servo; y points to the next axis, and z out of the
-    horn. An arm link consists of two equal braces. The second brace is attached to the idler, rotated by 180 deg about y.
+    The origin is on the axis of the servo that turns the brace, at half the depth of the servo. The y axis points to the next servo axis,
+    and z out of the horn. An arm link consists of two equal braces. The second brace is attached to the idler, rotated by 180 deg about y.
 
     Args:
         length: distance between the axes

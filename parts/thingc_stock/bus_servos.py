@@ -43,8 +43,8 @@ class Drawing:
 class BusServo(Thing):
     """A servo with a simple case, a horn in front and, for some models, an idler behind, as one rigid part.
 
-    The origin is on the axis at half the depth of the case; x is to the left, y to the top (the short end, next to the shaft), and z along
-    the shaft out of the horn.
+    The origin is on the axis at half the depth of the case. The x axis points to the left, y to the top (the short end, next to the shaft),
+    and z along the shaft out of the horn.
 
     Mounts: `rotor` is on the face of the horn. `front`, `back_face`, `left`, `right`, `top` and `bottom` are at the centres of the faces of
     the case, and `idler` is on the face of the idler. `screws_horn` lists the threaded holes of the horn, counted from +x towards +y.
@@ -106,9 +106,9 @@ class BusServo(Thing):
 class XL330(BusServo):
     """ROBOTIS Dynamixel XL330-M288-T.
 
-    The e-Manual (emanual.robotis.com/docs/en/dxl/x/xl330-m288) lists 20 x 34 x 26 mm, 18 g, gear 288.4 : 1, and at 5 V a stall torque of
-    0.52 N m and a no-load speed of 103 rpm. Other dimensions are not from ROBOTIS's drawing, but from a model in
-    github.com/wyolum/orbigator, fabricate/dynamixel_motor.scad: the case is 23 mm deep, the axis is 9.5 mm from the top, and the horn has a
+    The e-Manual (emanual.robotis.com/docs/en/dxl/x/xl330-m288) lists 20 x 34 x 26 mm, 18 g and a gear ratio of 288.4 : 1. At 5 V, the stall
+    torque is 0.52 N m, and the no-load speed is 103 rpm. Other dimensions are not from ROBOTIS's drawing, but from a model in
+    github.com/wyolum/orbigator, fabricate/dynamixel_motor.scad. The case is 23 mm deep, and the axis is 9.5 mm from the top. The horn has a
     diameter of 16 mm with four holes of 2 mm on a circle of 12 mm.
 
     The rotor inertia is an estimate, scaled from the XM430 with the fifth power of the width of the case, as for similar motors.
@@ -135,11 +135,11 @@ class STS3215(BusServo):
     """Feetech STS3215-C018, a bus servo with 30 kgf cm for 12 V.
 
     The SO-100 and SO-101 robot arms use this servo, also in a version for 7.4 V. Feetech's data are quoted in
-    github.com/TheRobotStudio/SO-ARM100 (issue 134) and in a test (robonine.com, "Testing of Feetech STS3215 servomotor"): gear 345 : 1, at
-    12 V 30 kgf cm and 45 rpm. The dimensions are from the model used to design the arms, in the same repository
-    (STEP/SO100/STS3215_03a.step): 45.4 x 24.8 mm, 31.8 mm deep without the rim around the horn, and the axis 10.2 mm from the end. The
-    horns have a diameter of 20 mm with four holes of 2.5 mm, for M3, on a circle of 14 mm. The face of the horn is at z = 18.7 mm, and the
-    face of the idler is at z = -17.7 mm.
+    github.com/TheRobotStudio/SO-ARM100 (issue 134) and in a test (robonine.com, "Testing of Feetech STS3215 servomotor"): a gear ratio of
+    345 : 1, and 30 kgf cm and 45 rpm at 12 V. The dimensions are from the model used to design the arms, in the same repository
+    (STEP/SO100/STS3215_03a.step). The case has 45.4 x 24.8 mm and a depth of 31.8 mm without the rim around the horn. The axis is 10.2 mm
+    from the end. The horns have a diameter of 20 mm with four holes of 2.5 mm, for M3, on a circle of 14 mm. The faces are at z = 18.7 mm
+    (horn) and z = -17.7 mm (idler).
 
     The mass (55 g) and the gain (full torque at an error of 5 deg) are estimates. The rotor inertia is scaled from the XM430 with the fifth
     power of the width of the case, as for similar motors.

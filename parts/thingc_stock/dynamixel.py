@@ -64,7 +64,7 @@ def position_gain(stall_torque: float) -> float:
     """Return the stiffness [N m/rad] of the position controller at the output, with default gains, for the stall torque [N m].
 
     The source is the control table in the e-Manual. The position P gain is 800, which gives 800/128 duty counts per encoder step, at 4096
-    steps per turn. 885 counts are full duty, which gives the stall torque at standstill. The default I and D gains are 0.
+    steps per turn. Full duty is 885 counts, which give the stall torque at standstill. The default I and D gains are 0.
     """
     return 800.0 / 128.0 * 4096.0 / (2.0 * pi) / 885.0 * stall_torque
 
@@ -96,8 +96,8 @@ def servo_drive(stall_torque: float, no_load_speed: float, gear_ratio: float, ro
 class XSeries(Thing):
     """A Dynamixel X servo: case, horn and idler as one rigid part with all its screw holes.
 
-    The origin is on the output axis at half the depth of the case; x is to the left, y to the top (the short end, next to the output), and
-    z out of the horn. Attach the driven part to the mount `rotor`.
+    The origin is on the output axis at half the depth of the case. The x axis points to the left, y to the top (the short end, next to the
+    output), and z out of the horn. Attach the driven part to the mount `rotor`.
 
     Mounts: Each of the six faces of the case has a mount at its centre. `horn` and `idler` are on the outer faces of the horn and the
     idler. `rotor` is another name of the mount `horn`, for use in joints.
@@ -240,9 +240,9 @@ class XSeries(Thing):
 class XM430(XSeries):
     """ROBOTIS Dynamixel XM430-W350 with horn HN12-N101 and idler HN12-I101.
 
-    The e-Manual (emanual.robotis.com/docs/en/dxl/x/xm430-w350) lists 28.5 x 46.5 x 34 mm, 82 g, gear 353.5 : 1, and at 12 V a stall torque
-    of 4.1 N m and a no-load speed of 46 rpm. According to the drawing X-430, horn and idler have a diameter of 19.5 mm with 8 x M2 on a
-    circle of 16 mm.
+    The e-Manual (emanual.robotis.com/docs/en/dxl/x/xm430-w350) lists 28.5 x 46.5 x 34 mm, 82 g and a gear ratio of 353.5 : 1. At 12 V, the
+    stall torque is 4.1 N m, and the no-load speed is 46 rpm. According to the drawing X-430, horn and idler have a diameter of 19.5 mm with
+    8 x M2 on a circle of 16 mm.
 
     The rotor inertia is 0.045 kg m^2 at the output. Haarnoja et al. identified this inertia on an XM430 with a known load ("Learning agile
     soccer skills for a bipedal robot with deep reinforcement learning", Science Robotics 9, 2024), and MuJoCo Menagerie's `robotis_op3`
@@ -279,9 +279,9 @@ class XL430(XSeries):
     """ROBOTIS Dynamixel XL430-W250-T with a plastic case, a horn and an idler.
 
     The e-Manual (emanual.robotis.com/docs/en/dxl/x/xl430-w250; read in github.com/ROBOTIS-GIT/emanual, _data/dxl_x_info.yml) lists 28.5 x
-    46.5 x 34 mm, 57.2 g, gear 258.5 : 1, and at 12 V a stall torque of 1.5 N m and a no-load speed of 61 rpm. The e-Manual lists the same
-    size as for the XM430-W350, so holes and horns are copied from the XM430-W350 instead of a drawing of the XL430-W250. The rotor inertia
-    is an estimate: it is copied from the XM430-W350, which has the same width.
+    46.5 x 34 mm, 57.2 g and a gear ratio of 258.5 : 1. At 12 V, the stall torque is 1.5 N m, and the no-load speed is 61 rpm. The e-Manual
+    lists the same size as for the XM430-W350, so holes and horns are copied from the XM430-W350 instead of a drawing of the XL430-W250. The
+    rotor inertia is an estimate: it is copied from the XM430-W350, which has the same width.
 
     Args:
         idler: whether the idler is mounted on the back
@@ -304,9 +304,9 @@ class XL430(XSeries):
 class XM540(XSeries):
     """ROBOTIS Dynamixel XM540-W270 with horn HN13-N101 and idler HN13-I101.
 
-    The e-Manual (emanual.robotis.com/docs/en/dxl/x/xm540-w270) lists 33.5 x 58.5 x 44 mm, 165 g, gear 272.5 : 1, and at 12 V a stall torque
-    of 10.6 N m and a no-load speed of 30 rpm. According to the drawing X-540, horn and idler have a diameter of 26 mm with 8 x M2.5 on a
-    circle of 22 mm.
+    The e-Manual (emanual.robotis.com/docs/en/dxl/x/xm540-w270) lists 33.5 x 58.5 x 44 mm, 165 g and a gear ratio of 272.5 : 1. At 12 V, the
+    stall torque is 10.6 N m, and the no-load speed is 30 rpm. According to the drawing X-540, horn and idler have a diameter of 26 mm with
+    8 x M2.5 on a circle of 22 mm.
 
     The rotor inertia is an estimate, scaled from the XM430-W350 with the fifth power of the width of the case, as for similar motors.
 

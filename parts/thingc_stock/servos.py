@@ -51,8 +51,8 @@ class Drawing:
 def hobby_drive(torque: float, seconds: float, width: float, source: str = "vendor") -> Actuator:
     """Return a position drive for this stall torque [kgf cm] and this time for 60 deg without load [s], which are from `source`.
 
-    All other values are estimates: the gain gives full torque at an error of 6 deg; the damping is that of a DC motor whose torque falls
-    from the stall torque to 0 at the no-load speed; the rotor inertia is scaled with the fifth power of the case's `width` [mm]; the gear
+    All other values are estimates. The gain gives full torque at an error of 6 deg. The damping is that of a DC motor whose torque falls
+    from the stall torque to 0 at the no-load speed. The rotor inertia is scaled with the fifth power of the case's `width` [mm]. The gear
     ratio is 250 : 1.
     """
     stall, speed = torque * KGF_CM, radians(60.0) / seconds
@@ -149,7 +149,7 @@ class SG90(HobbyServo):
     """Tower Pro SG90, the blue micro servo with nylon gears.
 
     The data sheet, as quoted by the National University of Singapore (nus.atlassian.net/wiki, page 27625578), lists about 22.2 x 11.8 x 31
-    mm, 9 g, and at 4.8 V a torque of 1.8 kgf cm and a time of 0.1 s for 60 deg. Ears, holes and axis agree within 0.4 mm with measured
+    mm and 9 g. At 4.8 V, the torque is 1.8 kgf cm, and the time for 60 deg is 0.1 s. Ears, holes and axis agree within 0.4 mm with measured
     copies of this servo in github.com/kartchnb/openscad-servo-library (servos/sg90_clone.scad).
     """
 
@@ -168,10 +168,10 @@ class SG90(HobbyServo):
 class MG90S(HobbyServo):
     """Tower Pro MG90S, the micro servo with metal gears.
 
-    The data sheet (github.com/TrDA-hab/Projects, Servo+ESP8266/MG90S-Datasheet.pdf) lists about 22.5 x 12 x 35.5 mm, 13.4 g, and at 6 V a
-    torque of 2.2 kgf cm and a time of 0.08 s for 60 deg. For the case and the shaft, a height of 32 mm out of the total 35.5 mm is assumed.
-    Measured copies in github.com/kartchnb/openscad-servo-library (servos/mg90s_clone.scad) have a height of 32.5 mm, and their ears, holes
-    and axis agree within 0.4 mm.
+    The data sheet (github.com/TrDA-hab/Projects, Servo+ESP8266/MG90S-Datasheet.pdf) lists about 22.5 x 12 x 35.5 mm and 13.4 g. At 6 V, the
+    torque is 2.2 kgf cm, and the time for 60 deg is 0.08 s. For the case and the shaft, a height of 32 mm out of the total 35.5 mm is
+    assumed. Measured copies in github.com/kartchnb/openscad-servo-library (servos/mg90s_clone.scad) have a height of 32.5 mm, and their
+    ears, holes and axis agree within 0.4 mm.
     """
 
     drawing = Drawing(
@@ -190,9 +190,9 @@ class S3003(HobbyServo):
     """Futaba S3003, the standard analogue servo.
 
     ServoCity's page, as quoted in github.com/rngadam/XinCheJian-GGHC (wiki, "Mechanical design"), lists 41 x 20 x 36 mm (rounded from
-    inches), 37.2 g, and at 6 V a torque of 4.1 kgf cm and a time of 0.19 s for 60 deg. The length and the width, with an accuracy of 0.1
-    mm, are from the similar S3001, as quoted from Futaba in github.com/pichim/PM2_PES_Board_Example (markdown/servo.md). Ears and holes are
-    estimates, which agree within 1 mm with a copy measured in github.com/kartchnb/openscad-servo-library (servos/s3003_clone.scad).
+    inches) and 37.2 g. At 6 V, the torque is 4.1 kgf cm, and the time for 60 deg is 0.19 s. The length and the width, with an accuracy of
+    0.1 mm, are from the similar S3001, as quoted from Futaba in github.com/pichim/PM2_PES_Board_Example (markdown/servo.md). Ears and holes
+    are estimates, which agree within 1 mm with a copy measured in github.com/kartchnb/openscad-servo-library (servos/s3003_clone.scad).
     """
 
     drawing = Drawing(
@@ -210,8 +210,8 @@ class S3003(HobbyServo):
 class HS422(HobbyServo):
     """Hitec HS-422, the standard deluxe servo.
 
-    No data sheet was found, so these values are estimates: 40.6 x 19.8 x 36.6 mm, 45.5 g, and at 6 V a torque of 4.1 kgf cm and a time of
-    0.16 s for 60 deg. Ears and holes are as for the similar HS-311 in Hitec's "Announced specification of HS-311 standard servo".
+    No data sheet was found, so the size (40.6 x 19.8 x 36.6 mm), the mass (45.5 g), and the torque (4.1 kgf cm) and time for 60 deg (0.16
+    s) at 6 V are estimates. Ears and holes are as for the similar HS-311 in Hitec's "Announced specification of HS-311 standard servo".
     """
 
     drawing = Drawing(
@@ -229,8 +229,8 @@ class HS422(HobbyServo):
 class DS3218(HobbyServo):
     """DSServo DS3218, a digital servo with 20 kgf cm and metal gears.
 
-    No data sheet was found, so these values are estimates: 40 x 20 x 40.5 mm, 60 g, and at 6.8 V a torque of 21.5 kgf cm and a time of 0.14
-    s for 60 deg.
+    No data sheet was found, so the size (40 x 20 x 40.5 mm), the mass (60 g), and the torque (21.5 kgf cm) and time for 60 deg (0.14 s) at
+    6.8 V are estimates.
     """
 
     drawing = Drawing(
