@@ -409,8 +409,8 @@ class Report:
     def say_unneeded(self, document: str, stages: Collection[Stage]) -> None:
         """Report a warning for each `allow` entry of a document that did not suppress any warning. `document` is an absolute path.
 
-        Entries for codes that later passes report are skipped: `stages` contains the completed passes. Entries of nested documents are
-        skipped, because other robots that use these documents may need them.
+        Only entries for warnings that one of the commands in `stages` reports are checked. Entries of nested documents are skipped, because
+        other robots that use these documents may need them.
         """
         for allowance in self.allowances:
             if allowance.where.file == document and allowance.code.warned_by in stages and allowance not in self.needed:

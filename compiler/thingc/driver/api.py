@@ -20,7 +20,11 @@ from thingc.targets.html.emit import Page, page_of
 
 
 class CompileError(Exception):
-    """Raised if a document has errors. `diagnostics` contains all errors and warnings. `str()` formats them as on the command line."""
+    """Raised if a document has errors.
+
+    `diagnostics` contains all errors and warnings. The string of the exception contains all diagnostics in the same format as on the
+    command line.
+    """
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
@@ -28,7 +32,7 @@ class CompileError(Exception):
 
 
 class CompiledMode(OneLineRepr, FrozenStruct):
-    """A mode of a compiled robot. `robot` contains the links and joints of the robot as a tree for this mode."""
+    """A mode of a compiled robot. `robot` contains the kinematic tree of links and joints in this mode."""
 
     robot: Robot
     files: Mapping[str, bytes]
@@ -39,7 +43,7 @@ class CompiledMode(OneLineRepr, FrozenStruct):
         return self.robot.mode.name
 
     def mjcf(self) -> str:
-        """Return the MuJoCo model of this mode as XML text. The text is identical to the file that a build writes.
+        """Return the MuJoCo model of this mode as XML text. The text is identical to the file that `thingc build` writes.
 
         The method `assets` returns the mesh files that the model uses.
         """
@@ -48,7 +52,7 @@ class CompiledMode(OneLineRepr, FrozenStruct):
     def assets(self) -> dict[str, bytes]:
         """Return the contents of the mesh files that `mjcf()` uses, by file name.
 
-        Pass the result to MuJoCo as `mujoco.MjModel.from_xml_string(xml, assets)`.
+        Pass the returned mapping to MuJoCo: `mujoco.MjModel.from_xml_string(xml, assets)`.
         """
         prefix = "mjcf/assets/"
         return {path.removeprefix(prefix): data for path, data in self.files.items() if path.startswith(prefix)}
@@ -61,13 +65,13 @@ class CompiledMode(OneLineRepr, FrozenStruct):
 
 
 class Shown(OneLineRepr, FrozenStruct):
-    """An HTML page that a Jupyter notebook displays in its own frame. `height` is the height of the frame in pixels."""
+    """An HTML page for display in a frame of a Jupyter notebook. `height` is the height of the frame in pixels."""
 
     page: str
     height: int
 
     def _repr_html_(self) -> str:
-        """Return the HTML code that Jupyter displays. The page can run scripts, but it cannot access the notebook."""
+        """Return the HTML code that Jupyter displays for this object. The scripts of the page cannot access the notebook."""
         from html import escape
 
         return (
@@ -78,9 +82,9 @@ class Shown(OneLineRepr, FrozenStruct):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Compiled(OneLineRepr):
-    """A compiled robot, with its modes in document order and the warnings about the document in `diagnostics`.
+    """A compiled robot, with its modes in document order. `diagnostics` contains the warnings about the document.
 
-    `modelled` contains the definition texts of the parts that were built, and `reused` the definition texts of the parts from the cache.
+    `modelled` contains the definition texts of the parts that were built, and `reused` the definition texts of the parts that were cached.
     """
 
     name: str
@@ -92,7 +96,7 @@ class Compiled(OneLineRepr):
     _page: Callable[[], Page] = field(repr=False, compare=False)
 
     def show(self, height: int = 600) -> Shown:
-        """Return the viewer page of the robot, which a notebook displays in a cell with the given height [pixels].
+        """Return the viewer page of the robot for a Jupyter notebook. The cell has the given height [pixels].
 
         Raises `BlobMissing` if a mesh of the robot has been deleted from the store.
         """
@@ -100,7 +104,7 @@ class Compiled(OneLineRepr):
 
     @property
     def hag(self) -> Any:
-        """The hierarchical assembly graph of the robot as a `networkx.MultiDiGraph`, whose nodes are definitions and their components."""
+        """The hierarchical assembly graph of the robot as a `networkx.MultiDiGraph`. Its nodes are definitions of parts and assemblies."""
         from thingc.targets.hag.labels import quantities
         from thingc.targets.networkx_export import hag_graph
 
@@ -109,9 +113,9 @@ class Compiled(OneLineRepr):
 
     @property
     def links(self) -> Any:
-        """The links of the robot and the joints between them as a `networkx.MultiDiGraph`.
+        """The graph of links and joints of the robot, as a `networkx.MultiDiGraph`.
 
-        The graph does not depend on the root of a mode.
+        The graph is the same in every mode.
         """
         from thingc.targets.networkx_export import link_graph
 
@@ -119,7 +123,7 @@ class Compiled(OneLineRepr):
 
     @property
     def mates(self) -> Any:
-        """The occurrences of components and the mates between them as a `networkx.MultiDiGraph`."""
+        """The graph of all placed components of the robot and the mates between them, as a `networkx.MultiDiGraph`."""
         from thingc.targets.networkx_export import mate_graph
 
         return mate_graph(self.assembly)

@@ -1,4 +1,7 @@
-"""Build a document: compile it and, if there are no errors, write the build folder. `thingc build` and `thingc watch` use this module."""
+"""Build a document: compile the document and, if there are no errors, write the build folder.
+
+`thingc build` and `thingc watch` use this module.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +21,10 @@ from thingc.targets.artifact import Content, Loss
 
 
 class BuildRequest(FrozenStruct):
-    """The options of a build, as on the command line.
+    """The options of a build, with the same meaning as on the command line.
 
-    `modes` contains the names of the modes to build (default: all). `output` is the parent folder of the build folder (default: the
-    workspace's folder for builds). `strict` treats warnings as errors, and `deny_loss` treats export losses as errors. `force` overwrites
+    `modes` contains the names of the modes to build (default: all). `output` is the folder that contains the build folder (default: as
+    specified by the workspace). `strict` treats warnings as errors, and `deny_loss` treats export losses as errors. `force` overwrites
     files in the build folder that thingc did not write. `twice` builds each part a second time and compares the results.
     """
 
@@ -66,9 +69,9 @@ def build(environment: Environment, wish: BuildRequest) -> BuildResult:
 
 
 def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest) -> BuildResult:
-    """Create the files of all targets and return the result of the build with these files. This step can report further errors.
+    """Create the files of all targets, and return a copy of the build result that contains the files. Emitters can report further errors.
 
-    The compilation must not have errors.
+    Call this function only if the compilation has no errors.
     """
     compilation, workspace = built.compilation, environment.workspace
     assert workspace is not None and compilation.assembly is not None
@@ -84,10 +87,10 @@ def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest
 
 
 def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_wait: Waiting | None = None) -> str:
-    """Write the files of a build to the build folder in one atomic step, and return the absolute path of the folder.
+    """Replace the build folder by the files of a build, in one atomic step. Return the absolute path of the folder.
 
-    The build must not have errors. Raises `OutputError` if the folder cannot be written. `on_wait` is called if another build of the folder
-    is in progress.
+    Call this function only if the build has no errors. Raises `OutputError` if the folder cannot be written. The callback `on_wait` is
+    called if another build of the same folder is in progress.
     """
     documents, files = built.compilation.documents, built.files
     assert files is not None and documents is not None, "the build has errors"
@@ -95,9 +98,10 @@ def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_w
 
 
 def _model_again(environment: Environment, compilation: Compilation) -> int:
-    """Build every part a second time, and report parts whose second build has a different result. Return the number of parts built.
+    """Build every part a second time, and report each part for which the second result differs from the first.
 
-    The second build uses new processes with another hash seed and an empty store. The compilation must not have errors.
+    Return the number of parts built. The second build uses new processes with another hash seed and an empty store. Call this function only
+    if the compilation has no errors.
     """
     import tempfile
 
@@ -116,7 +120,10 @@ def _model_again(environment: Environment, compilation: Compilation) -> int:
 
 
 def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
-    """Report each export loss as an error, unless an `allow` entry at its place, or at the top of the document, suppresses it."""
+    """Report each export loss as an error.
+
+    A loss is skipped if the document suppresses it by an `allow` entry at its location or at the top of the document.
+    """
     for loss in losses:
         if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
             mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""

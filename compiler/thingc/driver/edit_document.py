@@ -22,10 +22,11 @@ from thingc.driver.environment import Environment, Options
 
 
 class EditResult(FrozenStruct):
-    """The result of writing values to a document.
+    """The result of changing values in a document.
 
-    `found` contains all diagnostics. `text` is the new text of the document `root`, or None if it was not computed. `done` lists the values
-    that were written. Each entry contains the path, the previous value (None if the key did not exist) and the new value.
+    `found` contains all diagnostics. `text` is the new text of the document `root`, or None if errors occurred before the text was
+    computed. `done` contains the path, the previous value and the new value of each change. The previous value is None if the key did not
+    exist.
     """
 
     found: tuple[Diagnostic, ...]
@@ -35,10 +36,10 @@ class EditResult(FrozenStruct):
 
 
 def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
-    """Write values into a document file, unless the new values would cause errors.
+    """Change values in a document file, unless the new values would cause errors.
 
-    `given` maps the name of each parameter, or the path of another value, to the new value as a string. With `dry`, the values are checked,
-    but the file is not changed. With `strict`, warnings are treated as errors. Raises `OSError` if the document cannot be read.
+    `given` maps names of parameters, and paths of other values, to the new values as strings. With `dry`, the new values are checked, but
+    the file is not written. With `strict`, warnings are treated as errors. Raises `OSError` if the document cannot be read.
     """
     given = {named(path): text for path, text in given.items()}
     parameters = {path: text for path, text in given.items() if "." not in path}
@@ -70,20 +71,26 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
 
 
 def named(path: str) -> str:
-    """Remove the prefix `parameters.` from the path of a parameter, such as `parameters.reach`. Return any other path unchanged."""
+    """Remove the prefix `parameters.` from the path of a parameter, such as `parameters.reach`.
+
+    Paths without this prefix are returned unchanged.
+    """
     name = path.removeprefix("parameters.")
     return path if "." in name else name
 
 
 def document_change(root: Document, text: str) -> tuple[bytes, bytes]:
-    """Encode the original text and the new text of a document as bytes. If the file begins with a byte order mark, both contain it."""
+    """Encode the original text and the new text of a document as bytes.
+
+    If the original file begins with a byte order mark, both results begin with it.
+    """
     before = root.text.encode()
     mark = b"" if hashlib.sha256(before).hexdigest() == root.sha256 else b"\xef\xbb\xbf"
     return mark + before, mark + text.encode()
 
 
 def opened(document: str, options: Options, memo: Memo) -> Documents | None:
-    """Load and validate a document and all documents that it references. Return None if one of these documents has errors."""
+    """Load and validate a document and all documents that it references. Return None if one of the documents has errors."""
     with Environment(document, options, memo=memo) as environment:
         if environment.workspace is None:
             return None
@@ -96,9 +103,9 @@ def opened(document: str, options: Options, memo: Memo) -> Documents | None:
 def checked(
     document: str, options: Options, *, strict: bool = False, memo: Memo | None = None,
 ) -> tuple[Documents | None, list[Diagnostic]]:
-    """Compile a document, and return it with all documents that it references, together with the diagnostics.
+    """Compile a document. Return the document with all documents that it references, and the diagnostics.
 
-    The first value is None if the document cannot be read. `memo` caches the parsed documents between calls.
+    The documents are None if the document cannot be read. `memo` caches the parsed documents between calls.
     """
     with Environment(document, replace(options, lock=True), memo=memo) as environment:
         compilation = pipeline.compile(environment)
@@ -107,7 +114,7 @@ def checked(
 
 
 def keys_of(root: Document, path: str) -> Keys:
-    """Convert the name of a parameter, or a dotted path, to the keys of the value in the document."""
+    """Convert the name of a parameter, or a path with dots, to the sequence of keys that lead to the value in the document."""
     if "." in path:
         return tuple(path.split("."))
     full = isinstance(node_at(root.tree, ("parameters", path)), MappingNode)
@@ -115,7 +122,7 @@ def keys_of(root: Document, path: str) -> Keys:
 
 
 def _parse_value(text: str) -> Written:
-    """Parse a YAML list or mapping in flow style, such as `[1, 2]`. Return any other string unchanged."""
+    """Parse a YAML list or mapping in flow style, such as `[1, 2]`. Other strings are returned unchanged."""
     tree = read_flow(text, line_of("")) if is_flow(text) else None
     return text if tree is None or isinstance(tree, Diagnostic) else _texts(tree)
 
@@ -127,9 +134,9 @@ def _texts(node: Node) -> Written:
 
 
 def _elsewhere(root: Document, path: str) -> Diagnostic | None:
-    """Return an error for a path that this document cannot set, because the value belongs to a nested document or to a copy of a component.
+    """Return an error for a path whose value is not in this document, but in a nested document or in a copy of a component.
 
-    Return None for a path to a value of this document.
+    Return None if the value is in this document.
     """
     through = nested(path)
     if through is None:

@@ -23,19 +23,23 @@ if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
 
 Progress = Callable[[str, int, int], None]
-"""Callback `progress(what, done, total)`, which is called while parts are built."""
+"""Callback `progress(what, done, total)` that shows the progress of building parts."""
 
 Printed = Callable[[str, Sequence[str]], None]
-"""Callback `printed(part, lines)`, which is called with the output of a part after the part has been built. The lines are not escaped."""
+"""Callback `printed(part, lines)`, which is called after a part has been built, with the lines that the part class printed. The lines can
+contain control characters.
+"""
 
 Lend = Callable[["Workspace", "Store"], "PartSource"]
-"""Function `lend(workspace, store)`, which returns a shared source of the parts of a workspace. The lender closes the source."""
+"""Function `lend(workspace, store)`, which returns a source of parts that several environments share. The caller that provides this
+function must close the source.
+"""
 
 Answer = TypeVar("Answer")
 
 
 class Options(FrozenStruct):
-    """The options of a compilation, as on the command line.
+    """The options of a compilation, with the same meaning as on the command line.
 
     `parameters` maps names of parameters to strings (`{"reach": "120 mm"}`). `choices` maps paths in the document to strings
     (`{"components.foot.part": "feet:Wide"}`). `store` is the folder or URL of the cache of parts (default: the user's cache). `jobs` is the
@@ -44,8 +48,8 @@ class Options(FrozenStruct):
 
     With `lock`, parts that are not in the store can be read from `parts.lock.json`, which does not contain meshes. Without `code`, parts
     are read only from `parts.lock.json`: no code of the workspace runs, and the store is not used. `texts` maps absolute paths to contents
-    that replace the contents of documents and workspace files on disk. `ahead` contains modules that are needed after the compilation, and
-    that are imported while the CAD kernel loads.
+    that replace the contents of documents and workspace files on disk. `ahead` contains names of modules that the caller needs after the
+    compilation. These modules are imported while the CAD kernel loads.
     """
 
     parameters: Mapping[str, str] = {}
@@ -65,8 +69,9 @@ class Options(FrozenStruct):
 class Environment:
     """The workspace, the parts, the diagnostics and the cache of a compilation. All compilations of a document can share an environment.
 
-    On exit, this context manager closes the source of parts, unless the caller has lent the source to the environment. `workspace` is None
-    if a valid workspace was not found. `report` contains the diagnostics of the documents. `memo` caches the results of compiler passes.
+    At the end of a `with` statement, the source of parts is closed, unless the caller has lent the source to the environment. `workspace`
+    is None if the workspace file is invalid. `report` contains the diagnostics of the documents. `memo` caches the results of compiler
+    passes.
     """
 
     def __init__(self, document: str, options: Options, lend: Lend | None = None, memo: Memo | None = None) -> None:
@@ -92,21 +97,21 @@ class Environment:
     def compat(self) -> tuple[str, ...]:
         """The names of the programs besides MuJoCo that must be able to read the MuJoCo models.
 
-        They are specified by the options or, by default, by the workspace.
+        The option `compat` specifies the names. By default, the workspace specifies the names.
         """
         own = self.workspace.compat if self.workspace is not None else ()
         return own if self.options.compat is None else tuple(self.options.compat)
 
     @cached_property
     def store(self) -> Store:
-        """The content-addressed store, which caches parts and meshes."""
+        """The content-addressed store, in which parts and meshes are cached."""
         return store_of(self.options)
 
     @cached_property
     def parts(self) -> PartSource:
-        """The object from which part records are requested. It is the geometry service, or a reader of the lock file if no code may run.
+        """The source of part records: the geometry service, or a reader of the lock file if no code may run.
 
-        This property requires a valid workspace.
+        `workspace` must not be None.
         """
         assert self.workspace is not None, "parts need a workspace, but none was found"
         if self._lent is not None:
@@ -119,7 +124,7 @@ class Environment:
 
     @property
     def geometry(self) -> GeometryService:
-        """The geometry service, which builds parts with the CAD kernel. It is only available if code of the workspace may run."""
+        """The geometry service, which builds parts with the CAD kernel. The service is only available if code of the workspace may run."""
         from thingc.geometry.service import GeometryService
 
         assert isinstance(self.parts, GeometryService), "code of the workspace must not run here"
@@ -128,7 +133,7 @@ class Environment:
     def _lock(self) -> Lock | None:
         """Read the lock file of the workspace. Return None if the file is missing or invalid.
 
-        If no code may run, the lock file is required, and the reason is reported as an error.
+        If no code may run, the lock file is required, and a missing or invalid file is reported as an error.
         """
         from thingc.geometry.lock.lock import read_lock, report_missing
 
@@ -140,9 +145,9 @@ class Environment:
         return lock
 
     def say_gaps(self, report: Report) -> None:
-        """Report the parts of the last compilation that are missing from the lock file, and all errors in the lock file.
+        """Report the parts of the last compilation that the lock file does not contain, and all errors in the lock file.
 
-        If code of the workspace may run, the lock file is optional, and these diagnostics are warnings.
+        If code of the workspace may run, the lock file is optional, and the diagnostics are warnings.
         """
         from thingc.geometry.part_source import report_gaps
 
@@ -152,9 +157,9 @@ class Environment:
 
 
 def attempted(document: str, options: Options, work: Callable[[Environment], Answer]) -> Answer:
-    """Call `work` with a new environment for the document, and return its result.
+    """Call the function `work` with a new environment for the document, and return its result.
 
-    If a file is missing from the store, call `work` a second time with another new environment, which builds the missing parts again.
+    If the store turns out to be damaged, `work` is called a second time with another new environment, and missing parts are built again.
     """
     from thingc.geometry.store.local import BlobMissing
 
@@ -167,7 +172,7 @@ def attempted(document: str, options: Options, work: Callable[[Environment], Ans
 
 
 def store_of(options: Options) -> Store:
-    """Open the store that the options specify. The default is the store of the user."""
+    """Open the store that the options specify. The default is the store of the current user."""
     from thingc.geometry.store.shared_store import opened
 
     return opened(options.store)
@@ -179,8 +184,9 @@ def geometry_of(
 ) -> GeometryService:
     """Create the geometry service of a workspace. The caller must close the service.
 
-    `lock` is a function that reads the lock file, whose parts are used in addition to the store. `seed` is the hash seed of the worker
-    processes. If `workers` are given, several geometry services share these worker processes, and their owner must close them.
+    `lock` is a function that reads the lock file. Parts in the lock file are used if the store does not contain them. `seed` is the hash
+    seed of the worker processes. If `workers` is given, several geometry services share these worker processes, and the owner of `workers`
+    must close them.
     """
     from thingc.geometry.service import GeometryService
 

@@ -1,9 +1,9 @@
 """Replace build folders atomically, and create the folders of new workspaces.
 
-A build is first written to a hidden folder beside the build folder. Then both folders are exchanged by a single system call
-(`renameat2(RENAME_EXCHANGE)`). If this system call is not available, two renames replace it, and the next build completes an interrupted
-exchange. If the process is killed at any time, the build folder contains either the old build or the new build. The next build deletes
-leftover files.
+A build is first written to a hidden folder beside the build folder. Then a single system call (`renameat2(RENAME_EXCHANGE)`) exchanges both
+folders. If this system call is not available, the folders are renamed one after the other. A build completes the renames that a killed
+build left incomplete. If the process is killed at any time, the build folder contains either the old build or the new build. The next build
+deletes leftover files.
 
     <parent>/<name>/              the build
     <parent>/.<name>.thingc-lock  locked while a build is written: one at a time
@@ -33,14 +33,19 @@ from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 from thingc.targets.registry import written
 
 Waiting = Callable[[str], None]
-"""Callback that is called once with the build folder if another build of the same folder is in progress. An exception stops the wait."""
+"""Callback that is called once, with the path of the build folder, if another build of the same folder is in progress. The callback can
+raise an exception to stop waiting.
+"""
 
 
 class Blobs(Protocol):
-    """The interface of a store from which stored files are read. The content of a file is identified and verified by its SHA-256."""
+    """The interface of a content-addressed store, from which files of a build are read.
+
+    Each file is identified by the SHA-256 of its content.
+    """
 
     def read(self, sha256: str) -> bytes:
-        """Return the content with this SHA-256. Raises an exception if the content is missing or damaged."""
+        """Return the content with the given SHA-256. Raises an exception if the content is missing or damaged."""
         ...
 
 
@@ -55,13 +60,14 @@ class OutputError(Exception):
         self.hint = hint
 
     def diagnose(self, report: Report) -> None:
-        """Add this error to `report` as a diagnostic without a location."""
+        """Add this error to `report`, as a diagnostic without a location in a document."""
         report.add(self.code, self.message, None, help=self.hint)
 
 
 class UnexpectedFilesError(OutputError):
-    """Raised if a build folder contains files that thingc did not write, or that have changed since. thingc does not delete such files.
-    `names` are the sorted paths of these files, relative to `folder`.
+    """Raised if a build folder contains files that thingc did not write, or files that were changed after the build.
+
+    thingc does not delete such files. `names` contains the paths of the files relative to `folder`, sorted.
     """
 
     code = Code.UNEXPECTED
@@ -74,14 +80,14 @@ class UnexpectedFilesError(OutputError):
 
 
 NOTHING = hashlib.sha256(b"").hexdigest()
-"""SHA-256 of an empty file. An empty file may remain after a power failure and can be deleted without loss."""
+"""SHA-256 of an empty file. After a power failure, files of a build can be empty. Empty files can be deleted without loss."""
 
 
 class UnexpectedFiles(FrozenStruct, kw_only=False):
-    """The files in a build folder that a build must not delete, as sorted paths relative to the folder.
+    """The files in a build folder that a build must not delete. Paths are relative to the folder and sorted.
 
-    `others` are files that thingc did not write. `changed` are files that thingc wrote, and that have since been edited or replaced by a
-    link. `owner` is the document whose build is in the folder, or None.
+    `others` contains the files that thingc did not write. `changed` contains the files that thingc wrote, and that were later edited or
+    replaced by a link. `owner` is the path of the document whose build is in the folder, or None.
     """
 
     owner: str | None
@@ -90,7 +96,7 @@ class UnexpectedFiles(FrozenStruct, kw_only=False):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The sorted paths of all files in `others` and `changed`."""
+        """The paths of all files in `others` and `changed`, sorted."""
         return tuple(sorted((*self.others, *self.changed)))
 
 
@@ -98,15 +104,16 @@ def write_build(
     parent: str, name: str, files: Mapping[str, Content], store: Blobs, document: str, *, force: bool = False,
     on_wait: Waiting | None = None,
 ) -> str:
-    """Write the build folder `<parent>/<name>`, so that it contains exactly `files`, and return its absolute path.
+    """Replace the content of the build folder `<parent>/<name>` by exactly `files`, and return the absolute path of the folder.
 
-    `files` maps paths in the build folder to contents. It includes a `manifest.json`, which lists all other files and contains the path of
-    `document` in the workspace. The contents of stored files are read from `store`, whose exceptions are not caught. `parent` is created if
-    necessary. If the build folder is a symbolic link, the target of the link is replaced. `on_wait` is called before waiting for another
-    build of the same folder. `force` overwrites files that thingc did not write or that have changed, in a build of the same document.
+    `files` maps paths in the build folder to contents. One of the files is `manifest.json`, which lists all other files and contains the
+    path of `document` in the workspace. The contents of stored files are read from `store`. Exceptions of the store are not caught. The
+    folder `parent` is created if necessary. If the build folder is a symbolic link, the target of the link is replaced. The callback
+    `on_wait` is called before waiting for another build of the same folder. With `force`, files in a build of the same document are
+    overwritten even if thingc did not write them or if they have changed.
 
     Raises `UnexpectedFilesError` if the folder contains anything other than an unchanged build of the same document. Raises `OutputError`
-    for errors of the operating system, and `ValueError` for a path outside the folder. After an exception, the folder is unchanged.
+    for errors of the operating system, and `ValueError` for a path outside the folder. If an exception is raised, the folder is unchanged.
     """
     _check_paths(name, files)
     folder = build_folder(parent, name)
@@ -128,16 +135,17 @@ def write_build(
 
 
 KEPT = ".git"
-"""The only entry that the folder of a new workspace may already contain. thingc does not change this entry."""
+"""The only entry that may exist in the folder of a new workspace. thingc does not change this entry."""
 
 
 def write_new(folder: str, files: Mapping[str, bytes]) -> str:
-    """Create the folder of a new workspace with `files`, and return its absolute path. An existing folder may only contain `.git`.
+    """Create the folder of a new workspace with `files`, and return its absolute path.
 
-    `files` maps relative paths (with `/`) to contents. Missing parent folders are created. A new folder is created atomically. If the
-    folder already exists, another program may use it, so the files are moved into the folder one by one. Existing files with the same
-    content are accepted, so that another run can continue after an interruption. Raises `OutputError` if the folder contains other files,
-    if another run is in progress, or for an error of the operating system.
+    The folder may already exist if it contains only `.git`. `files` maps relative paths (with `/`) to contents. Missing parent folders are
+    created. If the folder does not exist, it is created with all files in one atomic step. If the folder exists, another program may use
+    it, so the files are moved into the folder one by one. Existing files with the same content are accepted, so that a second run can
+    complete an interrupted run. Raises `OutputError` if the folder contains other files, if another run is in progress, or for an error of
+    the operating system.
     """
     folder = os.path.realpath(folder)
     place, there = shown_path(folder), os.path.isdir(folder)
@@ -176,7 +184,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
 
 
 def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
-    """Move the files and folders `names` from `fresh` to `folder`. After an exception, `folder` contains none of them."""
+    """Move the files and folders `names` from `fresh` to `folder`. If an exception is raised, all moved files are removed from `folder`."""
     try:
         for name in names:
             os.rename(os.path.join(fresh, name), os.path.join(folder, name))
@@ -188,7 +196,7 @@ def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Return whether two files have the same content, or whether two folders contain the same files. Symbolic links are never equal."""
+    """Return whether two files have the same content, or whether two folders contain the same files. Return False for symbolic links."""
     if os.path.isdir(one) and os.path.isdir(other) and not os.path.islink(one):
         names = set(os.listdir(one))
         return names == set(os.listdir(other)) and all(_alike(os.path.join(one, name), os.path.join(other, name)) for name in names)
@@ -198,16 +206,19 @@ def _alike(one: str, other: str) -> bool:
 
 
 def build_folder(parent: str, name: str) -> str:
-    """Return the absolute path of the build folder `<parent>/<name>`. If the path is a symbolic link, return the path of its target."""
+    """Return the absolute path of the build folder `<parent>/<name>`.
+
+    If the path is a symbolic link, return the absolute path of its target.
+    """
     folder = os.path.abspath(os.path.join(parent, name))
     return os.path.realpath(folder) if os.path.islink(folder) else folder
 
 
 def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
-    """Return the manifest of a build folder if the folder has not changed since the build. Otherwise, return None.
+    """Return the manifest of a build folder, or None if the folder has changed since the build.
 
-    The folder must contain exactly the files that the manifest lists, with the same SHA-256. `store` caches the SHA-256 of large files. The
-    function never raises an exception, and never writes to the folder.
+    An unchanged folder contains exactly the files that the manifest lists, with the same SHA-256. `store` caches the SHA-256 of large
+    files. The function never raises an exception, and never writes to the folder.
     """
     try:
         manifest = _manifest(folder)
@@ -223,18 +234,18 @@ def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
 
 
 def listed(folder: str) -> frozenset[str]:
-    """Return the paths of all files that the manifest of a build folder lists, and the path of the manifest itself.
+    """Return the paths of all files in the manifest of a build folder, and the path of the manifest itself.
 
-    Return an empty set for a folder without a manifest.
+    If the folder does not contain a manifest, return an empty set.
     """
     manifest = _manifest(folder)
     return frozenset() if manifest is None else frozenset((*manifest["files"], MANIFEST))
 
 
 def unswept(folder: str) -> bool:
-    """Return whether temporary files of another build exist beside a build folder. The other build was killed, or is still in progress.
+    """Return whether temporary files of a killed or unfinished build exist next to a build folder.
 
-    The next build deletes the temporary files of a killed build, and waits for a build that is in progress.
+    The next build deletes the files of a killed build. If another build is still in progress, the next build waits.
     """
     return any(os.path.lexists(_beside(folder, what)) for what in ("lock", "new", "old"))
 
@@ -244,9 +255,10 @@ def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), 
 
     The manifest of the build folder lists all files that thingc wrote, with their SHA-256.
 
-    If the manifest is missing, damaged or belongs to another document, the result contains all files. Symbolic links count as files; empty
-    folders are ignored. Entries of the manifest are trusted only for names that a target can write or that are in `also`, because a damaged
-    manifest could list any files. `known` caches the SHA-256 of contents for later calls. Raises `OSError` if the folder cannot be read.
+    If the manifest is missing, damaged or belongs to another document, the result contains all files. Symbolic links count as files, and
+    empty folders are ignored. Because a damaged manifest could list any files, an entry is trusted only if a target can write a file with
+    this name or if `also` contains the name. `known` caches the SHA-256 of contents for later calls. Raises `OSError` if the folder cannot
+    be read.
     """
     names = _listing(folder)
     manifest = _manifest(folder)
@@ -283,10 +295,10 @@ def _beside(folder: str, what: str) -> str:
 
 @contextlib.contextmanager
 def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
-    """Lock a build folder until the context ends, so that only one build at a time writes it.
+    """Lock a build folder until the context ends. Only one build at a time can write the folder.
 
-    `on_wait` is called before waiting for the lock. The lock file is deleted when the lock is released. After waiting, the function
-    therefore checks whether the path still refers to the same file.
+    The callback `on_wait` is called before waiting for the lock. A build deletes the lock file when it releases the lock. After waiting,
+    the function therefore checks whether the path of the lock file still refers to the locked file.
     """
     path = _beside(folder, "lock")
     said = False
@@ -334,7 +346,10 @@ def _mend(folder: str) -> None:
 
 
 def _refuse_unexpected(folder: str, document: str, also: Collection[str], known: Digests, *, force: bool) -> UnexpectedFiles:
-    """Return the unexpected files that the option `force` overwrites. Raises `UnexpectedFilesError` for other unexpected files."""
+    """Check a build folder for unexpected files, and return the unexpected files that `force` allows to overwrite.
+
+    Raises `UnexpectedFilesError` if there are any other unexpected files.
+    """
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
@@ -366,8 +381,8 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
 def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) -> None:
     """Write all files of a build to a new folder `fresh`.
 
-    The manifest is written last and synchronized to disk. After a power failure, it shows which files are incomplete. `store` is required
-    if `files` contains stored files.
+    The manifest is written last, and is synchronized to disk. If a power failure interrupts the build, the checksums in the manifest show
+    which files are incomplete. `store` is required if `files` contains stored files.
     """
     os.mkdir(fresh)
     folders = {""}
@@ -392,7 +407,7 @@ def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) 
 def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: Digests, *, given_up: Collection[str]) -> None:
     """Replace the build folder `folder` by the new folder `fresh`, and delete the old build.
 
-    If a file of the old build was changed while the new build was written, the old build is restored, unless the file is in `given_up`.
+    If a file of the old build was changed in the meantime, the old build is restored, unless the file is in `given_up`.
     """
     if not os.path.lexists(folder):
         os.rename(fresh, folder)
@@ -416,7 +431,7 @@ def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: 
 
 
 def _delete(path: str) -> None:
-    """Delete a folder that thingc created. Files that cannot be deleted now are deleted by the next build."""
+    """Delete a folder that thingc created. If some files cannot be deleted, the next build deletes them."""
     if os.path.islink(path) or os.path.isfile(path):
         os.unlink(path)
         return
@@ -432,7 +447,7 @@ def _delete(path: str) -> None:
 
 
 def _permit(folder: str) -> None:
-    """Set the permissions of a folder and its subfolders so that they can be deleted. Symbolic links are not followed."""
+    """Set the permissions of a folder and all its subfolders so that their contents can be deleted. Symbolic links are not followed."""
     os.chmod(folder, 0o700)
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -464,7 +479,7 @@ def _is_plain(path: str) -> bool:
 
 
 def _listing(folder: str) -> list[str]:
-    """Return the relative paths of all files in a folder, with `/` as separator. Symbolic links are not followed."""
+    """Return the relative paths of all files in a folder, with `/` as separator. Symbolic links are listed but not followed."""
     files: list[str] = []
     waiting = [""]
     while waiting:
@@ -488,7 +503,7 @@ def _fault_text(folder: str, fault: OSError) -> str:
 
 
 def _cure(fault: OSError) -> str:
-    """Return a help text for an error of the operating system. The caller adds the advice to use another folder."""
+    """Return a help text for an error of the operating system. The caller also advises the user to use another folder."""
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return "free some space, or"
     if fault.errno == errno.ENAMETOOLONG:

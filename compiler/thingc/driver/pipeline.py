@@ -4,7 +4,7 @@
       load     validate   resolve        realize        link       root                 emit
 
 `check` and `compile` run the passes from a document to its robots. `recompile` runs the same passes with other settings. `build` and `emit`
-run the remaining passes to artifacts.
+run the remaining passes, which create the output files (artifacts).
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ if TYPE_CHECKING:
 
 
 PASSES = ("thingc.model.resolve.choices", "thingc.model.resolve.assembly", "thingc.model.assembly", "thingc.model.robot")
-"""The modules of the passes that run after parts are described. These modules are imported while the CAD kernel loads."""
+"""The modules of the passes that run after the part schemas have been loaded. These modules are imported while the CAD kernel loads."""
 
 
 _LOOKED_THROUGH = 1 << 20
-"""Maximum number of bytes of a document in which references to parts are searched."""
+"""Number of bytes at the beginning of a document that are searched for references to parts."""
 _LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
 
 
 class UnknownChoice(Exception):
-    """Raised if a mode, target or program that the user requests does not exist."""
+    """Raised if the user requests a mode, a target or a program that does not exist."""
 
     def __init__(self, message: str, hint: Hint) -> None:
         super().__init__(f"{message}: {hint}")
@@ -59,7 +59,8 @@ class UnknownChoice(Exception):
 def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
     """Return the names of the programs that must be able to read the MuJoCo models, in the order of `CONSUMERS`.
 
-    `names` contains the requested programs, or is a comma-separated string. Raises `UnknownChoice` for an unknown program.
+    `names` contains the names of the programs, either as a list or as one comma-separated string. Raises `UnknownChoice` for an unknown
+    program.
     """
     from thingc.documents.workspace import CONSUMERS
 
@@ -73,9 +74,9 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
 class Compilation(FrozenStruct):
     """The result of a compilation: the output of each pass that succeeded, and the report with all diagnostics.
 
-    `documents` contains the document, and all documents that it or a chosen value references. `robots` contains a robot for each requested
-    mode. `decisions` maps the definition text of each part to the reason why it was built or reused, and `records` maps it to the
-    properties of the part. `repeated` is True if the process runs many compilations of the same document.
+    `documents` contains the document, and all documents that the document or the choices of the user reference. `robots` contains a robot
+    for each requested mode. `decisions` maps the definition text of each part to the reason why the part was built or reused. `repeated` is
+    True if the process runs many compilations of the same document. `records` maps the definition text of each part to its record.
     """
 
     settings: Settings
@@ -104,9 +105,10 @@ class Compilation(FrozenStruct):
 
 
 def check(environment: Environment) -> Compilation:
-    """Check a document of any kind, as `thingc check` does: run every pass up to `root` for all modes, and report all errors.
+    """Check a document of any kind, as `thingc check` does.
 
-    A materials document is resolved, and a variants document is validated, without further passes.
+    For an assembly, run every pass up to `root` for all modes, and report all errors. A materials document is only resolved, and a variants
+    document is only validated.
     """
     compilation = compile(environment, kinds=("assembly", "materials", "variants"))
     say_unneeded(compilation, [Stage.CHECK])
@@ -119,9 +121,9 @@ def compile(
 ) -> Compilation:
     """Compile an assembly document: run every pass up to `root`, for the modes with the given names (by default all modes).
 
-    `kinds` contains the accepted kinds of document. `settings` is a function that computes the values of parameters from the loaded
-    documents. By default, the options of the environment specify these values. Errors are added to the report. Raises `UnknownChoice` for
-    an unknown mode, and `BlobMissing` if the store is damaged (see `environment.attempted`).
+    `kinds` contains the kinds of documents that are accepted. `settings` is a function that computes the values of parameters from the
+    loaded documents. By default, `settings` reads the options of the environment. Errors are added to the report. Raises `UnknownChoice`
+    for an unknown mode, and `BlobMissing` if the store is damaged (see `environment.attempted`).
     """
     sources = read(environment, kinds, modelling=True)
     told = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)
@@ -134,7 +136,7 @@ def compile(
 
 
 def recompile(environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
-    """Compile documents that are already loaded, with other settings. See `compile` for the result.
+    """Compile documents that are already loaded, with other settings. The result has the same meaning as for `compile`.
 
     Checks that are useful only for a single robot are skipped, such as the search for overlapping parts.
     """
@@ -142,9 +144,9 @@ def recompile(environment: Environment, sources: Sources | None, settings: Setti
 
 
 def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
-    """Return the names of the slow Python modules that `build` needs for the given targets, for `Options.ahead`.
+    """Return the names of Python modules for `Options.ahead`: modules that `build` needs for the given targets and that are slow to import.
 
-    The result includes numpy, which compares solids, only for the target `mjcf`.
+    numpy is only included for the target `mjcf`, for which solids are compared.
     """
     from thingc.targets.registry import modules_of
 
@@ -154,7 +156,7 @@ def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
 def build(environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None) -> dict[str, Artifacts]:
     """Run the passes after `root`: find overlapping parts, and create the files of all given targets.
 
-    A worker process writes the STEP file at the same time. `folder` is the absolute path of the build folder, if known.
+    A worker process writes the STEP file in parallel. `folder` is the absolute path of the build folder, or None if unknown.
     """
     from thingc.model.robot.kinematics import occurrence_poses
     from thingc.model.solids.overlaps import Overlaps, check_overlaps
@@ -179,8 +181,8 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
     """Run the passes `load` and `validate` on the document, and load the schemas of all parts that it references.
 
-    Return None if the document is not valid. If the caller builds parts next, `modelling` is True. In this case, the CAD kernel is loaded
-    in advance if some of the parts are probably not in the store.
+    Return None if the document is not valid. Set `modelling` to True if the caller builds parts next. With `modelling`, the CAD kernel is
+    loaded in advance if the store probably does not contain all parts.
     """
     workspace, report = environment.workspace, environment.report
     if workspace is None:
@@ -211,7 +213,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
 def _may_name_parts(environment: Environment) -> bool:
     """Return whether the document probably needs the CAD kernel.
 
-    This is the case if code of parts may run, and if the beginning of the document mentions parts.
+    The kernel is needed if the code of parts may run and the beginning of the document mentions parts.
     """
     if not environment.options.code:
         return False
@@ -225,14 +227,14 @@ def _may_name_parts(environment: Environment) -> bool:
 
 
 def settings_of(options: Options) -> Settings:
-    """Return the values of parameters, and the other chosen values, that the options of a compilation specify."""
+    """Return the parameters and choices in the options of a compilation as `Settings`."""
     from thingc.model.resolve.resolver import Settings
 
     return Settings(parameters=options.parameters, choices=options.choices)
 
 
 def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
-    """Load the documents and part schemas that the chosen values reference, and return them together with those of the document.
+    """Load the documents and part schemas that the choices of the user reference, and return them together with `sources`.
 
     Errors in these documents and parts are added to the report. `memo` caches results for the current contents of the documents.
     """
@@ -252,7 +254,7 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
 def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
     """Load additional assembly documents and part schemas, and return them together with `own`.
 
-    The second value is the report with the errors in the additional documents and parts.
+    Also return a report with the errors in the additional documents and parts.
     """
     from thingc.documents.load.documents import load_more
     from thingc.documents.spec.validation import part_references, validate
@@ -268,9 +270,9 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
 
 
 def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
-    """Run the pass `resolve` on the loaded documents, without building parts, and return the resolved assembly document.
+    """Run the pass `resolve` on documents that are already loaded, without building parts. Return the definition of the root assembly.
 
-    Errors are added to the report. Return None if the document cannot be resolved at all.
+    Errors are added to the report. Return None if the root document is invalid as a whole.
     """
     from thingc.model.resolve.resolver import resolve
 
@@ -280,8 +282,8 @@ def model(environment: Environment, own: Sources, settings: Settings, report: Re
 def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None) -> Compilation:
     """Run the passes `resolve`, `link` and `root` on documents that are already loaded.
 
-    `of_text` caches results that are valid only for the current contents of the documents. The memo of the environment caches results that
-    are always valid.
+    The cache `of_text` contains results that are valid only for the current contents of the documents. The cache of the environment
+    contains results that are always valid.
     """
     from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
@@ -328,7 +330,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
 
 
 def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:
-    """Report Python modules with parts that have the same name as another module, and therefore hide this module."""
+    """Report each Python module with parts that hides another module with the same name."""
     from thingc.documents.spec.validation import part_references
     from thingc.geometry.part_source import report_hidden
 
@@ -341,9 +343,9 @@ def _say_hidden(environment: Environment, sources: Sources, report: Report) -> N
 def emit(environment: Environment, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
     """Create the files of the given targets. Return the files and export losses by target, in the requested order.
 
-    An export loss that several targets share is listed with the first of these targets. The compilation must not have errors. With
-    `verify=0`, the generated models are not compiled with MuJoCo, because the caller compiles them. With `verify=n` and n > 1, MuJoCo
-    compiles only one of every n models that differ only in numbers.
+    If several targets have the same export loss, the loss is listed only with the first of these targets. Call this function only if the
+    compilation has no errors. With `verify=0`, the generated models are not verified by compiling them with MuJoCo, because the caller does
+    this. With `verify=n` and n > 1, only one of every n models that differ only in numbers is verified.
     """
     from thingc.targets.registry import emitted
 
@@ -351,7 +353,10 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
 
 
 def request_of(environment: Environment, compilation: Compilation, *, verify: int = 1, folder: str | None = None) -> EmitRequest:
-    """Create the input of the emitters, which write the files of the targets. The compilation must not have errors."""
+    """Create the `EmitRequest`, which is the input of the emitters of all targets.
+
+    Call this function only if the compilation has no errors.
+    """
     from thingc.targets.request import EmitRequest
 
     geometry = environment.geometry
@@ -363,7 +368,10 @@ def request_of(environment: Environment, compilation: Compilation, *, verify: in
 
 
 def files(environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-    """Return the contents of all files of a build folder, by path in the folder: the files of the targets, and `manifest.json`."""
+    """Return the contents of all files of a build folder, keyed by path in the folder.
+
+    The files are the files of the targets and `manifest.json`.
+    """
     from thingc.targets.artifact import MANIFEST
     from thingc.targets.manifest import BuildChoice, manifest
 
@@ -386,9 +394,9 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
 
 
 def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
-    """Warn of `allow` entries that did not suppress any warning in the given stages.
+    """Report a warning for each `allow` entry that did not suppress any warning of the commands in `stages`.
 
-    If the compilation has settings such as parameters, nothing is reported, because other values may need these entries.
+    If the user set parameters or other values, nothing is reported, because the entries may be needed for the values in the document.
     """
     settings, documents = compilation.settings, compilation.documents
     if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
@@ -399,7 +407,7 @@ def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
 def _assembly(compilation: Compilation) -> Assembly:
     """Return the assembly of a compilation.
 
-    Raises `RuntimeError` if the compilation has failed, so the caller must check its report first.
+    Raises `RuntimeError` if the compilation has failed. The caller must check the report of the compilation first.
     """
     if compilation.assembly is None:
         raise RuntimeError("the compilation failed")
@@ -407,7 +415,7 @@ def _assembly(compilation: Compilation) -> Assembly:
 
 
 def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
-    """Return a function that reads the vertices of a part's mesh. Return None if the meshes of parts may not be available."""
+    """Return a function that reads the vertices of a mesh of a part from the store. Return None if the store may not contain the meshes."""
     from thingc.geometry.store.meshes import vertices
 
     return None if environment.options.lock else partial(vertices, environment.store)

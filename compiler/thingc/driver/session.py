@@ -1,7 +1,7 @@
 """Compile a document many times in one process, with different settings. Work that does not depend on the settings is done once.
 
-A `Session` runs the same passes as a single compilation (see `pipeline`), with the same files and diagnostics. It caches the documents, the
-part schemas and the part records, and it keeps the worker process running.
+A `Session` runs the same passes as `pipeline`, with the same output files and diagnostics. The session caches documents, part schemas and
+part records, and keeps the worker process running.
 """
 
 from __future__ import annotations
@@ -16,15 +16,17 @@ from thingc.model.resolve.resolver import Settings, Sources
 from thingc.targets.artifact import Artifacts, Content
 
 REFUSED = 64
-"""Maximum number of cached failures. A learner may draw the same settings several times, and plans request each failure twice."""
+"""Maximum number of failed compilations in the cache. Learning algorithms may request the same settings several times, and a plan requests
+each failed compilation twice.
+"""
 
 
 class Session:
-    """Compiles a document repeatedly with different settings. On exit, this context manager closes the geometry service.
+    """Compiles a document repeatedly with different settings. At the end of a `with` statement, the geometry service is closed.
 
-    The settings of a compilation override the parameters and choices in `options`. The documents are read when the session is created.
-    Later changes of documents, parts and the store are not detected. If a file of the store is deleted in the meantime, reading it raises
-    `BlobMissing`. A new session restores the file.
+    The settings of a single compilation take precedence over the parameters and choices in `options`. The documents are read when the
+    session is created. The session does not detect later changes of documents, parts and the store. If a file of the store is deleted
+    during the session, reading the file raises `BlobMissing`. To restore the file, create a new session.
     """
 
     def __init__(self, document: str, options: Options) -> None:
@@ -46,8 +48,9 @@ class Session:
     def compile(self, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
         """Compile the document with the given settings, up to the pass `root`.
 
-        `modes` are the names of the modes to compile (default: all). Errors are in the `report` of the compilation. A failed compilation is
-        cached, unless parts were built, because building them may succeed next time. Raises `UnknownChoice` for an unknown mode.
+        `modes` contains the names of the modes to compile (default: all). Errors are added to the `report` of the result. A failed
+        compilation is cached unless parts were built, because the build of a part can succeed next time. Raises `UnknownChoice` for an
+        unknown mode.
         """
         own = self.environment.options
         settings = Settings(parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices})
@@ -60,16 +63,16 @@ class Session:
         return made
 
     def passes(self, environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str]) -> Compilation:
-        """Run the passes of one compilation. A subclass can override this method.
+        """Run the passes of one compilation. Subclasses can override this method.
 
-        `environment` and `sources` are the environment and the sources of this session, or copies of them.
+        `environment` and `sources` belong to this session, or are copies.
         """
         return pipeline.recompile(environment, sources, settings, modes)
 
     def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
-        """Create the files of the given targets, as `pipeline.emit` does."""
+        """Create the files of the given targets. The arguments have the same meaning as for `pipeline.emit`."""
         return pipeline.emit(self.environment, compilation, targets, verify=verify)
 
     def files(self, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-        """Return the contents of all files of a build folder, by path in the folder."""
+        """Return the contents of all files of a build folder, keyed by path in the folder."""
         return pipeline.files(self.environment, compilation, artifacts)

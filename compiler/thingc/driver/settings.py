@@ -1,4 +1,4 @@
-"""Parse the settings of a robot, which assign values to parameters and to paths in the document.
+"""Parse settings, which assign values to parameters of a robot and to other values of its document by path.
 
 A value is a number in SI units, or a string as in a document.
 """
@@ -27,14 +27,15 @@ from thingc.model.resolve.parameters import AssemblyParameters
 from thingc.model.resolve.resolver import Settings, Sources
 
 EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
-"""Sections in which a pattern also matches elements of nested documents."""
+"""Sections of a document for which a pattern such as `joints.*` also matches elements of nested documents."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParsedSettings:
-    """Settings after parsing. `names` are the sorted names of the numeric settings, and `values` are their values in SI units.
+    """Parsed settings of a robot.
 
-    `texts` contains all other settings as strings. `report` contains the errors, or is None if there are no errors.
+    `names` contains the sorted names of the numeric settings, and `values` contains their values in SI units. `texts` contains the values
+    of all other settings as strings. `report` contains the errors, or is None if there are no errors.
     """
 
     names: tuple[str, ...]
@@ -46,8 +47,8 @@ class ParsedSettings:
 class SettingsReader:
     """Parses settings for a document. A setting assigns a value to a parameter or to a path in the document.
 
-    `parameters` contains the values of all parameters of the document. The argument `kinds` maps paths to example values, which determine
-    the type of a setting.
+    `parameters` contains the current values of all parameters of the document. `kinds` maps paths to example values. The type of a setting
+    is the type of its example value.
     """
 
     def __init__(
@@ -62,9 +63,9 @@ class SettingsReader:
         self._numeric: set[str] = set()  # names with numeric settings
 
     def kind(self, name: str) -> ExpressionValue | None:
-        """Return the value that the document, or a default, specifies for a parameter or path.
+        """Return the current value of a parameter or path, from the document or from a default.
 
-        The type of this value is the required type of a setting. Return None if there is no value or if it cannot be evaluated.
+        A new value in a setting must have the same type. Return None if there is no current value, or if the value cannot be evaluated.
         """
         if name not in self._kinds:
             known = self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
@@ -92,7 +93,7 @@ class SettingsReader:
     def meant(self, name: str) -> tuple[str, ...]:
         """Return the names of all parameters or paths that match a pattern, such as `leg_*` or `joints.*.dynamics.damping`.
 
-        Paths in nested documents are included. A name without `*` is returned unchanged.
+        Paths in nested documents are included. If the name does not contain `*`, return only the name.
         """
         known = self._meant.get(name)
         if known is None:
@@ -118,9 +119,9 @@ class SettingsReader:
         return did_you_mean(word, [key for key, _ in inside])
 
     def read(self, settings: Mapping[str, Any]) -> ParsedSettings:
-        """Parse settings. They override the settings that are fixed for this reader.
+        """Parse settings. The given settings take precedence over the settings that are fixed for this reader.
 
-        Unknown names and values of a wrong type are reported.
+        Unknown names, and values with a wrong type, are reported.
         """
         numbers: dict[str, float] = {}
         texts: dict[str, str] = {}
@@ -158,7 +159,7 @@ class SettingsReader:
     def _number(self, name: str, value: Any) -> float | None:
         """Convert the value of a numeric setting to SI units.
 
-        Return None if the value is not a number, or if its physical dimension differs from the value in the document.
+        Return None if the value is not a number, or if its physical dimension differs from the dimension of the current value.
         """
         kind = self.kind(name)
         if isinstance(value, str) and (isinstance(kind, Quantity) or (kind is None and "." in name)):
@@ -189,9 +190,9 @@ class SettingsReader:
         return quantities
 
     def values(self, read: ParsedSettings) -> dict[str, ExpressionValue]:
-        """Return the values of all parameters, and of all settings by path, for the given settings.
+        """Return the values of all parameters and paths that result from the given settings.
 
-        Parameters that depend on other parameters are included. Values are numbers, booleans and expressions.
+        The result includes parameters whose expressions depend on other parameters. Values are numbers, booleans and expressions.
         """
         settings = self.settings(read)
         values = {**self._declared.given(settings.parameters), **self.quantities(read)}
@@ -199,7 +200,7 @@ class SettingsReader:
         return {**values, **{path: value for path, value in stated.items() if value is not None}}
 
     def as_given(self, settings: Mapping[str, Any]) -> dict[str, str]:
-        """Return the settings whose value is a string, by name. If a later numeric setting overrides a string, the string is omitted."""
+        """Return the settings whose value is a string, by name. A string is omitted if a numeric setting with the same name follows."""
         texts: dict[str, str] = {}
         for given, value in settings.items():
             for name in self.meant(given):
@@ -209,9 +210,10 @@ class SettingsReader:
         return texts
 
     def settings(self, read: ParsedSettings, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
-        """Convert parsed settings to strings, as for the options `-p` and `--set` of `thingc build`.
+        """Convert parsed settings to strings for the options `-p` and `--set` of `thingc build`.
 
-        A number is written as in `given`. If it is not in `given`, it is written exactly, in its unit from `units` or in SI units.
+        A number is written in the same way as in `given`. If `given` does not contain the number, it is written exactly, in the unit from
+        `units` or in SI units.
         """
         units = units or {}
         numbers = {name: text_of(number, units.get(name, "")) for name, number in self.quantities(read).items()}
@@ -223,7 +225,10 @@ class SettingsReader:
 
 
 def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
-    """Add `values` to the settings `own`, and report unknown names. If the document is not a valid assembly, return `own` unchanged."""
+    """Return a copy of the settings `own` with the additional settings `values`.
+
+    Unknown names are reported. If the document is not a valid assembly, return `own` unchanged.
+    """
     if not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
         return own
     reader = SettingsReader(sources)
@@ -235,7 +240,7 @@ def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sour
 
 
 def _python_value(value: Any) -> Any:
-    """Convert a numpy scalar to a Python value. An integer that is too large for a float is converted to infinity."""
+    """Convert a numpy scalar to a Python value. Integers that are too large for a float are converted to infinity."""
     if hasattr(value, "item") and not getattr(value, "ndim", 0):
         value = value.item()
     if isinstance(value, int) and abs(value) > sys.float_info.max:
@@ -250,7 +255,10 @@ def _setting_text(value: Any) -> str:
 
 
 def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
-    """Evaluate a string that contains a boolean or an expression. Return None for any other string, and if the evaluation fails."""
+    """Evaluate a string that is `true`, `false` or an expression.
+
+    Return None for any other string, and for expressions that cannot be evaluated.
+    """
     if text in ("true", "false"):
         return text == "true"
     try:
@@ -260,7 +268,7 @@ def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue 
 
 
 def _everywhere(documents: Documents, document: Document, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:
-    """Return all paths in a document that match a pattern, given as a list of keys. Nested documents are searched, too.
+    """Return all paths in a document and its nested documents that match a pattern. The pattern is a list of keys.
 
     For example, `joints.*` matches the joints of the document and of all its nested documents.
     """
@@ -274,7 +282,10 @@ def _everywhere(documents: Documents, document: Document, words: Sequence[str], 
 
 
 def _matching(documents: Documents, document: Document, node: Node | None, words: Sequence[str], before: tuple[str, ...]) -> list[str]:
-    """Return all paths below a node of a document that match a pattern. The keys after the last `*` of the pattern need not exist."""
+    """Return all paths below a node of a document that match a pattern.
+
+    The document need not contain the keys after the last `*` of the pattern.
+    """
     if before[-2:-1] == ("components",) and words and words[0] in SECTIONS and node is not document.tree:
         inner = nested_document(documents, document, before[-1])
         if inner is None:

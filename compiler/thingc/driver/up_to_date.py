@@ -1,8 +1,8 @@
-"""Skip a command if none of its inputs has changed since the last run. A *stamp* in the store records all inputs and the result of a run.
+"""Skip a command if none of its inputs has changed since the last run.
 
-A stamp is valid if every input file has the same content, every missing file is still missing, and thingc and the installed packages are
-the same. In this case, the recorded diagnostics are printed again, and no document is parsed. For a build, the build folder must also be
-unchanged.
+All inputs and the result of a run are recorded in a *stamp*, which is saved in the store. A stamp is valid if all input files are
+unchanged, all missing files are still missing, and thingc and all installed packages are the same. If the stamp is valid, the recorded
+diagnostics are printed again, and no document is parsed. For the command `build`, the build folder must also be unchanged.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from thingc.driver.pipeline import Compilation
 from thingc.geometry.store.local import Store
 
 FOLDER = "folder:"
-"""Prefix of digests of folder listings, which distinguishes them from digests of files."""
+"""Prefix of the digest of a folder, which distinguishes it from the digest of a file."""
 
 
 def fingerprint() -> str:
     """Return a digest of the Python interpreter, the installed packages, the code of thingc, and the environment variables of workers.
 
-    The names of the metadata folders of packages contain their versions, so these names are sufficient for the digest.
+    The installed packages are identified by the names of their metadata folders, which contain the versions.
     """
     from thingc.geometry.key.environment_variables import passed
 
@@ -54,8 +54,8 @@ def fingerprint() -> str:
 def state_of(path: str, store: Store | None = None) -> str | None:
     """Return a digest of a file or folder, or None if the path does not exist.
 
-    For a file, the digest is the SHA-256 of its content. For a folder, it is `folder:` followed by the SHA-256 of the names in the folder.
-    `store` caches the digests of large files.
+    The digest of a file is the SHA-256 of its content. The digest of a folder is `folder:` and the SHA-256 of the names of its entries. If
+    `store` is given, the digests of large files are cached.
     """
     from thingc.geometry.store.file_digests import digest_of
 
@@ -69,7 +69,7 @@ def state_of(path: str, store: Store | None = None) -> str | None:
 
 
 def key_of(command: str, document: str, choice: Mapping[str, object]) -> str:
-    """Return the key under which the store contains the stamp of a command. `choice` contains the options of the command."""
+    """Return the key of the stamp of a command in the store. `choice` contains the options of the command."""
     text = json.dumps([command, os.path.abspath(document), choice], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -77,9 +77,10 @@ def key_of(command: str, document: str, choice: Mapping[str, object]) -> str:
 def save(
     store: Store, key: str, inputs: Mapping[str, str | None] | None, diagnostics: Sequence[Diagnostic], answer: Mapping[str, object]
 ) -> None:
-    """Store the stamp of a command that has finished: its inputs, its diagnostics, and its result `answer`.
+    """Save the stamp of a finished command in the store.
 
-    `inputs` maps absolute paths to digests (see `state_of`). If `inputs` is None, an input changed during the run, and nothing is stored.
+    The stamp contains the inputs, the diagnostics, and the result `answer` of the command. `inputs` maps absolute paths to digests (see
+    `state_of`). If an input has changed during the run, `inputs` is None, and nothing is saved.
     """
 
     if inputs is None:
@@ -89,7 +90,7 @@ def save(
 
 
 def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:
-    """Return the diagnostics and the result of the last run of a command, or None if one of its inputs has changed since."""
+    """Return the diagnostics and the result of the last run of a command, or None if an input has changed since the run."""
     kept = store.get_json("stamp", key)
     if not isinstance(kept, dict) or any(state_of(path, store) != state for path, state in kept["inputs"].items()):
         return None
@@ -110,16 +111,16 @@ def _types() -> dict[str, Any]:
 
 
 def unpacked(kept: Mapping[str, object]) -> Diagnostic:
-    """Convert the result of `packed` back to a diagnostic."""
+    """Convert the values that `packed` returns back to a diagnostic."""
     fields = {name: msgspec.convert(value, _types()[name]) for name, value in kept.items() if name != "code"}
     return Diagnostic(code=Code[str(kept["code"])], **fields)
 
 
 def inputs(environment: Environment, compilation: Compilation) -> dict[str, str | None] | None:
-    """Return all files and folders that a compilation has read, as a mapping from absolute paths to digests (see `state_of`).
+    """Return all files and folders that a compilation has read, as a mapping from absolute paths to digests.
 
-    The compilation must not have errors. Return None if a file has changed while it was being read, because the content that was used is
-    then unknown.
+    Call this function only if the compilation has no errors. Return None if a file has changed during the compilation, because its content
+    at the time of reading is unknown.
     """
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None
@@ -130,9 +131,9 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
 
 
 def looked_at(environment: Environment, compilation: Compilation) -> set[str]:
-    """Return the absolute paths of all files and folders on which the result of a compilation depends. The compilation can have errors.
+    """Return the absolute paths of all files and folders on which the result of a compilation depends. The compilation may have errors.
 
-    The result contains existing and missing files and folders in the workspace, and in packages that are tracked by content.
+    Missing files are included. Files of packages are included only if the packages are tracked by content.
     """
     from thingc.documents.workspace import settings_files
     from thingc.model.resolve.choices import chosen_files

@@ -1,4 +1,4 @@
-"""Find parts of a robot that overlap or are close to each other in a pose. The exact shapes of the parts are compared."""
+"""Find parts of a robot that overlap or are close to each other in a pose. The exact shapes of the parts are used."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.request import EmitRequest
 
 LOOK = 0.01
-"""Distance [m] up to which the smallest gap between two parts is searched."""
+"""Largest distance [m] for which the smallest gap between two parts is measured."""
 TOUCH = 1e-9
-"""Gaps [m] up to this value are treated as contact."""
+"""Largest gap [m] between two parts that counts as contact."""
 CELL = (0.1, 0.1, 0.1, 0.002)
-"""Cell size of poses: for the entries of the rotation matrix (about 6 deg), and for the translation [m]."""
+"""Step sizes for rounding poses: for the entries of the rotation matrix (about 6 deg), and for the translation [m]."""
 
 
 class NearPair(FrozenStruct):
-    """Two components of a robot that are close to each other or overlap in the keyframe `where`. `one` and `other` are their indices.
+    """Two components of a robot that are close to each other or overlap in the keyframe `where`.
 
-    `gap` is the distance between the two components [m]. If the gap is 0, `volume` [m^3] is the volume of their overlap, and `depth` [m] is
-    its mean thickness. `allowance` is the index of the entry in the test that allows this pair to collide, if any.
+    `one` and `other` are the indices of the components. `gap` is the distance between the two components [m]. If the gap is 0, `volume`
+    [m^3] is the volume of their overlap, and `depth` [m] is its mean thickness. `allowance` is the index of the `allow` entry of the test
+    that permits this collision, or None.
     """
 
     one: int
@@ -40,16 +41,16 @@ class NearPair(FrozenStruct):
 
     @property
     def badness(self) -> tuple[float, float]:
-        """The sort key of the pair. A deeper overlap has a larger key. Without an overlap, a smaller gap has a larger key."""
+        """Sort key of the pair by severity. A deeper overlap has a larger key. Without an overlap, a smaller gap has a larger key."""
         return self.depth, -self.gap
 
 
 class Collisions:
     """The pairs of components that may collide, and the exact shapes of these components.
 
-    `pairs` contains the indices of components on two links that no joint connects. The gaps of these pairs are measured. `close` contains
-    the indices of components on the same link, or on two links that a joint connects. These components may touch, so only overlaps are
-    found. `skipped` contains the pairs that are not compared, by reason.
+    `pairs` contains the indices of components on two links that no joint connects. For each pair, the gap is measured. `close` contains the
+    indices of components on the same link, or on two links that a joint connects. Components of such pairs may touch, so only overlaps are
+    searched. `skipped` maps each reason for skipping a comparison to the skipped pairs.
     """
 
     def __init__(self, request: EmitRequest) -> None:
@@ -79,8 +80,8 @@ class Collisions:
     ) -> Iterator[NearPair]:
         """Yield the overlapping pairs of components on the same link, or on links that a joint connects.
 
-        A pair is omitted if the document allows its overlap (`TC520`). In a sweep, `seen` contains the relative poses that were compared
-        before, rounded to a grid. A pair is not compared again for the same rounded pose.
+        Pairs are omitted if the document suppresses the warning `TC520` about their overlap. In a sweep, `seen` contains the rounded
+        relative poses that have already been compared. The pair is not compared again at the same rounded pose.
         """
         for pair in self.overlaps.pairs(self.assembly.occurrences, poses):
             one, other = indices = pair.one.index, pair.other.index
@@ -109,8 +110,9 @@ class Collisions:
     ) -> Iterator[NearPair]:
         """Yield all pairs of components that are closer than `clearance` [m], and the closest pair if it is within `look` [m].
 
-        The components are on links that no joint connects. Pairs that the test allows to collide are yielded only below `clearance`.
-        `needed` contains the indices of entries that are known to be necessary; the pairs of these entries are skipped.
+        Only components on links that no joint connects are compared. A pair that the test allows to collide is yielded only if it is closer
+        than `clearance`. `needed` contains the indices of `allow` entries that have already permitted a collision. Pairs of these entries
+        are skipped.
         """
         if not self.pairs:
             return
@@ -139,7 +141,7 @@ class Collisions:
 
 
 def collisions_of(request: EmitRequest) -> Collisions:
-    """Return the pairs of components that may collide, with their shapes. The result is computed once for all tests of a document."""
+    """Return the pairs of components that may collide, with their shapes. The result is cached for all tests of a document."""
     known = request.made.get("collisions")
     if isinstance(known, Collisions):
         return known

@@ -18,14 +18,14 @@ from thingc.model.robot.types import Robot
 Array = NDArray[np.float64]
 
 ROUND = np.pi
-"""Range [rad] in each direction of joints without limits. Both directions together are one turn."""
+"""Limit [rad] for joints without limits, in both directions. Such a joint therefore has a range of one turn."""
 
 
 class NumpyTree:
-    """The kinematic tree of a robot, for searches over joint positions in numpy. Mimic joints are not independent coordinates.
+    """The kinematic tree of a robot, for searches over joint positions in numpy.
 
-    `paths` contains the paths of the n independent joint coordinates, and `lower` and `upper` their limits [rad or m]. The base of the
-    robot does not move, even if it is floating.
+    Joints that mimic other joints are not independent coordinates. `paths` contains the paths of the n independent joint coordinates, and
+    `lower` and `upper` their limits [rad or m]. The base of the robot is fixed, even if the mode has a floating base.
     """
 
     def __init__(self, robot: Robot, base: Pose | None = None) -> None:
@@ -42,7 +42,7 @@ class NumpyTree:
         self._in_link = in_link(robot.assembly)
 
     def x(self, q: Mapping[str, float]) -> Array:
-        """Convert joint positions [rad or m] by path to an array (n,) of the independent joint coordinates."""
+        """Convert a mapping of joint paths to positions [rad or m] to an array (n,) of the independent joint coordinates."""
         return np.array([q[path] for path in self.paths], dtype=np.float64)
 
     def q(self, x: Array) -> dict[str, float]:
@@ -54,9 +54,9 @@ class NumpyTree:
         return coordinates(self._joints.values(), free | in_cones(self._balls, free))
 
     def cones(self, x: Array) -> tuple[Array, Array]:
-        """Return how far each ball joint is from its cone limit, and the derivatives `(k, n)` of these k values by the joint coordinates.
+        """Return the distance of each of k ball joints from its cone limit, and the derivatives `(k, n)` by the joint coordinates.
 
-        A value is the square of the limit angle minus the square of the current angle [rad^2].
+        The distance is the square of the limit angle minus the square of the current angle [rad^2].
         """
         room, slope = [], []
         for ball in self._balls:
@@ -72,16 +72,16 @@ class NumpyTree:
         return placed_bodies(self.robot.bodies, q, self.base)
 
     def mount(self, mount: MountAt) -> tuple[int, Pose]:
-        """Return the index of the body to which a mount belongs, and the pose of the mount in the frame of this body."""
+        """Return the index of the body that contains a mount, and the pose of the mount in the frame of the body."""
         assembly = self.robot.assembly
         pose = self._in_link[mount.occurrence] @ assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
         return self._body_of[assembly.link_of[mount.occurrence]], pose
 
     def jacobian(self, body: int | None, point: Array, q: Mapping[str, float], at: tuple[Pose, ...]) -> Array:
-        """Return the Jacobian `(6, n)` of a point of a body: three rows for the linear and three rows for the angular velocity.
+        """Return the Jacobian `(6, n)` of a point of a body: three rows for the linear velocity, then three rows for the angular velocity.
 
-        `point` (3,) is in the world. `body` is the index of the body, or None for the world, whose Jacobian is 0. `at` contains the poses
-        of all bodies at the joint positions `q`.
+        `point` (3,) is the position of the point in the world [m]. `body` is the index of the body, or None for the world, whose Jacobian
+        is 0. `at` contains the poses of all bodies at the joint positions `q`.
         """
         x, y, z = (float(one) for one in point)
         J = np.zeros((6, len(self.paths)))
@@ -95,20 +95,20 @@ class NumpyTree:
         return J
 
     def closing(self, q: Mapping[str, float]) -> tuple[Array, Array]:
-        """Return the errors of all loops, and their derivatives by the independent joint coordinates.
+        """Return the closure errors of all kinematic loops, and their derivatives with respect to the independent joint coordinates.
 
-        The error of a loop has six elements in world axes: the translation [m], then the rotation [rad].
+        Each loop has six errors in world axes: the translation [m], then the rotation [rad].
         """
         error, columns = self._loops.linearized(SolverState(q=dict(q), base=self.base))
         return np.array(error), np.array(columns, dtype=np.float64).reshape(len(self.paths), -1).T
 
 
 def quasi_random(count: int, dimensions: int) -> Array:
-    """Return `count` evenly distributed points in the unit cube, as an array (count, dimensions). The points are the same in every run.
+    """Return `count` evenly distributed points in the unit cube, as an array (count, dimensions).
 
-    In one dimension, the points are equally spaced from end to end. Otherwise the corners of the cube come first, if they are at most a
-    quarter of the points. The other points follow the additive recurrence of the generalised golden ratio g, the root of g**(d + 1) = g + 1
-    (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+    The same points are returned in every run. In one dimension, the points are equally spaced from end to end. In more dimensions, the
+    corners of the cube come first, if they are at most a quarter of the points. The other points follow the additive recurrence of the
+    generalised golden ratio g, the root of g**(d + 1) = g + 1 (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
     """
     if dimensions == 0:
         return np.zeros((1, 0))

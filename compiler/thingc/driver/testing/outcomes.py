@@ -1,4 +1,4 @@
-"""The single runs of document tests (`TestCase`), and the results of their measurements (`Outcome`)."""
+"""Data types for single runs of document tests (`TestCase`) and the results of their measurements (`Outcome`)."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Measure = float | int | str | list[float] | dict[str, float] | dict[str, list[st
 """A measured or expected value in the JSON output, in SI units."""
 
 ROUNDING = 1e-9
-"""Tolerance for rounding errors: relative for masses and lengths, in metres for positions."""
+"""Tolerance for rounding errors: relative to the value for masses and lengths, and in metres for positions."""
 
 
 class Failure(FrozenStruct):
-    """The reason why a test failed: a diagnostic code, a message, and the key of the violated limit in the document (`max`, `within.x`)."""
+    """The reason why a test failed: a diagnostic code, a message, and the key of the violated limit, such as `max` or `within.x`."""
 
     code: DiagnosticCode
     message: str
@@ -33,9 +33,9 @@ class Failure(FrozenStruct):
 
 
 class Outcome(FrozenStruct):
-    """The result of a measurement: the measured and the expected values in SI units by name, a description, and the failure, if any.
+    """The result of a measurement. It contains the measured and the expected values [SI] by name, a description, and the failure, if any.
 
-    `needed` contains the indices of the `allow` entries that a collision test used.
+    `needed` contains the indices of the `allow` entries that permitted a collision.
     """
 
     measured: Mapping[str, Measure]
@@ -57,8 +57,8 @@ def check_bounds(
 ) -> Outcome:
     """Compare a measured value [SI] with its minimum and maximum, which can be None, and return the outcome.
 
-    `name` is the name of the value in the results, and `what` describes the value in messages. `code` is the diagnostic code of the
-    failure.
+    `name` is the name of the value in the results, and `what` describes the value in messages. `code` is the diagnostic code that is
+    reported if the value is out of bounds.
     """
     measured = shown(value, dimension)
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
@@ -77,7 +77,7 @@ def check_bounds(
 
 
 def unclosed() -> Outcome:
-    """Return the failed outcome of a test in a pose in which the closed loops of the robot do not close."""
+    """Return the outcome of a test in a pose in which the kinematic loops of the robot do not close: a failure."""
     failure = Failure(
         code=Code.TEST_POSE, key="pose", message="the loops of the mode do not close in this pose",
         help="run `thingc info` to list the poses in which the loops close",
@@ -86,10 +86,10 @@ def unclosed() -> Outcome:
 
 
 class TestCase(FrozenStruct):
-    """A single run of a document test, in one mode and one pose. A sweep is also a single run, with many poses.
+    """A single run of a document test, in one mode and one pose. A test with a sweep is also a single run, with many poses.
 
     `robot` is the robot in this mode, and `frames` contains a keyframe for each pose. `missing` is the number of poses in which the loops
-    of the robot do not close. A test that does not depend on the mode uses the robot of the first mode, and has no keyframes.
+    of the robot do not close. If the test does not depend on the mode, `robot` is the robot in the first mode, and `frames` is empty.
     """
 
     linked: LinkedTest
@@ -99,7 +99,7 @@ class TestCase(FrozenStruct):
     missing: int = 0
 
     def components(self, references: Collection[Reference]) -> list[int]:
-        """Return the sorted indices of the components that the references name.
+        """Return the indices of the referenced components, sorted.
 
         Without references, return the indices of all components.
         """
@@ -114,9 +114,9 @@ Stated = TypeVar("Stated", bound=OneLineRepr)
 class TestMeasurement(FrozenStruct, Generic[Stated]):
     """The functions that measure one kind of document test.
 
-    `measure(case, stated)` measures a single run of a test; `stated` contains the values that the test specifies. `poses(stated, pose)`
-    returns the poses of a run with the named pose `pose`, such as the poses of a sweep. `finish(linked, outcomes, report)` is called with
-    the outcomes of all runs, if the test ran in all of its modes.
+    `measure(case, stated)` measures a single run of a test, where `stated` is the specification of the test. `poses(stated, pose)` returns
+    the poses of a run with the named pose `pose`, such as the poses of a sweep. `finish(linked, outcomes, report)` is called after all runs
+    with their outcomes, if the test ran in all of its modes.
     """
 
     kind: CheckKind[Any, Stated]

@@ -1,4 +1,4 @@
-"""Compute the poses in which a robot is tested, including the joint positions for which its loops close."""
+"""Compute the joint positions in which a robot is tested. In these positions, the kinematic loops of the robot are closed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from thingc.model.robot.types import Keyframe, Robot
 def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> Robot | None:
     """Return the robot in a mode with a keyframe for each pose in which its loops close.
 
-    Return None if its loops do not close in any pose.
+    Return None if the loops do not close in any of the poses.
     """
     wanted = {pose.name: pose for pose in poses}
     others = tuple(pose for pose in assembly.poses if pose.name not in wanted)
@@ -26,7 +26,7 @@ def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> R
 
 
 def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
-    """Return the initial pose of a mode: the pose that the mode specifies, or else a new pose with all joints at 0."""
+    """Return the start pose of a mode. If the mode does not specify a pose, all joints are at 0."""
     own = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
     if own is not None:
         return own
@@ -37,7 +37,10 @@ def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
 
 
 def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
-    """Return `samples` poses in which the given joints are spread over their ranges. The other joints are as in `pose`."""
+    """Return `samples` poses in which the given joints are spread over their ranges.
+
+    All other joints have the same positions as in `pose`.
+    """
     poses: list[NamedPose] = []
     for number, place in enumerate(quasi_random(samples, len(ranges))):
         moved = {r.joint: r.lower + float(part) * (r.upper - r.lower) for r, part in zip(ranges, place, strict=True)}
@@ -46,11 +49,11 @@ def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list
 
 
 def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:
-    """Return the keyframe of a robot for a named pose. Return None if the loops of the robot do not close in this pose."""
+    """Return the keyframe of a robot for a named pose, or None if the kinematic loops of the robot do not close in the pose."""
     return next((frame for frame in robot.keyframes if frame.name == pose.name), None)
 
 
 def joints_text(assembly: Assembly, q: Mapping[str, float]) -> str:
-    """Format joint positions [rad or m] with the paths of the joints, such as `shoulder -60 deg, elbow 120 deg`."""
+    """Format joint positions [rad or m] for display, such as `shoulder -60 deg, elbow 120 deg`."""
     twists = {joint.path: joint.twist for joint in joints_of(assembly)}
     return ", ".join(f"{path} {twists[path].shown(round(value, 6) + 0.0)}" for path, value in q.items())

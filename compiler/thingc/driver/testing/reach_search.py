@@ -15,23 +15,25 @@ from thingc.model.resolve.types import JointRange, NamedPose
 from thingc.model.robot.types import Keyframe, Robot
 
 SAMPLES = 1000
-"""Number of sampled positions."""
+"""Number of joint positions that are sampled."""
 LOOPED = 100
-"""Number of sampled positions of a robot with loops. This number is smaller, because loops must be closed first."""
+"""Number of joint positions that are sampled for a robot with kinematic loops. Fewer positions are sampled, because closing the loops takes
+time.
+"""
 CLIMBED = 6
-"""Number of best samples that are optimized."""
+"""Number of the best samples that are optimized further."""
 STARTS = 24
-"""Number of start positions of a search for a point."""
+"""Number of joint positions from which the search for a point starts."""
 CLOSED = 1e-6
-"""Largest loop error [m or rad] of a valid position."""
+"""Largest closure error [m or rad] of a joint position that counts as closed."""
 
 
 def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[float, dict[str, float]]:
-    """Search for the largest distance [m] between two mounts. Return the distance, and the joint positions by path.
+    """Search for the largest distance [m] between two mounts. Return this distance, and the positions of the joints by path.
 
     The result is a lower bound of the true maximum. The search evaluates samples over the joint ranges, and optimizes the best samples
-    within the joint limits (SLSQP, with closed loops as constraints). `robot` can be the robot in any mode without other holds, if its base
-    does not move the two mounts relative to each other. `origin` is the location in the documents to which the tried poses belong.
+    within the joint limits (SLSQP, with closed loops as constraints). `robot` can be in any mode without other holds, if the motion of its
+    base does not change the distance between the mounts. `origin` is the location in the documents for the poses that the search tries.
     """
     chain = NumpyTree(robot)
     ends = chain.mount(of), chain.mount(base)
@@ -51,9 +53,9 @@ def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[
 
 
 def _starts(chain: NumpyTree, origin: Origin) -> list[Array]:
-    """Return the joint positions (n,) at which the search starts. All of them are within the joint limits.
+    """Return the joint coordinates (n,) of all positions at which the search starts. All start positions are within the joint limits.
 
-    For a robot with closed loops, they include poses of the document, and the loops are closed in all of them.
+    For a robot with kinematic loops, poses of the document are included, and the loops are closed in all start positions.
     """
     assembly = chain.robot.assembly
     if not chain.robot.closures:
@@ -75,7 +77,7 @@ Ends = tuple[tuple[int, Pose], tuple[int, Pose]]
 
 
 def _distance(chain: NumpyTree, ends: Ends, x: Array) -> tuple[float, Array]:
-    """Return the distance [m] between two mounts, and its derivatives (n,) by the joint coordinates."""
+    """Return the distance [m] between two mounts, and its derivatives (n,) with respect to the joint coordinates."""
     q = chain.q(x)
     at = chain.bodies(q)
     one, other = (np.array((at[body] @ pose).translation) for body, pose in ends)
@@ -130,7 +132,7 @@ def nearest(robot: Robot, frame: Keyframe, target: ReachGoal) -> tuple[float, fl
     """Search for the joint positions in which a mount is closest to a point.
 
     Return the distance [m], the deviation of the z axis from the required direction [rad], and the joint positions by path. Return None if
-    the loops of the robot do not close in any of the tried positions.
+    the kinematic loops of the robot do not close in any tried position.
 
     The method is inverse kinematics within the joint limits, by trust-region least squares (scipy's `trf`). The search starts from the
     keyframe, and then from positions spread over the joint ranges, until a result is close enough.
@@ -160,7 +162,7 @@ def _tries(chain: NumpyTree, frame: Keyframe) -> list[Array]:
 def _situation(
     chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[dict[str, float], tuple[Pose, ...], tuple[Array, Array], tuple[Array, Array]]:
-    """Return the joint positions by path, and the poses of all bodies, for the joint coordinates x (n,) of the search.
+    """Return the state of a search at the joint coordinates x (n,): the joint positions by path, and the poses of all bodies.
 
     Also return the origin and the z axis of the mount, and the point and the direction of the goal, all in the world.
     """
@@ -208,7 +210,7 @@ def _approach(chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose]
 def _missed(
     chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
 ) -> tuple[float, float, float]:
-    """Return the distance [m] of the mount from the goal, its deviation from the required direction [rad], and the largest loop error."""
+    """Return the distance [m] of the mount from the goal, the angle [rad] from the required direction, and the largest closure error."""
     q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
     off = 0.0
     if target.direction is not None:
@@ -218,6 +220,6 @@ def _missed(
 
 
 def _joints(chain: NumpyTree, x: Array) -> dict[str, float]:
-    """Return the independent joint positions [rad or m] by path, for the joint coordinates x (n,) of the search."""
+    """Convert the joint coordinates x (n,) of the search to independent joint positions [rad or m] by path."""
     q = chain.q(x)
     return {path: q[path] for path in chain.paths}

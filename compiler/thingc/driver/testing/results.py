@@ -1,4 +1,4 @@
-"""The results of document tests, and the report of these results in the JUnit format."""
+"""The results of document tests, and a report of the results in the JUnit format."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from thingc.driver.testing.outcomes import Outcome
 
 
 class Result(FrozenStruct):
-    """The result of a single run of a test, with its duration [s]. A failed run also has a diagnostic."""
+    """The result of a single run of a test, with the duration of the run [s]. A failed run also has a diagnostic."""
 
     name: str
     kind: str
@@ -30,15 +30,19 @@ class Result(FrozenStruct):
 
     @property
     def where(self) -> str:
-        """The mode and the pose in which the test ran, such as `bench, home`. It is empty for a test that needs neither."""
+        """The mode and the pose in which the test ran, such as `bench, home`.
+
+        The result is an empty string for a test that does not depend on the mode and the pose.
+        """
         return ", ".join(word for word in (self.mode, self.pose) if word is not None)
 
 
 def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic]) -> str:
-    """Create a JUnit report. It contains one suite with the name of the robot, and a test case for each test, mode and pose.
+    """Create a JUnit report in XML format.
 
-    The text of a failed test case is its diagnostic as on the command line. `others` contains errors that do not belong to a test, such as
-    errors because of which the tests did not run. They are combined into a single error of the suite.
+    The report contains one suite with the name of the robot, and a test case for each combination of test, mode and pose. The text of a
+    failed test case is the diagnostic that the command line prints. `others` contains errors that do not belong to a test, such as errors
+    that prevented the tests from running. These errors are combined into a single error of the suite.
     """
     root = ElementTree.Element("testsuites")
     suite = ElementTree.SubElement(root, "testsuite", {

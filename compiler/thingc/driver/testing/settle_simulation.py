@@ -18,11 +18,13 @@ from thingc.targets.mjcf.verify import heard
 Array = NDArray[np.float64]
 
 BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
-"""MuJoCo's warnings about diverging simulations."""
+"""Warnings of MuJoCo that mean that a simulation diverges."""
 
 
 class SettleResult(FrozenStruct):
-    """The simulated motion of several points of a robot. `path` is an array (times, points, 3) [m] with one time every `step` seconds.
+    """The simulated motion of several points of a robot.
+
+    `path` is an array (times, points, 3) [m] of positions, with one time every `step` seconds.
 
     `deepest` [m] is the largest depth of contacts during the time in which the robot should be at rest.
     """
@@ -37,7 +39,7 @@ class SettleResult(FrozenStruct):
         return 0.0 if not len(late) else (int(late[-1]) + 1) * self.step
 
     def drift(self, start: float) -> float:
-        """Return the largest distance [m] of a point from its final position, at any time from `start` [s] to the end."""
+        """Return the largest distance [m] of any point from its final position, between the time `start` [s] and the end."""
         off = self._off()
         return float(off[min(len(off) - 1, round(start / self.step)) :].max())
 
@@ -57,9 +59,9 @@ def simulated(
 ) -> SettleResult | float:
     """Simulate a robot that starts in the keyframe `frame`, and record the motion of the bounding boxes of all its parts.
 
-    `scene` is the name of the MJCF scene of the mode in `files`. The simulation takes `seconds` seconds. From the time `resting` [s] on,
-    the depth of contacts is also recorded. `separator` is the separator in the paths of element names in the model. If the simulation
-    diverges, return the time [s] of the divergence instead.
+    `scene` is the name of the MJCF scene of the mode in `files`. The simulation takes `seconds` seconds. The depth of contacts is recorded
+    from the time `resting` [s] on. `separator` is the character that separates names in the element paths of the model. If the simulation
+    diverges, return only the time [s] at which it diverges.
     """
     with heard():
         model = _model(scene, files, floor=floor)
@@ -98,9 +100,9 @@ def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjM
 
 
 def _points(robot: Robot, model: mujoco.MjModel, separator: str) -> list[tuple[int, Array]]:
-    """Return, for each link, the number of its body in the MuJoCo model, and an array `(n, 3)` of points in its frame [m].
+    """For each link, return the index of its body in the MuJoCo model, and an array `(n, 3)` of points [m] in the frame of the body.
 
-    The points are the origin of the link, and the corners of the bounding boxes of its parts.
+    The points are the origin of the link and the corners of the bounding boxes of its parts.
     """
     per_link = []
     for body in robot.bodies:

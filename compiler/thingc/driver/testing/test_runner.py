@@ -20,9 +20,9 @@ from thingc.targets.request import EmitRequest
 
 
 class Selection(FrozenStruct):
-    """The tests to run, given by patterns of test names (empty: all tests), and the modes in which to run them.
+    """The tests to run, selected by patterns of test names (empty: all tests), and the modes in which the tests run.
 
-    Without modes, each test runs in its own modes.
+    If no modes are given, each test runs in the modes that it specifies.
     """
 
     only: tuple[str, ...] = ()
@@ -34,10 +34,10 @@ class Selection(FrozenStruct):
 
 
 def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result], None] = lambda result: None) -> list[Result]:
-    """Run the selected tests in document order, and return their results. `on_result` is called with each result.
+    """Run the selected tests in document order, and return their results. The callback `on_result` is called with each result.
 
-    A failed test is reported in `request.report` as an error at the violated value. `request.robots` must contain the robot in all modes of
-    the assembly.
+    A failed test is reported in `request.report` as an error, at the location of the violated value in the document. `request.robots` must
+    contain the robot in all modes of the assembly.
     """
     results: list[Result] = []
     for linked in request.assembly.tests:
@@ -79,7 +79,7 @@ def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -
 
 
 class _Attempt(FrozenStruct):
-    """A single run of a test, in one mode and pose, that has not been started yet."""
+    """A single run of a test, in one mode and pose, that has not yet started."""
 
     mode: str | None
     pose: str | None
@@ -89,7 +89,7 @@ class _Attempt(FrozenStruct):
 def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[_Attempt]:
     """Yield all runs of a test, in the order of modes and poses.
 
-    A test that does not depend on a mode has a single run. Other tests have a run for each mode and pose.
+    A test that does not depend on the mode is run once. All other tests are run once for each mode and pose.
     """
     measurement, assembly, check = measurement_of(linked.test.kind), request.assembly, linked.test.check
     kind = measurement.kind
@@ -105,7 +105,7 @@ def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMo
 
 
 def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[NamedPose]:
-    """Return the poses of a test in a mode: the poses that the test names, the initial pose of the mode, or all keyframes."""
+    """Return the poses of a test in a mode. The test specifies names of poses, all keyframes, or by default the start pose of the mode."""
     assembly: Assembly = request.assembly
     by_name = {pose.name: pose for pose in assembly.poses}
     if linked.test.every_pose:
@@ -115,7 +115,7 @@ def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[N
 
 
 def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
-    """Return a function that runs a test in a mode and a pose, and returns the outcome."""
+    """Return a function without arguments that runs a test in a mode and a pose, and returns the outcome."""
     def run() -> Outcome:
         measurement, check = measurement_of(linked.test.kind), linked.test.check
         wanted = measurement.poses(check, pose)

@@ -1,4 +1,7 @@
-"""The measurements of document tests. Each module measures one kind of test, which `documents/checks/` defines."""
+"""The modules that measure document tests.
+
+Each module measures one type of test, which a module with the same name in `documents/checks/` defines.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,6 @@ from thingc.driver.testing.outcomes import TestMeasurement
 
 
 def measurement_of(kind: str) -> TestMeasurement[Any]:
-    """Import the module that measures the given kind of document test, such as `reach`, and return its measurement."""
+    """Import the module that measures a type of document test, such as `reach`, and return its `TestMeasurement`."""
     found: TestMeasurement[Any] = import_module(f"{__name__}.{kind}").MEASUREMENT
     return found

@@ -19,11 +19,11 @@ from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box, of_point
 from thingc.model.robot.kinematics import occurrence_poses
 
 LISTED = 5
-"""Maximum number of additional parts in a message."""
+"""Maximum number of parts that a message lists in addition to the lowest part."""
 
 
 def measure(case: TestCase, check: GroundClearance) -> Outcome:
-    """Measure the height [m] of the lowest point of all tested parts above the ground plane of the test."""
+    """Measure the smallest height [m] of any tested part above the ground plane of the test."""
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
     heights = sorted(_heights(case, check))
     if not heights:
@@ -48,10 +48,9 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
 
 
 def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, str]]:
-    """Yield the height [m] of the lowest point of each part above the ground plane, with the path of the part.
+    """Yield the height [m] of each part above the ground plane, measured at its lowest point, and the path of the part.
 
-    The lowest part and all parts that are too low are always yielded. Other parts may be omitted if their bounding boxes show that they are
-    higher.
+    The lowest part and all parts that are too low are always yielded. Parts whose bounding boxes show that they are higher may be omitted.
     """
     spared = {index for reference in check.spared for index in case.linked.components[reference]}
     poses = occurrence_poses(case.robot, case.frames[0].q, case.frames[0].base)
@@ -70,14 +69,14 @@ def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, st
 
 
 def _has_end(surface: Surface) -> bool:
-    """Return whether a solid has a lowest point. An infinite plane does not, and it usually represents the ground itself."""
+    """Return whether a solid has a lowest point. Return False for an infinite plane, which usually represents the ground itself."""
     return not isinstance(surface.solid, Primitive) or surface.solid.shape != "plane"
 
 
 def _low(case: TestCase, occurrence: Occurrence, number: int, pose: Pose) -> float:
     """Return the height [m] of the lowest point of a solid in the world.
 
-    `number` is the index of the solid, and `pose` the pose of its part.
+    `number` is the index of the solid in its part, and `pose` is the pose of the part.
     """
     surface = occurrence.solids[number]
     if isinstance(surface.solid, Primitive):

@@ -17,11 +17,11 @@ from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import occurrence_poses
 
 LISTED = 5
-"""Maximum number of additional pairs in a message."""
+"""Maximum number of pairs that a message lists in addition to the worst pair."""
 
 
 def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
-    """Return the poses in which a test measures: all poses of its sweep, or only the given pose if the test has no sweep."""
+    """Return the poses in which the test measures: all poses of its sweep, or only `pose` if the test does not specify a sweep."""
     return swept(pose, check.ranges, check.samples) if check.ranges else [pose]
 
 
@@ -73,7 +73,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
 
 
 def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> None:
-    """Report a warning for each pair of components that the test allows to collide, but that did not collide in any mode or pose."""
+    """Report a warning for each pair of components that the test allows to collide but that did not collide in any mode or pose."""
     check: CollisionCheck = linked.test.check
     needed = {number for outcome in outcomes for number in outcome.needed}
     for number, allowance in enumerate(check.allow):
@@ -86,7 +86,7 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
 
 
 def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int], int]:
-    """Map each pair of components that the test allows to collide to the index of the first entry of `allow` that contains the pair."""
+    """Return a mapping from each pair of components that the test allows to collide to the index of the first matching `allow` entry."""
     allowed: dict[tuple[int, int], int] = {}
     for number, allowance in enumerate(check.allow):
         ones, others = (
@@ -99,7 +99,7 @@ def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int],
 
 
 def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], collisions: Collisions) -> Failure:
-    """Create the failure of a test. The message describes the worst pair of components, and the notes describe the other pairs."""
+    """Create the `Failure` of a test. The message describes the worst pair of components, and the notes describe the other pairs."""
     assembly, first = collisions.assembly, worst[0]
     notes = [Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1 : LISTED + 1]]
     if len(worst) > LISTED + 1:
@@ -118,7 +118,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
 
 
 def _skipped_text(collisions: Collisions) -> str:
-    """Describe the pairs of components that were not compared, with the reasons. The JSON output lists all of these pairs."""
+    """Describe the pairs of components that were not compared, and the reasons. The JSON output lists all of these pairs."""
     return "".join(
         f", {counted(len(pairs), 'pair')} skipped ({reason}: {next(iter(pairs))}{', ...' if len(pairs) > 1 else ''})"
         for reason, pairs in collisions.skipped.items()

@@ -11,7 +11,10 @@ from thingc.driver.testing.reach_search import ReachGoal, nearest
 
 
 def measure(case: TestCase, check: PointCheck) -> Outcome:
-    """Measure the smallest distance [m] that a mount can have from a point, and its deviation from the required direction there [rad]."""
+    """Measure the smallest distance [m] of a mount from a point over all joint positions.
+
+    Also measure the angle [rad] between the z axis of the mount and the required direction.
+    """
     best = nearest(case.robot, case.frames[0], ReachGoal(
         mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],
         point=check.point, direction=check.direction, within=check.within, angle=check.angle,

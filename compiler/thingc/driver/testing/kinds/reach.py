@@ -13,9 +13,10 @@ from thingc.driver.testing.reach_search import farthest
 
 
 def measure(case: TestCase, check: ReachCheck) -> Outcome:
-    """Measure the largest distance [m] between two mounts over all joint positions. The result is a lower bound of the true reach.
+    """Measure the largest distance [m] between two mounts over all joint positions.
 
-    The measurement does not depend on a mode: the base component is fixed, and the world does not hold any other mounts.
+    A search finds the distance, so the result is a lower bound. The result is the same in every mode: the base component is fixed, and no
+    other mounts are held.
     """
     assembly = case.robot.assembly
     mode = replace(assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")

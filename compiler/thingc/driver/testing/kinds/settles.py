@@ -15,7 +15,10 @@ from thingc.targets.mjcf.compat import separator
 
 
 def measure(case: TestCase, check: SettleCheck) -> Outcome:
-    """Simulate the MuJoCo model of the mode, starting in the pose of the test. The simulated time is the sum of `within` and `for`."""
+    """Simulate the MuJoCo model of the mode, starting in the pose of the test.
+
+    The simulated time is the sum of the keys `within` and `for` of the test.
+    """
     report = Report()
     artifacts = mjcf.emit(replace(case.request, robots=(case.robot,), report=report, made={}, verify=True))
     if report.failed:

@@ -21,11 +21,11 @@ from thingc.model.statics.support import lifted, stance
 from thingc.model.statics.types import Efforts
 
 SLACK = 1e-6
-"""Relative tolerance for unbalanced gravity loads on joints."""
+"""Largest gravity load on a joint, relative to the largest load, that does not count as unbalanced."""
 
 
 def measure(case: TestCase, check: TorqueCheck) -> Outcome:
-    """Measure the torque margin: the smallest ratio of the effort limit to the static effort among the tested drives."""
+    """Measure the torque margin, which is the ratio of effort limit to static effort. Return the smallest margin of the tested drives."""
     robot, frame = case.robot, case.frames[0]
     bodies = body_poses(robot, frame.q, frame.base)
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}
@@ -72,12 +72,17 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
 
 
 def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
-    """Return the path of the drive with the smallest margin. If margins differ only by rounding, return the first of these drives."""
+    """Return the path of the drive with the smallest margin.
+
+    If several margins are equal except for rounding, return the first of these drives.
+    """
     return min(check.joints, key=lambda path: rounded(margins[path], 12))
 
 
 def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
-    """Return a description and a failure if the robot does not stay at rest in the pose. Return None if it stays at rest.
+    """Check whether the robot stays at rest in the pose, and return a description and a failure if it does not.
+
+    Return None if the robot stays at rest.
 
     The robot does not stay at rest if feet are above the floor, if it falls over, or if an undriven joint would move.
     """
@@ -113,9 +118,9 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
 
 
 def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], check: TorqueCheck) -> float | None:
-    """Return the smallest torque margin of the drives on a floor without friction.
+    """Return the smallest torque margin of the tested drives, computed for a floor without friction.
 
-    Return None if the robot does not stand on feet with friction, or if it cannot stand on a floor without friction.
+    Return None if the robot cannot stand on such a floor, or if it does not stand on feet with friction.
     """
     if not any(foot.friction > 0.0 for foot in robot.mode.feet):
         return None
