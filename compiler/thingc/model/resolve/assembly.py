@@ -34,7 +34,9 @@ from thingc.model.resolve.tests import tests
 from thingc.model.resolve.types import AssemblyDefinition, Component, LinkName
 
 MAX_DEFINITIONS = 2000
-"""Maximum number of resolved documents. Thirty levels of documents, each nesting the next one twice, would give 2^30."""
+"""Maximum number of times that documents are resolved with different parameters. For example, thirty documents, each of which nests the
+next document twice with other parameters, would be resolved 2^30 times.
+"""
 
 
 def resolved(
@@ -43,9 +45,9 @@ def resolved(
 ) -> DocumentScope:
     """Resolve an assembly document with parameters and choices.
 
-    Return its scope, which contains the resolved `definition`. Equal arguments return the same scope.
+    Return the scope of the document, which contains the resolved `definition`. For equal arguments, the same scope is returned.
 
-    Modes are only resolved for the `top` document, because a parent does not use the modes of nested documents.
+    Modes are only resolved for the `top` document, because a parent assembly does not use the modes of nested documents.
     """
     document = context.documents.by_path[relative]
     own = declared(context, document, spec)
@@ -74,7 +76,7 @@ def resolved(
 
 
 def _check_count(context: ResolveRun, scope: Scope) -> None:
-    """Report once that there are too many nested documents."""
+    """Report an error, at most once, that there are too many nested documents."""
     if len(context.tables) >= MAX_DEFINITIONS and not context.overfull:
         context.overfull = True
         scope.error(
@@ -138,7 +140,7 @@ def _definition(
 
 
 def _check_names(scope: Scope, spec: AssemblySpec) -> None:
-    """Check the names of all elements of a document, except for components and joints that a `repeat` creates."""
+    """Check the names of all elements of a document. The names of components and joints are checked when their `repeat` is unrolled."""
     for name in spec.parameters:
         if name in CONSTANTS or name in FUNCTIONS:
             scope.error(

@@ -1,9 +1,8 @@
-"""Apply the options `--set` that choose a part, a file, a document or a material, at paths such as `components.foot.part`.
+"""Apply options `--set` that select a part, a file, a document or a material, such as `--set components.foot.part=feet:Wide`.
 
-The module `set_values` applies options for all other values. The path of a choice refers to a component
+The module `set_values` applies all other options `--set`. Such an option is called a choice. Its path refers to a component
 (`components.leg.components.foot.part`), or to a default for components (`defaults.component.material`). A choice replaces the value in the
-document, and is part of the identity of every definition that contains the choice. Paths of files and documents are relative to the
-compiled document.
+document. Definitions with different choices are different definitions. Paths of files and documents are relative to the compiled document.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ from thingc.model.resolve.parts import missing_hint
 from thingc.model.resolve.repeats import Unrolled
 
 Choices = tuple[tuple[str, str], ...]
-"""Sorted pairs of a path, relative to one document, and the chosen string."""
+"""Sorted pairs of a path in one document and the chosen string."""
 
 
 def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choices:
-    """Return the `--set` options with valid paths, sorted by path. Report all options with invalid paths."""
+    """Return the `--set` options with valid paths, sorted by path. Options with invalid paths are reported."""
     sound: dict[str, str] = {}
     for path, text in choices.items():
         if parse(path) is None and not is_value(path):
@@ -38,7 +37,7 @@ def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choice
 
 
 def that_say_more(context: ResolveRun, relative: str, spec: AssemblySpec, choices: Choices) -> Choices:
-    """Return the choices that differ from the document. A choice that repeats the value in the document is dropped."""
+    """Return the choices that differ from the document. Choices of the value that the document already contains are dropped."""
     return tuple((path, text) for path, text in choices if not _written(context, relative, spec, path, text))
 
 
@@ -59,16 +58,17 @@ def _written(context: ResolveRun, relative: str, spec: AssemblySpec, path: str, 
 
 
 def _place(context: ResolveRun, relative: str, text: str) -> str:
-    """Return the path in the workspace of the file that `text` refers to in a document."""
+    """Convert a file name `text` in a document to the path of the file in the workspace."""
     import posixpath
 
     return posixpath.normpath(posixpath.join(posixpath.dirname(relative), text))
 
 
 def below(choices: Choices, *names: str) -> Choices:
-    """Return the choices inside the nested document of a component, with paths relative to the nested document.
+    """Return the choices for the nested document of a component, with paths relative to this document.
 
-    `names` are the names by which choices can refer to the component. Choices for a later name take precedence.
+    `names` are the names by which choices can refer to the component. If several names have choices for the same path, the last name takes
+    precedence.
     """
     inside = [(through, text) for path, text in choices if (through := nested(path)) is not None]
     by_path = {path: text for name in names for (component, path), text in inside if component == name}
@@ -76,14 +76,17 @@ def below(choices: Choices, *names: str) -> Choices:
 
 
 def values(choices: Choices) -> dict[str, str]:
-    """Return the values that options `--set` replace in the document, keyed by path. Choices of parts and materials are not included."""
+    """Return the values that options `--set` insert into the document, keyed by path.
+
+    Choices of parts, files, documents and materials are not included.
+    """
     return {path: text for path, text in choices if parse(path) is None and nested(path) is None}
 
 
 def own(choices: Choices, *names: str) -> dict[str, str]:
-    """Return the choices that apply to a component, keyed by the setting (`part`, `material`).
+    """Return the choices for a component itself, keyed by the setting (`part`, `material`).
 
-    `names` are the component's names, the most specific name last.
+    `names` contains the names of the component, with the most specific name last.
     """
     by_key: dict[str, str] = {}
     for name in names:
@@ -92,7 +95,7 @@ def own(choices: Choices, *names: str) -> dict[str, str]:
 
 
 def with_default_material(context: ResolveRun, table: DocumentScope) -> AssemblySpec:
-    """Return the spec of the document with the chosen default material of components."""
+    """Return the model of the document with the chosen default material for components, if any."""
     spec = table.spec
     text = dict(table.choices).get(DEFAULT_MATERIAL)
     if text is None or not _known_material(context, table, text, DEFAULT_MATERIAL):
@@ -118,7 +121,7 @@ def check_names(context: ResolveRun, table: DocumentScope, items: Sequence[Unrol
 
 
 def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
-    """Return the spec of a component with its choices applied, and the chosen keys. Report invalid choices."""
+    """Apply the choices for a component to its model. Return the changed model and the chosen keys. Invalid choices are reported."""
     spec = item.spec
     if not table.choices:
         return spec, frozenset()
@@ -157,7 +160,7 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
 
 
 def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> bool:
-    """Return whether the part class that a choice selects exists in the workspace. Report an error if it does not."""
+    """Return whether the part class that a choice selects exists in the workspace. If the class does not exist, report an error."""
     schema = context.schemas.get(reference)
     if schema is not None and not isinstance(schema, PartFailure):
         return True
@@ -168,7 +171,7 @@ def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> boo
 
 
 def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
-    """Report a file that a choice selects for a component although the file is not a part."""
+    """Report an error for a chosen file that is not a part."""
     context.say_of_option(
         f"components.{node.name}.file", f"`{shortened(text)}` is not a part file in this workspace",
         f"write a path relative to `{context.documents.root.relative}`, for example `parts/motor.step`",
@@ -176,7 +179,7 @@ def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
 
 
 def refuse_circle(context: ResolveRun, node: ComponentScope, relative: str) -> None:
-    """Report a choice by which an assembly would contain itself."""
+    """Report an error for a choice by which an assembly would contain itself."""
     context.say_of_option(f"components.{node.name}.assembly", f"`{relative}` would contain itself", "choose another assembly")
 
 
@@ -192,7 +195,7 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
 
 
 def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Return the documents and part classes that choices select and that must be loaded.
+    """Return the paths of documents and the part classes that the choices select and that must be loaded.
 
     Paths of documents are relative to the top document.
     """
@@ -200,7 +203,7 @@ def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str
 
 
 def chosen_files(choices: Mapping[str, str], document: str) -> list[str]:
-    """Return the absolute paths of part files that choices select. The paths in choices are relative to the top document."""
+    """Return the absolute paths of part files that choices select. The file names in choices are relative to the top document."""
     paths = [named(text, os.path.abspath(document)) for text in _choice_names(choices, "file")]
     return [path for path in paths if path is not None]
 

@@ -24,16 +24,16 @@ from thingc.model.resolve.shapes import of_link
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Material
 
 MAX_NESTING = 120
-"""Maximum depth of nested documents. Slightly above the limit of `load`, which reports the error first."""
+"""Maximum depth of nested documents. The limit is slightly larger than the limit of the pass `load`, so that `load` reports the error."""
 
 Nest = Callable[[ResolveRun, str, AssemblySpec, Mapping[str, ExpressionValue], choose.Choices], DocumentScope]
-"""Resolves a nested document with the values of its parameters and the choices inside the document."""
+"""Function that resolves a nested document with values of its parameters and with choices for the document."""
 
 
 def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
-    """Resolve the components of a document, and store the result in `table.nodes`.
+    """Resolve the components of a document, and store the results in `table.nodes`.
 
-    Also count the parts, links and frames of the document.
+    The parts, links and frames of the document are also counted.
     """
     items = tuple(items)
     if table.choices:
@@ -63,7 +63,7 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
 
 
 def _in_doubt(table: DocumentScope, node: ComponentScope) -> bool:
-    """Return whether validation omitted entries of a component, or of the defaults for components."""
+    """Return whether validation removed invalid entries of a component or of the defaults for components."""
     return bool(table.doubts) and (table.doubts.touch(node.path) or table.doubts.touch(("defaults", "component")))
 
 
@@ -93,7 +93,7 @@ def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nes
 def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:
     """Return the mirror image of a nested assembly.
 
-    If a component in the assembly has another mirror axis, report an error and return None.
+    If a component in the assembly is mirrored along another axis, report an error and return None.
     """
     other = other_axis(definition, axis)
     if other is not None:
@@ -114,7 +114,7 @@ def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefin
 def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, text: str, nest: Nest) -> DocumentScope | None:
     """Resolve the nested document of a component.
 
-    Return None if the document could not be read or contains itself, which `load` has reported.
+    If the document could not be read or contains itself, return None. The pass `load` has reported the error.
     """
     scope, path = node.scope, (*node.path, "assembly")
     chosen = "assembly" in node.chosen
@@ -141,7 +141,7 @@ def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, tex
 
 
 def _given(context: ResolveRun, node: ComponentScope, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
-    """Return the parameters that the component sets in its nested document. Report and omit invalid parameters."""
+    """Return the values that a component sets for the parameters of its nested document. Invalid values are reported and omitted."""
     scope, path = node.scope, (*node.path, "parameters")
     values: dict[str, ExpressionValue] = {}
     for name, raw in node.spec.parameters.items():
@@ -159,7 +159,10 @@ def _given(context: ResolveRun, node: ComponentScope, relative: str, spec: Assem
 def components(
     context: ResolveRun, table: DocumentScope, placements: dict[str, Attach | At | None], *, unreadable: bool,
 ) -> tuple[Component, ...]:
-    """Return the components in document order. Invalid components have no definition, and later passes skip them."""
+    """Return the components of a document, in the order of the document.
+
+    Invalid components do not have a definition, and later passes skip them.
+    """
     defaults = table.spec.defaults.component if table.spec.defaults is not None else None
     below: tuple[tuple[object, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
     unused = DefaultLayers(below)  # type: ignore[arg-type]

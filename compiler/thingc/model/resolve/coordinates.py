@@ -12,7 +12,9 @@ from thingc.base.source import Origin
 
 
 class Limit(OneLineRepr, FrozenStruct):
-    """The limits of a joint, if specified: position from `lower` to `upper` [rad or m], `effort` [N m or N] and `velocity` [rad/s or m/s].
+    """The limits of a joint: position from `lower` to `upper` [rad or m], `effort` [N m or N] and `velocity` [rad/s or m/s].
+
+    A limit that is None does not apply.
 
     For a ball joint, `cone` is the largest rotation angle [rad] from q = 0 about any axis.
     """
@@ -30,10 +32,10 @@ class Limit(OneLineRepr, FrozenStruct):
 
 
 class Dynamics(OneLineRepr, FrozenStruct):
-    """The passive dynamics of a joint in SI units. Values that the document does not specify are None.
+    """The passive dynamics of a joint in SI units. A value is None if the document does not specify it.
 
-    The fields are viscous `damping`, dry `friction`, reflected inertia `armature`, and the `stiffness` and rest position `rest` of a
-    spring.
+    `damping` is viscous friction, `friction` is dry friction, and `armature` is the reflected inertia. `stiffness` and `rest` are the
+    stiffness and the rest position of a spring.
     """
 
     damping: float | None = None
@@ -45,21 +47,21 @@ class Dynamics(OneLineRepr, FrozenStruct):
     def sprung(self, q: float) -> float:
         """Return the torque [N m] or force [N] of the joint's spring at the position `q` [rad or m].
 
-        Positive values push towards positive q.
+        A positive value acts in the direction of positive q.
         """
         return 0.0 if self.stiffness is None else self.stiffness * ((self.rest or 0.0) - q)
 
     @property
     def acts(self) -> bool:
-        """Whether any of the joint's damping, friction, armature and spring stiffness is not 0."""
+        """Whether damping, friction, armature or spring stiffness of the joint is not 0."""
         return any((self.damping, self.friction, self.armature, self.stiffness))
 
 
 class CoordinateName(str):
     """The name of a joint coordinate in documents: `hand.wrist[0]`, or `hand.yaw` for a joint with one coordinate.
 
-    `joint` is the joint's name, `number` the index of the coordinate (None if there is only one). `path` is its name in files:
-    `hand/wrist_0`.
+    `joint` is the name of the joint, and `number` is the index of the coordinate (None if the joint has only one coordinate). `path` is the
+    name of the coordinate in files: `hand/wrist_0`.
     """
 
     joint: str
@@ -67,7 +69,10 @@ class CoordinateName(str):
     path: str
 
     def __new__(cls, text: str) -> CoordinateName:
-        """Parse a name in a document. A suffix that is not a number in brackets is part of the joint's name."""
+        """Parse the name of a coordinate in a document, such as `wrist[0]`.
+
+        If the brackets do not contain a number, they are part of the name of the joint.
+        """
         name = super().__new__(cls, text)
         numbered = _NUMBERED.fullmatch(text)
         name.joint, name.number = (numbered[1], int(numbered[2])) if numbered is not None else (text, None)
@@ -81,7 +86,7 @@ class CoordinateName(str):
         return name
 
     def numbered(self, number: int) -> CoordinateName:
-        """Return the name of the coordinate with this index, `wrist[1]` for the joint `wrist`."""
+        """Return the name of the coordinate with the index `number`, such as `wrist[1]` for the joint `wrist`."""
         return CoordinateName(f"{self.joint}[{number}]")
 
 
@@ -89,11 +94,12 @@ _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 
 
 class Mimic(OneLineRepr, FrozenStruct):
-    """The polynomial by which a joint follows another joint.
+    """The polynomial by which a joint mimics another joint.
 
-    With x for the position of the other joint, in SI units: q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ...
+    The position q of the joint is a polynomial in the position x of the other joint, in SI units: q = offset + multiplier * x + higher[0] *
+    x^2 + higher[1] * x^3 ...
 
-    `joint` is the name of a coordinate in the same document. `name` is the name of the equality in files, if specified.
+    `joint` is the name of a coordinate in the same document. `name` is the name of the MuJoCo equality, or None.
     """
 
     joint: CoordinateName
@@ -109,14 +115,14 @@ class Mimic(OneLineRepr, FrozenStruct):
         return (self.offset, self.multiplier, *self.higher)
 
     def tangent(self, x: float) -> tuple[float, float]:
-        """Return the coefficients (m, c) of the linearization near `x`: q = m q(joint) + c."""
+        """Linearize the polynomial near `x`, and return the coefficients (m, c) of q = m q(joint) + c."""
         if not self.higher:
             return self.multiplier, self.offset
         slope = self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
         return slope, self.at(x) - slope * x
 
     def at(self, x: float) -> float:
-        """Compute the position of the joint when the joint that it mimics is at `x`. The result is infinite on overflow."""
+        """Compute the position of the joint when the joint that it mimics is at `x`. If the result overflows, it is infinite."""
         linear = self.multiplier * x + self.offset
         try:
             return linear if not self.higher else linear + sum_of(c * x**k for k, c in enumerate(self.higher, start=2))

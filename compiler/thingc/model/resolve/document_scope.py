@@ -1,6 +1,4 @@
-"""The state of the pass `resolve` for each document: resolved elements, the definition of the document, and the names of invalid
-elements.
-"""
+"""The state of the pass `resolve` for each document: resolved elements, the definition, and the names of invalid elements."""
 
 from __future__ import annotations
 
@@ -35,10 +33,11 @@ Answer = TypeVar("Answer")
 
 @dataclass(slots=True, kw_only=True)
 class ComponentScope:
-    """A component of a document that is being resolved. `table` is the table of the nested document, or None for parts and frames.
+    """A component of a document that is being resolved.
 
-    `unsound` means that a value that later passes need is invalid, `unplaced` that only the placement is invalid, and `doubtful` that
-    validation omitted entries. `chosen` contains the keys whose values come from `--set` options.
+    `table` contains the resolved elements of the nested document, or is None if the component is not a nested assembly. `unsound` is True
+    if a value that later passes need is invalid, and `unplaced` is True if only the placement is invalid. `doubtful` is True if validation
+    removed invalid entries. `chosen` contains the keys whose values come from `--set` options.
     """
 
     name: str
@@ -60,7 +59,7 @@ class ComponentScope:
 
     @property
     def bare(self) -> str | None:
-        """The type of a component whose mounts are all defined in the document: `frame` or `link`. None for other components."""
+        """`frame` or `link` for a component of this type, whose mounts are all defined in the document. None for other components."""
         return "frame" if self.frame else "link" if self.spec.link is not None else None
 
 
@@ -70,10 +69,10 @@ class DocumentScope:
 
     In `exports`, `joints` and `poses`, None represents an invalid element.
 
-    `parameters` also contains the `--set` options for values and components of the document. `unbuilt` and `unbuilt_joints` are the
-    prefixes (`leg_`) of repeats that could not be unrolled. `occurrences` is the number of its parts, links and frames. `base` is the name
-    of the base component. `loose` contains the valid references of elements that were omitted because another reference is invalid.
-    `images` contains the mirror images of its definition, keyed by axis.
+    `parameters` also contains the `--set` options for values and components of the document. `unbuilt` and `unbuilt_joints` contain the
+    prefixes (`leg_`) of repeats that could not be unrolled. `occurrences` is the number of parts, links and frames in the document and its
+    nested documents. `base` is the name of the base component. `loose` contains the valid references of elements that were omitted because
+    of another, invalid reference. `images` contains the mirror images of the definition, keyed by axis.
     """
 
     document: Document
@@ -104,15 +103,18 @@ class DocumentScope:
 
     @property
     def key(self) -> tuple[str, tuple[tuple[str, Value], ...]]:
-        """The key by which the resolved document is cached: the path of the document and its parameters."""
+        """The cache key of the resolved document: the path of the document and the values of its parameters."""
         return self.document.relative, self.parameters
 
     def inner(self) -> Iterator[DocumentScope]:
-        """Yield the table of each nested document. The table of a document that is nested several times is yielded several times."""
+        """Yield the `DocumentScope` of each nested document. If a document is nested several times, its scope is yielded several times."""
         return (node.table for _, node in self.all_nodes() if node.table is not None)
 
     def all_joints(self) -> Iterator[tuple[CoordinateName, Joint | None]]:
-        """Yield every joint with its dotted path, and None for an invalid joint. Joints of nested documents come last."""
+        """Yield the name of every joint, with dots, and the joint.
+
+        The joint is None if it is invalid. Joints of nested documents come last.
+        """
         yield from self.joints.items()
         for node in self.nodes.values():
             if node.table is not None:
@@ -120,7 +122,7 @@ class DocumentScope:
                     yield CoordinateName(f"{node.name}.{path}"), joint
 
     def all_nodes(self) -> Iterator[tuple[str, ComponentScope]]:
-        """Yield every component with its dotted path, parents before children."""
+        """Yield every component with its path, in which names are separated by dots. Parents precede their children."""
         for node in self.nodes.values():
             yield node.name, node
             if node.table is not None:
@@ -128,7 +130,7 @@ class DocumentScope:
                     yield f"{node.name}.{path}", inner
 
     def unsure_joints(self) -> bool:
-        """Return whether joints may be missing because of errors. In this case, patterns that match no joint are not reported."""
+        """Return whether joints may be missing because of errors. If so, a pattern that does not match any joint is not reported."""
         return bool(self.unbuilt or self.unbuilt_joints) or any(
             node.unsound or node.unplaced or (node.table is not None and node.table.unsure_joints()) for node in self.nodes.values()
         )
@@ -145,10 +147,10 @@ class DeclaredParameters(FrozenStruct):
 class ResolveRun:
     """One run of `resolve`: its inputs, its results, and the reported errors.
 
-    `tables` is keyed by document and canonical parameters, so equal definitions are one object. `nesting` contains the documents being
-    resolved, outermost first, and `route` the components that nest them. `said` contains the reported errors and is shared by all scopes.
-    `overfull` means that the error for too many occurrences has been reported. `digest` is a function that returns the SHA-256 of a file.
-    `quantities` comes from the settings of the compilation (`Settings`).
+    `tables` contains the scope of each document by its key, so that equal definitions are the same object. `nesting` contains the documents
+    that are being resolved, outermost first, and `route` contains the components that nest these documents. `said` contains the reported
+    errors and is shared by all scopes. `overfull` is True if the error about too many occurrences has been reported. `digest` is a function
+    that returns the SHA-256 of a file. `quantities` is copied from the `Settings` of the compilation.
     """
 
     documents: Documents
@@ -172,7 +174,7 @@ class ResolveRun:
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
 
     def recall(self) -> None:
-        """Reuse valid results of the last run: resolved nested documents and material documents whose inputs have not changed."""
+        """Reuse results of the last run whose inputs have not changed: resolved nested documents and materials documents."""
         known = self.memo.last("resolve", (self.specs, self.schemas))
         if known is not None:
             self.recalled, declared, materials = known
@@ -182,9 +184,9 @@ class ResolveRun:
             self.recalled = self.of_any_text.last(("nested", self.documents.root.relative), self._nested()) or {}
 
     def _nested(self) -> tuple[object, ...]:
-        """Return the data on which the resolution of nested documents depends.
+        """Return the data that influence the resolution of nested documents.
 
-        Cached results are valid only while this data is unchanged.
+        Cached results are only valid if these data are unchanged.
         """
         root = self.documents.root
         return {path: one for path, one in self.documents.by_path.items() if one is not root}, self.schemas, self.workspace
@@ -201,19 +203,19 @@ class ResolveRun:
         return known
 
     def values(self, scope: Scope, place: str, model: object) -> tuple[ExpressionValue | None, ...]:
-        """Return the values of the names that expressions in a section of a document use."""
+        """Return the values of all names that occur in the expressions of a section of a document."""
         names = self.memo(("names", scope.document.relative, place), names_in, model)
         return tuple(scope.names.get(name) for name in names)
 
     def there(self, table: DocumentScope) -> list[tuple[object, ...]]:
-        """Return the properties of components on which the resolution of references depends."""
+        """Return the properties of components that influence the resolution of references."""
         return [
             (node.name, node.spec, node.unsound, node.unplaced, node.definition if node.table is not None else node.definition is None)
             for node in table.nodes.values()
         ]
 
     def around(self, table: DocumentScope) -> tuple[object, ...]:
-        """Return the elements of other sections to which a section can refer, without the numeric values of these elements."""
+        """Return the elements of other sections that a section can refer to, without the numeric values of these elements."""
         return (
             self.there(table),
             [
@@ -224,7 +226,10 @@ class ResolveRun:
         )
 
     def sound(self, place: Hashable, inputs: tuple[object, ...], make: Callable[[], Answer]) -> Answer:
-        """Return the result of `make`, or its cached result from the last run for equal inputs. Results with diagnostics are not cached."""
+        """Return the result of the function `make`.
+
+        If the inputs are the same as in the last run, the cached result is returned. Results are not cached if diagnostics were reported.
+        """
         known: Answer | None = self.memo.last(place, inputs)
         if known is None:
             known = make()
@@ -233,17 +238,17 @@ class ResolveRun:
         return known
 
     def same(self, what: str, document: str, made: Iterable[Named]) -> tuple[Named, ...]:
-        """Replace each element that equals an element of the last run by the object of the last run. Return all elements.
+        """For each element that equals an element of the last run, return the object of the last run.
 
-        Because the objects are identical, later passes can use cached results.
+        All other elements are returned unchanged. Because these objects are identical, later passes can use cached results.
         """
         return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
 
     def remember(self, top: DocumentScope) -> None:
-        """Cache the nested documents of this run for the next run, unless errors were reported.
+        """Cache the resolved nested documents for the next run, unless diagnostics were reported.
 
-        If all diagnostics are in the top document, nested documents are cached for other versions of the top document. (Failed parts and
-        suppressed warnings prevent caching, because they are reported only once.)
+        If all diagnostics are in the top document, resolved nested documents are still cached for other versions of the top document. After
+        failed parts or suppressed warnings, nothing is cached, because the next run must report them again.
         """
         tables = {table.key: table for table in top.inner()}
         said = [diagnostic.span for diagnostic in self.report.diagnostics]
@@ -255,11 +260,11 @@ class ResolveRun:
         self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))
 
     def from_top(self, path: str) -> str:
-        """Convert a path in the current document to a path from the top document."""
+        """Convert a path in the current document to a path that begins in the top document."""
         return ".".join((*(f"components.{name}" for name in self.route), path))
 
     def say_of_option(self, path: str, message: str, help: Hint | None) -> None:
-        """Report an error in a `--set` option for a path in the current document."""
+        """Report an error in the option `--set` whose path is `path` in the current document."""
         self.report.add(Code.CHOICE_OPTION, message, None, path=f"{SET}{self.from_top(path)}", help=help)
 
     def scope(self, document: Document, names: Mapping[str, ExpressionValue], broken: frozenset[str] = NOTHING) -> Scope:
@@ -272,7 +277,7 @@ class ResolveRun:
 
 
 def names_in(*models: object) -> tuple[str, ...]:
-    """Return the names that expressions in these models use. These names are the only external inputs of the models."""
+    """Return the names that expressions in these models use. Only the values of these names influence the evaluation of the models."""
     names: set[str] = set()
     waiting = list(models)
     while waiting:

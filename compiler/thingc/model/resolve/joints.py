@@ -1,4 +1,7 @@
-"""Resolve the joints of a document: type, parent and child mount, limits, dynamics and drives. The module `mimics` resolves mimics."""
+"""Resolve the joints of a document: type, parent and child mount, limits, dynamics and drives.
+
+Mimics are resolved by the module `mimics`.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ from thingc.model.resolve.types import Drive, Joint, Reference
 _ENDLESS = "; use `type: continuous` for a joint without limits"
 
 DRIVE_KINDS: tuple[str, ...] = get_args(DriveKind)
-"""The kinds of an inline drive."""
+"""The possible kinds of an inline drive."""
 
 NO_LIMIT = Limit()
 NO_DYNAMICS = Dynamics()
@@ -37,7 +40,7 @@ NO_DYNAMICS = Dynamics()
 def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
     """Return the value that a document specifies for a setting of a joint.
 
-    Default values for rotations do not apply to translations, and vice versa.
+    A default value for rotations is not used for translations, and vice versa.
     """
     said = layers.pick(key)
     if said is not None and said[1][0] == "defaults":
@@ -46,7 +49,7 @@ def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) 
 
 
 def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimension) -> bool:
-    """Return whether the value of a joint setting has a unit of rotation although the joint translates, or vice versa."""
+    """Return whether a value has a unit of rotation although the joint translates, or a unit of translation although the joint rotates."""
     own, other = (TURN, SLIDE) if coordinate == ANGLE else (SLIDE, TURN)
     value = scope.value(raw, path)
     return isinstance(value, Quantity) and not value.fits(own[key]) and value.fits(other[key])
@@ -57,7 +60,7 @@ def _values(
 ) -> dict[str, float | None]:
     """Return the values of joint settings that must not be negative, such as `damping`.
 
-    Missing and invalid values are None. Report the invalid values.
+    Missing and invalid values are None. Invalid values are reported.
     """
     of = dimensions_of(coordinate)
     values: dict[str, float | None] = {}
@@ -70,10 +73,10 @@ def _values(
 def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
     """Resolve the joints of a document, except for their mimics, and store them in `table.joints`.
 
-    Record in `places` which component each joint places.
+    For each joint, `places` records the component that the joint places.
 
-    If the kind or a reference of a joint is invalid, the joint is None and its child, if any, is unplaced.
-    Return whether any joint's child could not be read.
+    If the type or a reference of a joint is invalid, None is stored for the joint, and its child component remains unplaced. Return whether
+    the reference to the child of any joint could not be read.
     """
     defaults = table.spec.defaults.joint if table.spec.defaults is not None else None
     below = ((defaults, ("defaults", "joint")),) if defaults is not None else ()
@@ -111,7 +114,7 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
 
 
 def _named(table: DocumentScope, scope: Scope, text: str) -> str | None:
-    """Return the component with which an invalid reference begins, if this component exists."""
+    """Return the name of the component at the beginning of an invalid reference, or None if this component does not exist."""
     first = text.split(".")[0]
     if scope.index is not None:
         first = first.replace("${" + scope.index[0] + "}", scope.index[1]).replace("$" + scope.index[0], scope.index[1])
@@ -185,7 +188,7 @@ def _ball(
 
 
 def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int, Drive]:
-    """Return the drives of a ball joint, keyed by the index of the coordinate. Report and omit invalid drives."""
+    """Return the drives of a ball joint, keyed by the index of the coordinate. Invalid drives are reported and omitted."""
     scope, written, path, name = item.scope, item.spec.drive, (*item.path, "drive"), item.name
     if written is None:
         return {}
@@ -219,9 +222,9 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
 
 
 def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, code: Code) -> Vector | None:
-    """Normalize a vector from the document to length 1.
+    """Normalize a vector from the document, such as an axis, to length 1.
 
-    Report an invalid vector, or a zero vector with the code `code`, and return None.
+    If the vector is invalid or zero, report an error and return None. `code` is the diagnostic code for a zero vector.
     """
     axis = scope.vector(written, place, NUMBER, what)
     size = 0.0 if axis is None else hypot(*axis)
@@ -235,7 +238,7 @@ def _resolve_joint(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference],
     layers: DefaultLayers, number: int | None,
 ) -> Joint:
-    """Resolve a joint with one coordinate, or the coordinate with index `number` of a joint with several coordinates."""
+    """Resolve a joint with one coordinate, or the coordinate `number` of a joint with several coordinates."""
     scope, spec, path, name = item.scope, item.spec, item.path, CoordinateName(item.name)
     if number is not None:
         name = name.numbered(number)
@@ -271,7 +274,7 @@ def _resolve_joint(
 
 
 def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | None) -> None:
-    """Report a drive that specifies an axis although its joint is not a ball joint."""
+    """Report an error for a drive with an axis if its joint is not a ball joint."""
     if said is not None and isinstance(said[0], DriveSpec) and said[0].axis is not None and said[1][0] == "joints":
         scope.error(
             Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive cannot have an `axis`", (*said[1], "axis"), key=True,
@@ -282,7 +285,7 @@ def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | 
 def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> Vector | None:
     """Return the joint axis as a unit vector. Return None if the document does not specify an axis, or if the axis is invalid.
 
-    Report an invalid axis. Without an axis, the joint moves about the z axis of its parent mount.
+    An invalid axis is reported. If the document does not specify an axis, the joint moves about the z axis of its parent mount.
     """
     if spec.axis is None:
         return None
@@ -299,7 +302,10 @@ def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
 
 
 def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:
-    """Return the lead of a screw joint, its advance per turn [m]. Return None for other joints. Report an invalid lead and return None."""
+    """Return the lead of a screw joint, which is its advance per turn [m].
+
+    Return None for other joints. If the lead is invalid, report an error and return None.
+    """
     if spec.lead is None:
         if kind.leads and not scope.doubts.touch(path):
             scope.error(
@@ -325,9 +331,9 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
 
 
 def _nodes(table: DocumentScope, layers: DefaultLayers, number: int | None) -> dict[str, Node]:
-    """Return the nodes of a joint or coordinate by dotted key.
+    """Return the nodes of the values of a joint or coordinate, keyed by path (`limit.lower`).
 
-    Values that the joint does not specify come from the default values of the document.
+    If the joint does not specify a value, the node of the default value is returned.
     """
     nodes: dict[str, Node] = {}
     for _, base in reversed(layers.items):
@@ -405,7 +411,7 @@ def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
 
 
 def _type(scope: Scope, item: Unrolled[JointSpec], said: tuple[Any, Path]) -> list[Note]:
-    """Return a note that explains why a value of a joint must have this physical dimension."""
+    """Return a note that explains which physical dimension a value of the joint must have, and why."""
     return scope.beside(f"the type of `{item.name}` is set here", (*item.path, "type"), said[1])
 
 
@@ -460,7 +466,7 @@ def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension,
 def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
     """Resolve the reference to the part whose actuator drives the joint `name`.
 
-    If the reference is not a part, report an error and return None.
+    If the reference does not lead to a part, report an error and return None.
     """
     component = references.component(table, scope, text, path)
     if component is None:

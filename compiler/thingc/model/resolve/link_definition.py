@@ -1,4 +1,4 @@
-"""Data types of links, which are components whose shapes are listed in the document instead of being created by a CAD model."""
+"""Data types for links, which are components without a CAD model whose shapes are listed in the document."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from thingc.model.resolve.types import Material
 
 NAMED = 3
-"""Maximum number of shapes in a label."""
+"""Maximum number of shapes that the label of a link lists."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LinkShape(OneLineRepr):
     """A shape that a document lists for a link, in the frame of the link.
 
-    `drawn` enables the shape for display, and `touches` enables the shape for collision. `pose` is the pose of a mesh file; primitives
-    contain their own pose. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) override the values of the link and
-    its material, unless they are None. `name` is the name of the shape in output files.
+    If `drawn` is True, the shape is displayed. If `touches` is True, the shape can collide. `pose` is the pose of a mesh file. The pose of
+    a primitive is part of the primitive. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) override the values
+    of the link and its material. A value of None does not override. `name` is the name of the shape in output files.
     """
 
     solid: Primitive | MeshFile
@@ -50,7 +50,7 @@ class LinkShape(OneLineRepr):
 
     @property
     def said(self) -> tuple[object, ...]:
-        """Return all properties of the shape as plain values, from which the text of the link's definition is computed."""
+        """Return all properties of the shape as plain values. The text of the link's definition is computed from these values."""
         solid, material = self.solid, self.material.name if self.material is not None else None
         pose = self.pose if isinstance(solid, MeshFile) else solid.pose
         shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
@@ -60,7 +60,7 @@ class LinkShape(OneLineRepr):
     def mirrored(self, mirror: Mirror) -> LinkShape:
         """Return the mirror image of the shape.
 
-        A primitive equals its image in a mirrored frame, and mesh files are mirrored when they are read.
+        A primitive is symmetric, so only its pose changes. A mesh file is mirrored when it is read.
         """
         if isinstance(self.solid, MeshFile):
             return dataclasses.replace(self, solid=replace(self.solid, scale=mirror.vector(self.solid.scale)), pose=mirror.frame(self.pose))
@@ -68,7 +68,7 @@ class LinkShape(OneLineRepr):
 
 
 class LinkDefinition(OneLineRepr, FrozenStruct):
-    """The definition of a link by its list of shapes. Equal definitions are one node of the hierarchical assembly graph.
+    """The definition of a link, which consists of a list of shapes. Equal definitions are one node of the hierarchical assembly graph.
 
     `text` is `link-` and 12 hex digits of the SHA-256 of the list of shapes (`link` if the list is empty). `label` is the display name. For
     a mirror image, `mirror` is the axis in the frame of the link, and `plain` is the original definition.
@@ -81,7 +81,7 @@ class LinkDefinition(OneLineRepr, FrozenStruct):
     plain: LinkDefinition | None = None
 
     def mirrored(self, axis: str) -> LinkDefinition:
-        """Return the mirror image at the plane through the link's origin that is normal to `axis` (`x | y | z`)."""
+        """Return the mirror image of the link. The mirror plane contains the origin of the link and is normal to `axis` (`x | y | z`)."""
         mirror = Mirror(axis)
         return replace(
             self, shapes=tuple(shape.mirrored(mirror) for shape in self.shapes), text=with_mirror(self.text, axis),

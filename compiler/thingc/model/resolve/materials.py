@@ -1,4 +1,7 @@
-"""Resolve the materials that a document can use: from material documents, from the document itself, and from the bd_materials library."""
+"""Resolve the materials that a document can use.
+
+They are defined in material documents, in the document itself, or in the library bd_materials.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +21,19 @@ from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Material, Process
 
 _STAND_IN = 1000.0
-"""Placeholder [kg/m^3] for an invalid density, which prevents later passes from reporting the density as missing.
+"""Placeholder [kg/m^3] for an invalid density. With the placeholder, later passes do not report a missing density.
 
-The placeholder never affects build outputs, because the invalid density is an error.
+Build outputs never contain the placeholder, because an invalid density is an error.
 """
 
 BRIDGE_FLOWS = (0.1, 2.0)
-"""Range of plausible flow ratios of bridges."""
+"""Plausible range for the flow ratio of bridges."""
 
 
 def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
-    """Return all materials that a document can use, by name. The value is None for materials of invalid documents, which must not be
-    reported as unknown.
+    """Return all materials that a document can use, by name.
+
+    A material from an invalid document is None, so that its name is not reported as unknown.
     """
     if isinstance(spec.materials, Mapping):
         return _resolve_materials(scope, spec.materials)
@@ -54,7 +58,7 @@ def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str,
 
 
 def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
-    """Return whether any material document of an assembly could not be read. If so, unknown names of materials are not reported."""
+    """Return whether any materials document of an assembly could not be read. If so, unknown materials are not reported."""
     if scope.doubts.lacks("materials"):
         return True
     if isinstance(spec.materials, Mapping):
@@ -67,7 +71,10 @@ def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
 
 
 def of_document(context: ResolveRun, document: Document) -> dict[str, Material | None]:
-    """Return the materials of a `materials/1` document by name, cached for one run. The result is empty if the document is invalid."""
+    """Return the materials of a `materials/1` document by name.
+
+    The result is cached for one run. If the document is invalid, return an empty mapping.
+    """
     materials = context.materials.get(document.relative)
     if materials is None:
         materials = context.materials[document.relative] = {}
@@ -79,7 +86,7 @@ def of_document(context: ResolveRun, document: Document) -> dict[str, Material |
 
 
 def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
-    """Resolve the materials that one document defines. Materials that validation omitted get a placeholder density."""
+    """Resolve the materials that one document defines. A material that validation removed as invalid gets a placeholder density."""
     materials: dict[str, Material | None] = {name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()}
     for name in scope.doubts.names("materials"):
         materials.setdefault(name, Material(name=name, density=_STAND_IN, origin=scope.origin(("materials", name), key=True)))
@@ -87,7 +94,7 @@ def _resolve_materials(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[
 
 
 def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Material:
-    """Resolve one material, including values from the library. Report and omit invalid values."""
+    """Resolve one material, including values from the library. Invalid values are reported and omitted."""
     library = None if spec.base is None else _library(scope, spec.base, (*path, "base"))
     density, base_color = library or (None, None)
     wrong = scope.doubts.touch(path) or spec.base is not None and library is None
@@ -107,7 +114,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
 def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float | None, float | None, float | None]:
     """Return the coefficients of sliding, torsional and rolling friction.
 
-    Missing and invalid values are None. Report the invalid values.
+    Missing and invalid values are None. Invalid values are reported.
     """
     if spec is None:
         return None, None, None
@@ -122,7 +129,7 @@ def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float
 def process(scope: Scope, layers: DefaultLayers) -> Process:
     """Resolve the settings of a manufacturing process.
 
-    Missing settings come from the defaults in `layers`. Report and omit invalid settings.
+    A missing setting is replaced by its default in `layers`. Invalid settings are reported and omitted.
     """
 
     origins: dict[str, Origin] = {}
@@ -171,9 +178,9 @@ _BASE = re.compile(r"bd_materials:(.*)")
 
 
 def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | None:
-    """Import the library `bd_materials`, and return the density [kg/m^3] and colour of `bd_materials:NAME`.
+    """Return the density [kg/m^3] and the colour of a material `bd_materials:NAME`, which is read from the library `bd_materials`.
 
-    Report an unknown name and return None.
+    If the name is unknown, report an error and return None.
     """
     match = _BASE.fullmatch(text.strip())
     if match is None:

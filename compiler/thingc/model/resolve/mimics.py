@@ -1,4 +1,4 @@
-"""Joints that mimic another joint of their document: q = multiplier * q(joint) + offset, or a polynomial in q(joint)."""
+"""Resolve mimics, by which a joint follows another joint: q = multiplier * q(joint) + offset, or a polynomial in q(joint)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from thingc.model.resolve.types import Joint
 
 
 def mimics(table: DocumentScope, items: Iterable[Unrolled[JointSpec]]) -> None:
-    """Resolve the mimics of joints and add them to `table.joints`. Report and omit invalid mimics."""
+    """Resolve the mimics of all joints, and add them to `table.joints`. Invalid mimics are reported and omitted."""
     items = list(items)
     for item in items:
         own = [joint for joint in table.joints.values() if joint is not None and joint.name.joint == item.name]
@@ -76,7 +76,7 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
 def _polynomial(
     item: Unrolled[JointSpec], followed: _Followed, coordinate: Dimension, written: Sequence[Any], path: Path, notes: list[Note],
 ) -> Mimic | None:
-    """Resolve the polynomial of a mimic. Coefficient k applies to q(joint)^k, in units of q / q(joint)^k."""
+    """Resolve the polynomial of a mimic. The coefficient of q(joint)^k has the unit of q / q(joint)^k."""
     scope, place = item.scope, (*path, "polynomial")
     values: list[float] = []
     dimension = coordinate
@@ -106,7 +106,10 @@ class _Followed(FrozenStruct, kw_only=False):
 
 
 def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> _Followed | None:
-    """Resolve `mimic.joint`. If no joint can mimic this joint, report an error and return None."""
+    """Resolve the reference `mimic.joint`, which is the joint that is mimicked.
+
+    If the referenced joint cannot be mimicked, report an error and return None.
+    """
     scope, place = item.scope, (*path, "joint")
     said = CoordinateName(spec.joint)
     parts = references.words(scope, said.joint, place)
@@ -145,7 +148,7 @@ def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, 
 
 
 def _break_cycles(table: DocumentScope, items: dict[str, Unrolled[JointSpec]]) -> None:
-    """Report every cycle of mimics once, and remove its mimics."""
+    """Report every cycle of joints that mimic each other, and remove the mimics of these joints."""
     follows = {name: joint.mimic.joint for name, joint in table.joints.items() if joint is not None and joint.mimic is not None}
     for circle in find_cycles(follows, follows.get):
         first = items[circle[0]]

@@ -1,4 +1,4 @@
-"""The mirror image of a nested document: every part is mirrored, and every placement and motion is reflected.
+"""Create the mirror image of a nested document: mirror every part, and reflect every placement and motion.
 
 Let S be the reflection in the frame of each component, and D the reflection in the frame of each mount (see `thingc.base.pose`). The
 relative pose of components mated by mounts A and B becomes
@@ -23,7 +23,7 @@ from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Overrides, StatedValue
 
 AT_MOUNT = Mirror("y")
-"""The matrix D of a reflection in the frame of a mount."""
+"""The reflection D in the frame of a mount."""
 
 
 def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
@@ -51,7 +51,7 @@ def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | N
 
 
 def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, AssemblyDefinition]) -> AssemblyDefinition:
-    """Create the mirror image of an assembly. `met` caches results, so equal definitions remain one object."""
+    """Create the mirror image of an assembly. `met` caches results, so that equal definitions remain the same object."""
     if definition.plain is not None:
         return definition.plain
     if id(definition) not in met:
@@ -110,6 +110,6 @@ def _mirror_joint(joint: Joint) -> Joint:
 
 
 def _turned(axis: Vector) -> Vector:
-    """Return `-D axis`, the rotation axis of the mirror image of a mount. The angle of rotation of the joint remains the same."""
+    """Return `-D axis`, which is the rotation axis of the mirror image of a joint. The rotation angle is unchanged."""
     x, y, z = AT_MOUNT.vector(axis)
     return (-x + 0.0, -y + 0.0, -z + 0.0)

@@ -1,6 +1,6 @@
 """Resolve the modes of a document: merge extended modes, look up names, and convert numbers to SI units.
 
-The module `model/assembly/modes.py` finds the link of each root.
+The module `model/assembly/modes.py` finds the link that is the root of each mode.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from thingc.model.resolve.types import Cut, Hold, Mode, Reference, Standing
 def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
     """Return the mounts that a mode holds to the world.
 
-    They include the holds of the modes that the mode extends. Report and omit invalid holds.
+    The result includes the holds of the modes that the mode extends. Invalid holds are reported and omitted.
     """
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(layers.items):
@@ -55,7 +55,7 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
 
     A fixed joint can be cut only if it closes a loop.
 
-    Report and omit invalid joints.
+    Invalid joints are reported and omitted.
     """
     said = layers.pick("cut")
     if said is None:
@@ -86,11 +86,11 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
 
 
 def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers, base: BaseType) -> Standing | None:
-    """Return the mounts on which a mode stands (`standing_on`), and the friction of these mounts, if specified.
+    """Return the mounts in the key `standing_on` of a mode, and the friction of these mounts, if specified.
 
-    Return None if there are no valid mounts.
+    If there are no valid mounts, return None.
 
-    Report invalid mounts.
+    Invalid mounts are reported.
     """
     said = layers.pick("standing_on")
     if said is None or said[0] == []:
@@ -118,7 +118,7 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
 def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[Reference]:
     """Return the mounts that match a pattern or a name.
 
-    The name is that of a mount that the document exports, or has the form `component.mount`.
+    The name can be an exported mount of the document, or have the form `component.mount`.
     """
     if not GLOB.search(text):
         reference = references.shown_mount(table, scope, text, path)
@@ -142,7 +142,10 @@ GRAVITY: Mapping[StandsOn, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81
 
 
 def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
-    """Return the modes of the document, or the default mode if the document has no modes. Report and omit invalid modes."""
+    """Return the modes of a document.
+
+    If the document does not define modes, return the default mode. Invalid modes are reported and omitted.
+    """
     spec = table.spec
     if not spec.modes:
         if table.base is None or any(doubt[:1] == ("modes",) for doubt in scope.doubts.paths):
@@ -164,7 +167,7 @@ def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
 
 
 def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
-    """Return the names of modes that extend themselves directly or indirectly. Report each cycle once."""
+    """Return the names of modes that extend themselves directly or indirectly. Each cycle is reported once."""
     circular: set[str] = set()
     for circle in find_cycles(specs, lambda name: specs[name].extends if name in specs else None):
         circular.update(circle)
@@ -181,7 +184,7 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
 def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> DefaultLayers | None:
     """Return the settings of a mode, followed by the settings of the modes that the mode extends.
 
-    Report an invalid mode and return None.
+    If the mode is invalid, report an error and return None.
     """
     items: list[tuple[ModeSpec, Path]] = []
     step: str | None = name
@@ -244,7 +247,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
 
 
 def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: BaseType) -> dict[str, Pose]:
-    """Return the placement of the root in the world for each pose with a different placement than the mode."""
+    """Return the pose of the root in the world by named pose of the robot, for poses with a different root placement than the mode."""
     said, path = layers.pick("at_in") or ({}, ())
     poses: dict[str, Pose] = {}
     if said and base not in ("free", "held"):
@@ -260,9 +263,9 @@ def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: Base
 
 
 def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
-    """Return the pose of the root in the world, and whether its height is computed because of `on: floor`.
+    """Return the pose of the root in the world, and True if `on: floor` determines its height.
 
-    A more specific `xyz` sets the height instead.
+    If a mode sets `xyz` and an extended mode sets `on: floor`, `xyz` determines the height.
     """
     at = layers.sub("at")
     if not at:
@@ -289,7 +292,7 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
 
 
 def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: Sequence[Hold]) -> None:
-    """Report a hold with a position in a mode with `on: floor`, because the hold also determines the height."""
+    """Report an error for a hold with a position in a mode with `on: floor`, because both would determine the height."""
     on = layers.sub("at").pick("on")
     for hold in held:
         if hold.pose is not None and on is not None:
@@ -304,7 +307,7 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: 
 def _gravity(scope: Scope, layers: DefaultLayers) -> tuple[Vector, Origin]:
     """Return the gravity vector [m/s^2] of a mode and its location in the document.
 
-    The location is empty for a keyword and for the default gravity.
+    If gravity is a keyword or the default, the location is empty.
     """
     said = layers.pick("gravity")
     if said is None:
@@ -350,9 +353,9 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
 
 
 def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:
-    """Return the paths (with `/`) of driven joints that match names and patterns, in document order.
+    """Return the paths (with `/`) of driven joints that match names or patterns, in document order.
 
-    `patterns` contains each pattern with its path in the document.
+    `patterns` contains pairs of a name or pattern and its path in the document.
     """
     joints = dict(table.all_joints())
     known = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
@@ -409,7 +412,7 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
 
 
 def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
-    """Return the adhesion force [N] of each magnet mount. Forces include those of the modes that the mode extends."""
+    """Return the adhesion force [N] of each magnet mount. Forces of extended modes are included."""
     merged: dict[str, tuple[object, Path]] = {}
     for model, path in reversed(contacts.items):
         for text, raw in getattr(model, "adhesion", {}).items():
@@ -424,7 +427,7 @@ def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tu
 
 
 def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
-    """Return the simulation settings that the document specifies, among `timestep` [s], `integrator`, `cone` and `impratio`."""
+    """Return the settings `timestep` [s], `integrator`, `cone` and `impratio` that the document specifies."""
     settings: dict[str, float | str] = {}
     for key, dimension in (("timestep", TIME), ("integrator", None), ("cone", None), ("impratio", NUMBER)):
         said = layers.pick(key)
@@ -437,6 +440,9 @@ def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
 
 
 def step_origin(scope: Scope, layers: DefaultLayers) -> Origin:
-    """Return the location of the setting `timestep` in the document. Return an empty origin if `timestep` is not specified."""
+    """Return the location of the setting `timestep` in the document.
+
+    If the document does not specify `timestep`, return an empty origin.
+    """
     said = layers.pick("timestep")
     return scope.origin(said[1]) if said is not None else ()

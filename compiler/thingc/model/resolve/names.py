@@ -1,4 +1,4 @@
-"""Resolve the section `names:` of a document, which specifies the names of elements in output files."""
+"""Resolve the section `names:` of a document, which renames elements in output files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from thingc.model.resolve.types import NamedKind, NameInFiles
 def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
     """Yield the names of elements in output files, in the order of the document.
 
-    Report and omit duplicates and names of unknown elements.
+    Duplicate names, and names of unknown elements, are reported and omitted.
     """
     spec = table.spec.names
     if spec is None:

@@ -1,4 +1,4 @@
-"""Iterate over the nested definitions of a model."""
+"""Iterate over the definitions of all nested assemblies and parts of a model."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
 
 
 def decomposed(model: AssemblyDefinition) -> frozenset[str]:
-    """Return the definitions (as texts) of the parts that need a convex decomposition, because a component of the part sets `collision:
-    decompose`.
+    """Return the definition texts of the parts whose meshes must be decomposed into convex pieces.
+
+    The components of these parts set `collision: decompose`.
     """
     return frozenset(
         one.definition.text for definition in assemblies_of(model) for one in definition.components
@@ -31,7 +32,7 @@ def decomposed(model: AssemblyDefinition) -> frozenset[str]:
 
 
 def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
-    """Return the part definitions of a model without duplicates, in document order (nested documents at their first use)."""
+    """Return the part definitions of a model without duplicates, in document order. A nested document is traversed at its first use."""
     definitions: dict[PartDefinition, None] = {}
     seen: set[tuple[str, object, str | None]] = set()
     waiting = [iter(model.components)]

@@ -1,4 +1,4 @@
-"""Values in a document that override the properties of a part, such as mass, material or collision shape."""
+"""Resolve the values of a document that override properties of a part, such as mass, material or collision shape."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ NONE_SAID = Overrides()
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 _OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "print", "bom")
-"""Keys that are valid only for a part or a frame."""
+"""Keys of a component that are valid only for a part or a frame."""
 
 
 def refuse_on_assembly(node: ComponentScope) -> None:
-    """Report overrides such as `mass` on a nested assembly.
+    """Report errors for overrides, such as `mass`, of a nested assembly.
 
-    They are errors, because an override could apply to any component of the assembly.
+    Such an override is ambiguous, because it could apply to any component of the assembly.
     """
     for key in _OF_PARTS:
         if key in node.spec.model_fields_set and getattr(node.spec, key) is not None:
@@ -40,9 +40,9 @@ def refuse_on_assembly(node: ComponentScope) -> None:
 
 
 def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
-    """Return the overrides of a component, such as mass and collision shape, but not its material.
+    """Return the overrides of a component, such as mass and collision shape. The material is not included.
 
-    Defaults in `layers` are merged key by key. Report and omit invalid values.
+    Overrides of the component are merged with the defaults in `layers`, key by key. Invalid values are reported and omitted.
     """
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
@@ -106,7 +106,7 @@ def _up(scope: Scope, layers: DefaultLayers) -> Vector | None:
 
 
 def bom(layers: DefaultLayers) -> BomEntry:
-    """Return the entry of a component in the bill of materials, merged from the component's settings and the defaults in `layers`."""
+    """Return the entry of a component in the bill of materials. Missing keys come from the defaults in `layers`."""
     lines = layers.sub("bom")
     return BomEntry(**{key: said[0] for key in BomEntry.__struct_fields__ if (said := lines.pick(key)) is not None})
 
@@ -114,7 +114,7 @@ def bom(layers: DefaultLayers) -> BomEntry:
 def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
     """Return the material that the document specifies for a component, or None.
 
-    Report an unknown material, unless one of the material documents could not be read.
+    An unknown material is reported, unless a materials document could not be read.
     """
     said = layers.pick("material")
     if said is None:
@@ -134,8 +134,8 @@ def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | No
 def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:
     """Return the mounts that the document adds to a component.
 
-    Report a mount with an invalid pose and place it at the component's origin. Report a mount with a reserved name but return it, so that
-    references to the mount remain valid.
+    A mount with an invalid pose is reported, and placed at the origin of the component. A mount with a reserved name is reported and
+    returned, so that references to the mount remain valid.
     """
     scope = node.scope
     path: Path = (*node.path, "mounts")

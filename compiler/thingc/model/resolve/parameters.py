@@ -1,4 +1,4 @@
-"""Parameters of an assembly document: values, expressions in any order, bounds, and values set by a parent or by `-p`."""
+"""Evaluate the parameters of an assembly document: expressions in any order, bounds, and values set by a parent assembly or by `-p`."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ Complain = Callable[..., None]
 
 
 def declared(context: ResolveRun, document: Document, spec: AssemblySpec) -> DeclaredParameters:
-    """Return the values of parameters in the document itself, without values that a parent sets.
+    """Return the values of parameters that the document itself specifies, without values from a parent assembly.
 
-    Report errors. The result is cached for one run.
+    Errors are reported. The result is cached for one run.
     """
     known = context.declared.get(document.relative)
     if known is None:
@@ -44,9 +44,10 @@ def declared(context: ResolveRun, document: Document, spec: AssemblySpec) -> Dec
 def worked_out(
     document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], report: Report, doubts: InvalidEntries,
 ) -> tuple[dict[str, ExpressionValue], set[str]]:
-    """Return the values of all parameters, with overrides from `given`, and the names of invalid parameters.
+    """Evaluate all parameters of a document. Return their values, and the names of invalid parameters.
 
-    Expressions may use each other's parameters in any order. A cycle is reported as a chain, with the location of each step.
+    The values in `given` override values in the document. Expressions can refer to other parameters in any order. A cycle of expressions is
+    reported with the location of each step.
     """
     values: dict[str, ExpressionValue] = {}
     broken: set[str] = {name for name in spec.parameters if name not in given and doubts.touch(("parameters", name))}
@@ -90,7 +91,7 @@ def worked_out(
 
 
 def _used(raw: Any, spec: AssemblySpec) -> Iterator[str]:
-    """Yield the names of the parameters that the value of a parameter uses."""
+    """Yield the names of the parameters in the expression `raw`, which is the value of a parameter."""
     return iter([use.name for use in raw.names if use.name in spec.parameters] if isinstance(raw, Expression) else [])
 
 
@@ -110,9 +111,9 @@ def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], plac
 
 
 def canonical(values: Mapping[str, ExpressionValue]) -> tuple[tuple[str, Value], ...]:
-    """Convert the values of parameters to their canonical form, sorted by name.
+    """Convert values of parameters to a canonical form, sorted by name, which is used as a cache key.
 
-    Numbers are in SI units, and integral numbers become ints.
+    Numbers are in SI units, and numbers without a fractional part are converted to ints.
     """
     return tuple((name, plain(values[name])) for name in sorted(values))
 
@@ -121,11 +122,11 @@ def fitting(
     context: ResolveRun, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
     names: Collection[str] = (),
 ) -> dict[str, ExpressionValue]:
-    """Check values that are set for parameters of a document.
+    """Check the values that a user or a parent assembly sets for parameters of a document.
 
-    Return the values in `given` of known parameters with the right physical dimension, within their bounds.
+    Return the valid values in `given`: the parameter must exist, the physical dimension must match, and the value must be within bounds.
 
-    `names` are the names available to expressions at the location where the values are set.
+    `names` contains the names that expressions in the values can use.
     """
     table = declared(context, document, spec)
     scope = context.scope(document, table.values, table.broken)
@@ -155,7 +156,8 @@ def fitting(
 class AssemblyParameters:
     """The parameters of an assembly document, with their default values, for callers outside the pass `resolve`.
 
-    `name` is the name of the assembly, and `values` its own valid values. Invalid values are reported when the assembly is resolved.
+    `name` is the name of the assembly, and `values` contains the valid values in the document. Invalid values are not reported here but
+    when the assembly is resolved.
     """
 
     def __init__(self, documents: Documents, specs: Specs, workspace: Workspace) -> None:
@@ -169,7 +171,7 @@ class AssemblyParameters:
     def given(self, texts: Mapping[str, str]) -> dict[str, ExpressionValue]:
         """Return the values of all valid parameters.
 
-        `texts` sets some of the parameters by strings such as `120 mm`, as with the option `-p`.
+        `texts` maps names of parameters to strings such as `120 mm`, as in the option `-p`.
         """
         root, context = self._context.documents.root, replace(self._context, report=Report())
         sound = from_command_line(context, root, self._spec, texts)
@@ -177,9 +179,9 @@ class AssemblyParameters:
         return {name: value for name, value in values.items() if name in sound or name not in texts}
 
     def fitting(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
-        """Check a value for the parameter `name` and return it.
+        """Check a new value for the parameter `name`, and return the value.
 
-        Return None if this value, or the parameter's value in the document, is invalid.
+        Return None if the new value, or the value in the document, is invalid.
 
         The callback `complain` reports an invalid value.
         """
@@ -221,7 +223,7 @@ def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
 
 
 def _within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue, complain: Complain) -> bool:
-    """Return whether a value is within the bounds `min` and `max` of its parameter. Report a value that is not."""
+    """Return whether a value is within the bounds `min` and `max` of its parameter. A value out of bounds is reported."""
     if not isinstance(value, Quantity):
         return True
     for key, bound in _bounds(scope, spec, name).items():
@@ -240,9 +242,9 @@ def _beyond(key: str, value: Quantity, bound: Quantity) -> bool:
 
 
 def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[str]:
-    """Report invalid bounds of parameters, and parameter values in the document itself that are out of bounds.
+    """Report invalid bounds of parameters, and values in the document itself that are out of bounds.
 
-    Return the names of values that are out of bounds. Expressions that depend on a value out of bounds are not checked.
+    Return the names of the parameters whose values are out of bounds. An expression that refers to such a parameter is not checked.
     """
     outside: set[str] = set()
     for name in names:
@@ -309,7 +311,7 @@ def from_command_line(
 ) -> dict[str, ExpressionValue | Expression]:
     """Parse options `-p NAME=VALUE` and return the values of parameters.
 
-    Error messages name the parameter instead of a location in a document.
+    Error messages contain the name of the parameter instead of a location in a document.
     """
     report = context.report
 
@@ -342,7 +344,7 @@ def from_command_line(
 def _as_written(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
 ) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
-    """Parse parameter values from the command line, which may be expressions. Report invalid values."""
+    """Parse the values of parameters from the command line, which can be expressions. Invalid values are reported."""
     table = declared(context, document, spec)
     given: dict[str, ExpressionValue] = {}
     expressions: dict[str, Expression] = {}
@@ -374,7 +376,7 @@ def _as_written(
 def _parse_parameter(text: str, own: ExpressionValue | None) -> ExpressionValue | Expression:
     """Parse a string of the command line in the same way as a value in a document.
 
-    `own` is the value of the parameter in the document, which determines the type.
+    `own` is the value of the parameter in the document. The new value must have the same type.
     """
     stripped = text.strip()
     if stripped.startswith("="):

@@ -1,4 +1,4 @@
-"""Resolve part definitions: check parameters of parts against the schema of the part class, and resolve parts from CAD or mesh files."""
+"""Resolve the definitions of parts. Parameters are checked with the schema of the part class. Parts can also be CAD or mesh files."""
 
 from __future__ import annotations
 
@@ -39,7 +39,10 @@ _FAILURES: Mapping[FailureKind, Code] = {
 
 
 def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDefinition | None:
-    """Return the part definition of a component with the key `part:`. Report an invalid part once per reference and return None."""
+    """Return the part definition of a component with the key `part:`.
+
+    If the part is invalid, report an error (once per reference) and return None.
+    """
     schema = context.schemas.get(reference)
     if schema is None:
         return None
@@ -68,7 +71,7 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
 def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
     """Return the parameters that the document sets for a part, in canonical form.
 
-    Report unknown, invalid or missing parameters and return None.
+    If a parameter is unknown, invalid or missing, report an error and return None.
     """
     scope, path = node.scope, (*node.path, "params")
     by_name = {parameter.name: parameter for parameter in schema.parameters}
@@ -103,7 +106,10 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
 
 
 def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
-    """Check the value of a part parameter against its schema and return its canonical form. Report an invalid value and return None."""
+    """Check the value of a part parameter with the schema of the part class, and return the value in canonical form.
+
+    If the value is invalid, report an error and return None.
+    """
     what = f"parameter `{parameter.name}` of `{schema.reference}`"
     written = scope.written(path)
     literal = written is not None and not written.lstrip().startswith("=")
@@ -174,7 +180,7 @@ def _declared_at(schema: PartSchema) -> list[Note]:
 
 
 USES_SHOWN = 3
-"""Maximum number of locations that are shown for one error that prevents loading of parts."""
+"""Maximum number of references that the message shows for an error in a part file."""
 
 
 def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, failure: PartFailure) -> None:
@@ -216,7 +222,7 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
 
 
 def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
-    """Report an error in a part file once, even if it prevents loading of several parts.
+    """Report an error in a part file. The error is reported once, even if the file defines several parts.
 
     `where` is the location of a reference to the part.
     """
@@ -256,7 +262,7 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
 
 
 def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> Hint:
-    """Return a hint for an unknown part: the class with the same name in another module, or a similar name in the same module."""
+    """Return a hint for an unknown part. It suggests the same class name in another module, or a similar class name in the same module."""
     classes = [one for one in failure.candidates if ":" in one]
     namesakes = [one for one in classes if one.partition(":")[2] == reference.rpartition(":")[2]]
     if namesakes:
@@ -267,7 +273,7 @@ def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> H
 
 
 def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) -> Hint:
-    """Return a hint for an unknown module: a similar name, or the location of modules."""
+    """Return a hint for an unknown module. It suggests a similar module name, or shows where modules are searched."""
     module, _, name = reference.partition(":")
     close = near_hint(module, known)
     if close is not None:
@@ -283,15 +289,15 @@ def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) ->
 
 
 FEWEST_FACES = 4
-"""Smallest number of faces of a closed surface: a tetrahedron."""
+"""Smallest number of faces of a closed surface, which is a tetrahedron."""
 
 
 def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinition | None:
     """Return the part definition of a component with the key `file:`.
 
-    It includes the named `faces`, and the unit of the file if the unit is not mm.
+    The definition includes the setting `faces`, and the unit of the file if it is not mm.
 
-    Return None if the file cannot be used. `load` reports an unusable file, unless a choice sets the file.
+    If the file cannot be used, return None. The pass `load` has reported such a file, unless a choice selects the file.
     """
     beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
     absolute = named(text, beside)

@@ -1,4 +1,4 @@
-"""Check placements: exactly one `attach`, `at` or parent joint must place every component except the base."""
+"""Check the placement of components: every component except the base must be placed by exactly one `attach`, `at` or joint."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, R
 from thingc.model.resolve.types import At, Attach, Joint
 
 Places = dict[str, list[tuple[str, Span]]]
-"""Placements (`` `attach` ``, `` joint `yaw` ``) and their locations, by component name."""
+"""Descriptions of placements (`` `attach` ``, `` joint `yaw` ``) and their locations, by component name."""
 
 
 def own_placements(context: ResolveRun, table: DocumentScope, places: Places) -> dict[str, Attach | At | None]:
     """Return the placements that components specify by `attach` or `at`.
 
-    Report invalid placements. Components with an invalid placement remain unplaced.
+    Invalid placements are reported, and their components remain unplaced.
     """
     placements: dict[str, Attach | At | None] = {}
     there = context.there(table)
@@ -74,7 +74,7 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
 
 
 def _turned_around(table: DocumentScope, node: ComponentScope, name: str) -> bool:
-    """Return whether the document swaps the two references of `attach`, because the first reference is a mount of another component."""
+    """Return whether the two references of `attach` are swapped: the first reference is a mount of another component."""
     first, dot, _ = name.partition(".")
     return bool(dot) and first in table.nodes and first != node.name and (node.table is None or first not in node.table.nodes)
 
@@ -98,11 +98,11 @@ def _at(table: DocumentScope, node: ComponentScope) -> At | None:
 
 
 def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
-    """Find the base component of a document. Report components that are placed twice, and missing or multiple bases.
+    """Find the base component of a document. Afterwards, a component that is placed twice, and every additional base, counts as unplaced.
 
-    Components that are placed twice, and additional bases, become unplaced. Components whose placement may be invalid because of another
-    error are not reported. `unsure` means that the child of some joint could not be read. In this case, the joint may place any component,
-    so missing placements are not reported.
+    Components that are placed twice, and additional bases, become unplaced. Nothing is reported for components whose placement may be
+    invalid because of another error. `unsure` is True if the child of a joint could not be read. Because this joint may place any
+    component, missing placements are then not reported.
     """
     vague = {
         node.name for node in table.nodes.values()
@@ -153,13 +153,16 @@ def _report_no_base(table: DocumentScope, places: Places) -> None:
 
 
 def _perhaps_swapped(table: DocumentScope, free: list[str]) -> dict[str, Joint]:
-    """Return joints with an unplaced parent, keyed by child. The document may have swapped the parent and the child."""
+    """Return the joints whose parent component is unplaced, keyed by child component.
+
+    The document may have swapped parent and child. The document may have swapped the parent and the child.
+    """
     joints = [joint for joint in table.joints.values() if joint is not None and not joint.loop]
     return {joint.child.path[0]: joint for joint in joints if joint.parent.path and joint.parent.path[0] in free[1:]}
 
 
 def _closes(way: str) -> str:
-    """Return a hint for joints that are probably intended to close a loop."""
+    """Return a hint for a joint that the user probably intended to close a loop."""
     return f"; if {way} closes a loop, add `loop: true` to the joint" if way.startswith("joint ") else ""
 
 

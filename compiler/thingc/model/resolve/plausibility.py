@@ -10,20 +10,20 @@ from thingc.geometry.record import FILE_UNIT, PartDefinition
 from thingc.model.resolve.link_definition import LinkDefinition
 
 LIGHTEST, HEAVIEST = 10.0, 25_000.0
-"""Range of densities [kg/m^3] of solids: light foams have about 10, osmium has 22 590."""
+"""Plausible range of densities [kg/m^3] of solids. Light foams have about 10 kg/m^3, and osmium has 22 590 kg/m^3."""
 
 SMALLEST, LARGEST = 1e-3, 10.0
-"""Range of plausible sizes of parts [m]: the longest side of the bounding box."""
+"""Plausible range for the size of a part [m], which is the longest side of its bounding box."""
 
 LIKELY_UNITS = ("mm", "m", "in", "cm", "um")
-"""Likely units of files without a specified unit, most likely first."""
+"""Likely units of files that do not specify a unit, most likely first."""
 
 _STEP = 1000.0
-"""Ratio of kg/m^3 and g/cm^3, and of kg and g."""
+"""Ratio of g/cm^3 to kg/m^3, and of kg to g."""
 
 
 class Implausible(FrozenStruct):
-    """The description of an implausible value, and the value in SI units that was probably intended (None if unknown)."""
+    """The description of an implausible value, and the value [SI] that the user probably intended (None if unknown)."""
 
     words: str
     meant: float | None
@@ -53,7 +53,7 @@ def mass_doubt(mass: float, volume: float) -> Implausible | None:
 
 
 def density_cure(doubt: Implausible) -> str | None:
-    """Return a hint for an implausible density, or None if the intended value is unknown."""
+    """Return a hint for an implausible density, or None if the intended density is unknown."""
     return None if doubt.meant is None else f"probably `{doubt.meant:.6g} kg/m^3` was meant"
 
 
@@ -63,7 +63,10 @@ def said_by_file(definition: PartDefinition) -> bool:
 
 
 def unit_meant(definition: object, size: float) -> str:
-    """Return a hint for a part with an implausible size [m]. For a file without a unit, suggest a unit for which the size is plausible."""
+    """Return a hint for a part with an implausible size [m].
+
+    If the part is a file without a unit, the hint suggests a unit for which the size is plausible.
+    """
     if isinstance(definition, LinkDefinition):
         return "check the units of the shapes; for a `mesh`, set `unit`, for example `unit: m`"
     if not isinstance(definition, PartDefinition) or definition.kind != "file":
@@ -81,7 +84,7 @@ def unit_meant(definition: object, size: float) -> str:
 
 
 def measures(box: tuple[Vector, Vector]) -> str:
-    """Format the sides of a box (two corners [m]): `60 x 20 x 6 mm`."""
+    """Format the side lengths of a box, which is given by two corners [m]: `60 x 20 x 6 mm`."""
     sides = (float(f"{1000.0 * (above - below):.3g}") for below, above in zip(*box))
     return " x ".join(f"{side:g}" for side in sides) + " mm"
 
@@ -102,5 +105,5 @@ def times_words(ratio: float) -> str:
 
 
 def _format_number(value: float) -> str:
-    """Format a number without an exponent and with thousands separators."""
+    """Format a number without an exponent, and with separators between thousands."""
     return f"{value:,.0f}".replace(",", " ") if value >= 1000.0 else f"{value:.3g}"

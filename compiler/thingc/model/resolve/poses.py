@@ -1,7 +1,7 @@
 """Resolve the named poses of a document: joint names, patterns that match joints, positions of joints, and poses of nested documents.
 
-If several keys match a joint, an exact joint name takes precedence over a pattern, and a pattern takes precedence over a nested document's
-pose. Among keys of the same kind, the last one takes precedence.
+If several keys match a joint, an exact joint name takes precedence over a pattern, and a pattern takes precedence over a pose of a nested
+document. If several keys of the same kind match, the last key takes precedence.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from thingc.model.resolve.types import Joint, NamedPose
 
 Joints = dict[CoordinateName, Joint | None]
 Settings = dict[str, tuple[float, Origin]]
-"""Coordinates q and their locations, keyed by joint path (with `/`)."""
+"""Joint coordinates q and their locations in the document, keyed by joint path (with `/`)."""
 
 
 def poses(table: DocumentScope, scope: Scope) -> None:
-    """Resolve the named poses of a document, and store them in `table.poses`. Report and omit invalid keys."""
+    """Resolve the named poses of a document, and store them in `table.poses`. Invalid keys are reported and omitted."""
     if not table.spec.poses:
         return
     joints: Joints = dict(table.all_joints())
@@ -61,9 +61,9 @@ def poses(table: DocumentScope, scope: Scope) -> None:
 
 
 def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, into: Settings) -> None:
-    """Set the positions of a joint with several coordinates.
+    """Set the coordinates of a joint with several coordinates.
 
-    The value in the document is a list or a mapping keyed by the index of the coordinate.
+    The value in the document is a list, or a mapping whose keys are indices of coordinates.
     """
     ball = known[names[0]] if names else None
     if ball is not None and ball.kind.at_once:
@@ -111,10 +111,10 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
 
 
 def _stand_ins(known: Joints, origin: Origin) -> Settings:
-    """Return a valid value for each joint whose limits exclude 0. A pose whose values have errors uses these placeholders.
+    """Return a position within the limits for each joint whose limits exclude 0. These placeholders are used for a pose with errors.
 
-    The error may be the reason why the intended values are missing, so a report that 0 is out of the limits would be misleading. The
-    placeholders never affect build outputs.
+    Without placeholders, an error that 0 is outside the limits would be reported, although the real reason is the other error in the pose.
+    Build outputs never contain the placeholders.
     """
     settings: Settings = {}
     for name, joint in known.items():
@@ -199,9 +199,9 @@ def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: A
 
 
 def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
-    """Set the positions of all joints with several coordinates that match a pattern.
+    """Set the coordinates of all joints with several coordinates that match a pattern.
 
-    The value is a list or a mapping keyed by the index of the coordinate.
+    The value in the document is a list, or a mapping whose keys are indices of coordinates.
     """
     coordinates: dict[str, list[CoordinateName]] = {}
     for name in known:
@@ -217,7 +217,7 @@ def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: P
 
 
 def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, into: Settings) -> None:
-    """Apply `leg_*: folded`, the pose `folded` of the nested documents `leg_0`, `leg_1`, ..."""
+    """Apply an entry such as `leg_*: folded`, which uses the pose `folded` of the nested documents `leg_0`, `leg_1`, ..."""
     matched = references.matching(table, key)
     assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
     if not assemblies:

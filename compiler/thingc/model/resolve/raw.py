@@ -1,6 +1,4 @@
-"""Resolve raw attributes, which are copied unchanged to one output format, and raw elements of MuJoCo models (`raw: {mjcf: {add:
-...}}`).
-"""
+"""Resolve raw attributes, which are copied to files of one format, and raw elements of MuJoCo models (`raw: {mjcf: {add: ...}}`)."""
 
 from __future__ import annotations
 
@@ -19,12 +17,13 @@ ADD, INSIDE = "add", "in"
 """The key of added elements, and the key of an element's children."""
 
 ORDER, ORDERED = "order", ("actuator", "sensor")
-"""The key for the order of elements in MuJoCo's model, and the kinds of elements that can be ordered."""
+"""The key that sets the order of elements in MuJoCo models, and the kinds of elements that can be ordered."""
 IN_ORDER = "[order]"
-"""Last key of internal attributes for the order of an element. Documents cannot contain this key."""
+"""Last key in the path of an internal attribute that contains the position of an element in the order. Documents cannot contain this key.
+"""
 
 SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor")
-"""Sections of MJCF to which documents can add elements. Elements can refer to elements in preceding sections."""
+"""Sections of MJCF to which documents can add elements. An element can refer to elements in preceding sections."""
 
 _KINDS = {
     **dict.fromkeys(("joint", "joint1", "joint2", "jointinparent"), "joint"),
@@ -32,19 +31,19 @@ _KINDS = {
     **dict.fromkeys(("body", "body1", "body2", "subtree1", "subtree2"), "body"), **dict.fromkeys(("geom", "geom1", "geom2"), "geom"),
     **dict.fromkeys(("tendon", "tendon1", "tendon2"), "tendon"), "actuator": "actuator", "camera": "camera",
 }
-"""Attributes that refer to another element, and the kind of the other element."""
+"""Attributes whose value is the name of another element, with the kind of this element."""
 
 _OBJECTS = {"objname": "objtype", "refname": "reftype"}
-"""Attributes that refer to an element, and the attribute that specifies the element's kind."""
+"""Attributes whose value is the name of an element, with the attribute that contains the kind of this element."""
 
 KINDS = frozenset(_KINDS.values())
-"""The kinds of elements that references can point to."""
+"""The kinds of elements to which attributes can refer."""
 
 _EXAMPLE = "`- fixed: {name: grip, in: [{joint: {joint: left, coef: 1}}]}`"
 
 
 def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
-    """Return the elements that `raw: {mjcf: {add: ...}}` adds to MuJoCo models, section by section. Report all invalid entries."""
+    """Return the elements that `raw: {mjcf: {add: ...}}` adds to MuJoCo models, section by section. Invalid entries are reported."""
     under = written.get("mjcf")
     sections = under.get(ADD) if isinstance(under, Mapping) else None
     if sections is None:
@@ -120,14 +119,14 @@ EXAMPLES = {
     "mjcf": "{solreflimit: 0.01 1}", "urdf": "{limit: {effort: 20}}", "sdf": "{axis: {limit: {effort: 20}}}",
     "usd": '{"physics:breakForce": 20.0}',
 }
-"""Targets that accept raw attributes, each with an example attribute of a joint."""
+"""The targets that accept raw attributes, each with an example of an attribute of a joint."""
 
 IN_PLACE = {"ros": "write them under `urdf`: the URDF in the ROS package contains them, too", "mjz": "write them under `mjcf`"}
-"""Hints for targets that write files of other targets."""
+"""Hints for targets that contain files of other targets."""
 
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
-    """Return every raw attribute of the section `raw:` in document order. Report unknown output formats and protected attributes."""
+    """Return every raw attribute of the section `raw:` in document order. Unknown output formats and protected attributes are reported."""
     flattened: list[RawAttribute] = []
     for target, attributes in written.items():
         path: Path = ("raw", target)
@@ -150,7 +149,10 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
 
 
 def _ordered(scope: Scope, written: Any, path: Path) -> Iterator[RawAttribute]:
-    """Yield the position of each element in `raw: {mjcf: {order: ...}}`. Report all other entries."""
+    """Yield an internal attribute with the position of each element that `raw: {mjcf: {order: ...}}` lists.
+
+    All other entries are reported as errors.
+    """
     for kind, names in written.items() if isinstance(written, Mapping) else [("", written)]:
         if kind not in ORDERED or not isinstance(names, list) or any(isinstance(one, (Mapping, list)) for one in names):
             message = f"`{ORDER}` must list the names of {' or '.join(f'`{one}`' for one in ORDERED)} elements"

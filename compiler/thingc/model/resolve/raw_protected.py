@@ -1,7 +1,7 @@
-"""Attributes that `raw` cannot set, because they identify an element, refer to an element, or determine other values.
+"""Tables of attributes that `raw` cannot set, because they identify an element, refer to an element, or determine other values.
 
-Documents have their own keys for these values, which apply to all modes. The output file `modes.json`, keyframes and poses depend on these
-values.
+For these values, documents have other keys, which apply to all output formats. The file `modes.json`, keyframes and poses also depend on
+these values.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ REFERRING = frozenset({
     "joint1", "joint2", "jointinparent", "material", "mesh", "objname", "objtype", "plugin", "refname", "refsite", "reftype", "site",
     "site1", "site2", "slidersite", "subtree1", "subtree2", "target", "tendon", "tendon1", "tendon2", "texture",
 })
-"""Attributes with the name of another element or a file, or the kind of a referenced element."""
+"""Attributes that contain the name of another element, the name of a file, or the kind of a referenced element."""
 
 NAMING = REFERRING - {"file", "instance", "material", "mesh", "objtype", "plugin", "reftype", "texture"} | {"name", "sidesite"}
-"""Attributes of added elements that contain a name of an element in the document."""
+"""Attributes of added elements that contain the name of an element in the document."""
 
 CLASSES = frozenset({"class", "childclass"})
 
 MOTION = frozenset({"type", "axis", "pos", "ref"})
-"""Attributes of a joint that define its motion, and the zero of its coordinate."""
+"""Attributes of a joint that define its motion or the zero of its coordinate."""
 
 PLACE = frozenset({"pos", "quat", "axisangle", "euler", "xyaxes", "zaxis", "fromto", "mocap"})
 """Attributes of a body or a site that define its pose."""
@@ -35,7 +35,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
         "strippath": "remove the attribute: thingc sets the paths of meshes",
     },
 }
-"""Attributes that affect names, files and units of the whole model, and their replacements."""
+"""Attributes that affect names, files or units of the whole model, each with the help text that suggests a replacement."""
 
 SAID_BY: Mapping[str, str] = {
     "actuator": "set `drive:` of the joint: drives are named after their joints",
@@ -52,7 +52,7 @@ SAID_BY: Mapping[str, str] = {
     "site": "rename mounts under `mounts:`: each mount is a site",
     "tendon": "define the tendon under `tendons:`",
 }
-"""Where to specify names and references of elements in a document, keyed by the kind of element."""
+"""Help texts that explain where a document specifies names of elements and references to elements, by kind of element."""
 
 
 EVERYWHERE: Mapping[str, str] = {
@@ -63,7 +63,7 @@ EVERYWHERE: Mapping[str, str] = {
     "inertial": "set `mass:` and `inertia:` of the component",
     "screw_thread_pitch": "set `lead:` of the joint", "geometry": "set `visual:` or `collision:` of the component",
 }
-"""Replacements for elements and attributes of URDF and SDF that are properties of the robot in every format."""
+"""Help texts for elements and attributes of URDF and SDF that are properties of the robot in every format."""
 
 _MASS, _MOUNTS = EVERYWHERE["inertial"], EVERYWHERE["axis"]
 
@@ -73,21 +73,21 @@ EVERYWHERE_IN_USD: Mapping[str, str] = {
     **dict.fromkeys(("jointEnabled", "excludeFromArticulation"), EVERYWHERE["type"]),
     **dict.fromkeys(("rigidBodyEnabled", "kinematicEnabled"), "set `base:` of the mode"),
 }
-"""Replacements for attributes of USD (without the prefix `physics:`) that are properties of the robot in every format."""
+"""Help texts for attributes of USD (without the prefix `physics:`) that are properties of the robot in every format."""
 
 BEGINNINGS_IN_USD: Mapping[str, str] = {
     "xformOp": EVERYWHERE["pose"], "newton:mimic": EVERYWHERE["mimic"], "physxMimicJoint:": EVERYWHERE["mimic"],
 }
-"""Replacements for attributes of USD with these prefixes."""
+"""Help texts for attributes of USD that begin with these prefixes."""
 
 
 def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return why the section `raw` cannot set an attribute of URDF, SDF or USD, and what to use instead.
+    """Return the reason why `raw` cannot set an attribute of URDF, SDF or USD, and the key to use instead.
 
     Return None if `raw` can set the attribute.
 
-    Setting the attribute would make the robot differ between formats. In SDF, an `axis` also contains values that are not geometric. In
-    USD, the name of an attribute may follow its type.
+    A protected attribute would make the robot differ between formats. In SDF, an `axis` also contains values that are not protected. In
+    USD, the name of an attribute can be preceded by its type.
     """
     for key in path[-1:] if target == "usd" else path[2:]:
         name = key.rpartition(" ")[2]
@@ -105,7 +105,7 @@ def _instead_in_usd(name: str) -> str | None:
 
 
 def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return why the section `raw` cannot set an attribute of MJCF, and what to use instead. Return None if `raw` can set the attribute.
+    """Return the reason why `raw` cannot set an attribute of MJCF, and the key to use instead. Return None if `raw` can set the attribute.
 
     `path` contains the keys below `mjcf`, for example `("body", "arm", "name")`.
     """

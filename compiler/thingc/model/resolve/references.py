@@ -1,4 +1,4 @@
-"""Resolve references: dotted names of components and mounts, into nested assemblies."""
+"""Resolve references to components and mounts, which are names separated by dots, including names inside nested assemblies."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Reference
 
 ORIGIN = "origin"
-"""The mount that every component has: its own frame."""
+"""Name of the mount that every component has, whose frame is the frame of the component."""
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _INDEX = re.compile(r"\$(?:\{([A-Za-z][A-Za-z0-9_]*)\}|([A-Za-z][A-Za-z0-9_]*))", re.ASCII)
 GLOB = re.compile(r"[*?\[]")
-"""A character that occurs only in patterns."""
+"""Regular expression of a character that occurs only in patterns."""
 
 MAX_SUGGESTED = 1000
 """Maximum number of names that are compared with a misspelled name."""
@@ -30,7 +30,7 @@ MAX_SUGGESTED = 1000
 def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | None:
     """Replace the index `$i` or `${i}` of the enclosing `repeat` in a string.
 
-    If the string uses another index, report it and return None.
+    If the string contains another index, report an error and return None.
     """
     if "$" not in text:
         return text
@@ -62,9 +62,9 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
 
 
 def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
-    """Return the location of the enclosing `repeat` in the document, if the string at `path` uses the index of the repeat.
+    """Return the location of the enclosing `repeat`, if the string at `path` contains the index of this `repeat`.
 
-    Return an empty origin for the first item, which always exists.
+    For the first item of the `repeat`, which always exists, return an empty origin.
     """
     text = str(path[-1]) if key else scope.written(path) or ""
     if scope.index is None or scope.index[1] == "0" or "$" not in text:
@@ -73,7 +73,10 @@ def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
 
 
 def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
-    """Split a reference such as `hand.cap.pen` into its names. Report an invalid reference or a pattern and return None."""
+    """Split a reference such as `hand.cap.pen` into its names.
+
+    If the string is a pattern or not a valid reference, report an error and return None.
+    """
     filled = indexed(scope, text, path, key=key)
     if filled is None:
         return None
@@ -99,7 +102,10 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
 
 
 def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Resolve a reference to a mount of a component (`component.mount`). Report an invalid reference once and return None."""
+    """Resolve a reference to a mount of a component (`component.mount`).
+
+    If the reference is invalid, report an error once and return None.
+    """
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -114,7 +120,7 @@ def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: boo
 def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
     """Resolve a reference to a mount of a component, or to a mount that this document exports.
 
-    Report an invalid reference once and return None.
+    If the reference is invalid, report an error once and return None.
     """
     if text not in table.exports:
         if "." not in text and table.doubts.lacks("mounts"):
@@ -129,7 +135,7 @@ def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, ke
 
 
 def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Resolve the reference of `attach` to a mount of the component itself: `back`, or `cap.pen` if the component is an assembly."""
+    """Resolve the first reference of `attach`, which is a mount of the component itself: `back`, or `cap.pen` for a nested assembly."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -147,7 +153,7 @@ def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key:
 
 
 def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, ComponentScope] | None:
-    """Resolve a reference to a component. Report an invalid reference once and return None."""
+    """Resolve a reference to a component. If the reference is invalid, report an error once and return None."""
     parts = words(scope, text, path, key=key)
     if parts is None:
         return None
@@ -158,9 +164,9 @@ def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key:
 
 
 def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
-    """Resolve the root of a mode: a reference to a component, to a mount of a component, or to a mount that this document exports.
+    """Resolve the root of a mode, which is a component, a mount of a component, or an exported mount of the document.
 
-    Report an invalid reference once and return None.
+    If the reference is invalid, report an error once and return None.
     """
     parts = words(scope, text, path, key=key)
     if parts is None:
@@ -200,7 +206,10 @@ def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool
 
 
 def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentScope]]:
-    """Return the components whose paths match a pattern level by level, in document order. An exact name matches only itself."""
+    """Return the components whose paths match a pattern, in document order.
+
+    Each name in the path is matched separately. A name without special characters matches only the component with this name.
+    """
     steps = pattern.split(".")
     level: list[tuple[str, ComponentScope]] = []
     inside: list[tuple[str, DocumentScope]] = [("", table)]
@@ -216,11 +225,11 @@ def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentSco
 
 
 def suggested(name: str, names: Iterable[str], *, what: str) -> Hint:
-    """Suggest a name that is similar to an unknown name.
+    """Return a hint with a known name that is similar to an unknown name.
 
-    Only the first names are compared, because 100 000 names take seconds per error.
+    Only the first `MAX_SUGGESTED` names are compared, because comparing 100 000 names would take seconds per error.
 
-    Formats differ in whether a key can be set to `none`. Here the key is left out, so for this name the help says so.
+    For the name `none`, the hint explains that the key should be omitted.
     """
     if name.lower() == "none":
         return "to use none, remove the key"
@@ -233,11 +242,11 @@ _UNKNOWN = {"joint": Code.UNKNOWN_JOINT, "mode": Code.UNKNOWN_MODE, "pose": Code
 def report_unmatched(
     scope: Scope, text: str, known: Iterable[str], path: Path, what: str, *, fits: str = "", pattern: bool = False,
 ) -> None:
-    """Report a name or a pattern that does not match any element.
+    """Report an error for a name or a pattern that does not match any element.
 
-    `what` is the type of element in the message: `joint`, `mode` or `pose`.
+    `what` is the type of element for the message: `joint`, `mode` or `pose`.
 
-    `fits` means that patterns can match only some of the elements.
+    `fits` describes the elements that are allowed, if patterns match only some of the elements.
     """
     help = suggested(text, known, what=f"{fits or what}s")
     if pattern or GLOB.search(text):
@@ -251,9 +260,9 @@ def _unbuilt(prefixes: list[str], name: str) -> bool:
 
 
 def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> ComponentScope | None:
-    """Return the component to which a list of component names leads, through nested documents.
+    """Return the component that a list of component names selects, through nested documents.
 
-    Report a missing component once and return None.
+    If the component does not exist, report an error once and return None.
     """
     node: ComponentScope | None = None
     inner: DocumentScope | None = table
@@ -273,7 +282,10 @@ def _descend(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: P
 
 
 def _mount_below(table: DocumentScope, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> bool:
-    """Return whether `component...mount` may exist according to the documents. Report errors."""
+    """Return whether a mount `component...mount` can exist, as far as this is known from the documents.
+
+    If the mount cannot exist, report an error.
+    """
     node = table.nodes.get(parts[0])
     if node is None:
         _report_component(table, table, scope, parts, 0, path, key)
@@ -328,17 +340,17 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
 
 
 def declared(node: ComponentScope) -> list[Note]:
-    """Return a note with the location of a component."""
+    """Return a note with the location at which a component is declared."""
     return [Note(message=f"`{node.name}` is written here", span=node.scope.span(node.path, key=True))]
 
 
 def defined(table: DocumentScope) -> list[Note]:
-    """Return a note with the location at which a nested document defines its assembly."""
+    """Return a note with the location of the assembly that a nested document defines."""
     return [Note(message=f"`{table.spec.name}` is defined here", span=table.document.span(("name",)))]
 
 
 def _repeated(scope: Scope, path: Path, key: bool) -> list[Note]:
-    """Return a note with the `repeat` count of an indexed reference, because the count may be the cause of the error."""
+    """Return a note with the count of the `repeat` whose index a reference uses. The count may be the cause of the error."""
     return scope.beside(COUNTED, (*path[:2], "repeat", "count"), path) if counted(scope, path, key=key) else []
 
 
@@ -409,9 +421,9 @@ def _report_component(
 
 
 def _shows(node: ComponentScope, mount: str) -> bool:
-    """Return whether a component has a mount with this name, as far as documents determine this.
+    """Return whether a component has a mount with this name, as far as this is known from the documents.
 
-    Mounts that the Thing of a part defines are not taken into account.
+    Mounts that the class of a part defines are not known.
     """
     return mount in node.mounts or (node.table is not None and mount in node.table.exports)
 

@@ -1,4 +1,4 @@
-"""Unroll components and joints with `repeat:`. Check names: reserved words, duplicates, and names that differ only in case."""
+"""Unroll components and joints with the key `repeat:`, and check names: reserved words, duplicates, and names that differ only in case."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from thingc.documents.spec.name_types import RESERVED
 from thingc.model.resolve.scope import Scope
 
 MAX_REPEAT = 10_000
-"""Maximum number of items of one `repeat`."""
+"""Maximum count of one `repeat`."""
 
 MAX_OCCURRENCES = 100_000
-"""Maximum number of occurrences of a robot, and of items of all repeats of one document."""
+"""Maximum number of parts, links and frames of a robot, and of items of all repeats in one document."""
 
 Spec = TypeVar("Spec", ComponentSpec, JointSpec)
 
 
 class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
-    """One component or joint after its `repeat` is unrolled. Its scope contains the value of the repeat's index."""
+    """One item of a component or joint whose `repeat` has been unrolled. The scope of the item contains the value of the repeat's index."""
 
     name: str
     spec: Spec
@@ -31,9 +31,10 @@ class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
 
 
 def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]], list[str]]:
-    """Return the items of `components` or `joints` in document order, and the prefixes of items that are invalid or over the limit.
+    """Return the items of the section `components` or `joints` in document order.
 
-    A prefix such as `leg_` represents all items of a repeat. An empty prefix represents all items of the section.
+    Also return the prefixes of items that are invalid or exceed a limit. A prefix such as `leg_` means all items of a repeat. An empty
+    prefix means all items of the section.
 
     If several items have the same name, report the duplicates and use the first item.
     """
@@ -70,7 +71,10 @@ def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: 
 
 
 def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> dict[str, int | None] | None:
-    """Return the count of each repeated spec (None for an invalid count). Return None if there are too many items."""
+    """Return the count of each component or joint with a `repeat`, or None for an invalid count.
+
+    If there are too many items in total, return None instead of a mapping.
+    """
     counts: dict[str, int | None] = {}
     total = 0
     for name, spec in specs.items():
@@ -103,7 +107,7 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
 def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserved: bool = True) -> None:
     """Report reserved names, duplicates, and names that differ only in case.
 
-    `names` contains each name with its path in the document and the type of element that it names.
+    `names` contains tuples of a name, its path in the document, and the type of the element.
     """
     seen: dict[str, tuple[str, Path, str]] = {}
     said: set[tuple[Path, Path]] = set()

@@ -1,4 +1,6 @@
-"""The pass that converts validated documents to the model: parameters, expressions, units, references, defaults, repeats, patterns.
+"""The pass `resolve`, which converts validated documents to the model.
+
+It evaluates parameters, expressions, units, references, defaults, repeats and patterns.
 
 The inputs of the pass are `Settings` and `Sources`.
 """
@@ -20,10 +22,10 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 
 class Settings(FrozenStruct):
-    """The settings of a compilation that a user specifies outside the documents: parameters (`-p`) and values at paths (`--set`).
+    """The settings that a user specifies outside the documents: parameters (`-p`) and values at paths (`--set`).
 
-    `parameters` maps names to strings as for `-p` (`{"reach": "120 mm"}`). `choices` maps dotted paths in the root document to strings
-    (`{"components.foot.part": "feet:Wide"}`). `quantities` replaces some of these strings by values.
+    `parameters` maps names to strings such as `{"reach": "120 mm"}`. `choices` maps paths in the root document to strings such as
+    `{"components.foot.part": "feet:Wide"}`. `quantities` contains parsed values, which replace some of these strings.
     """
 
     parameters: Mapping[str, str] = {}
@@ -32,8 +34,7 @@ class Settings(FrozenStruct):
 
 
 class Sources(FrozenStruct):
-    """The inputs of the pass `resolve`: parsed documents, their validated models by path in the workspace, and the parameter schemas of
-    parts.
+    """The inputs of the pass `resolve`: parsed documents, their validated models, and the parameter schemas of parts.
 
     `Sources` also contains a function that returns the SHA-256 of a file.
     """
@@ -50,11 +51,11 @@ def resolve(
 ) -> AssemblyDefinition | None:
     """Resolve the root document of `sources` with these settings.
 
-    `sources` must also contain the documents and parts that choices select.
+    `sources` must also contain the documents and parts that the choices select.
 
-    Add all errors to `report`. Elements that depend on invalid elements are omitted from the model. Return None if the root document is
-    invalid as a whole. `memo` caches results for these documents. `of_any_text` caches results of unchanged nested documents for all
-    versions of the root document.
+    All errors are added to `report`. Elements that depend on invalid elements are omitted from the model. Return None if the root document
+    is invalid as a whole. The cache `memo` contains results that are valid for these documents. The cache `of_any_text` contains results of
+    nested documents that remain valid if only the root document changes.
     """
     from thingc.documents.spec.assembly import AssemblySpec
     from thingc.model.resolve import choices as choose
@@ -88,7 +89,7 @@ def resolve(
 
 
 def resolve_materials(sources: Sources, report: Report) -> None:
-    """Report errors and suspicious values of a `materials/1` document that is checked on its own."""
+    """Report errors and suspicious values of a `materials/1` document that is not part of an assembly."""
     from thingc.model.resolve.document_scope import ResolveRun
     from thingc.model.resolve.materials import of_document
     from thingc.model.resolve.plausibility import density_cure, density_doubt

@@ -1,4 +1,4 @@
-"""Evaluate the values of one document: expressions, physical dimensions, bounds, and default values."""
+"""Evaluate the values of a document: expressions, physical dimensions, bounds, and default values."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from thingc.documents.spec.poses import PoseSpec
 
 NOTHING: frozenset[str] = frozenset()
 UNIT = 1e-3
-"""Tolerance for the length of a quaternion in a document, which should be 1."""
+"""Tolerance for the length of a quaternion in a document, which should be normalized."""
 
 _EXPRESSION_CODES = {"dimension": Code.DIMENSION, "unit": Code.DIMENSION, "value": Code.OUT_OF_RANGE}
 
@@ -36,12 +36,12 @@ class TooManyErrors(Exception):
 
 
 class Scope(FrozenStruct):
-    """Evaluates the values of a document, or of one item of a `repeat`. Contains the names that expressions can use, and reports errors.
+    """Evaluates the values of a document, or of one item of a `repeat`.
 
-    `broken` contains invalid names that have been reported. Expressions with these names are invalid, without another message. `index` is
-    the name of the repeat's index and its value in references (`$i`). All scopes of a run share `said`, which prevents duplicate reports of
-    an error for the items of a repeat and the uses of a nested document. `doubts` contains the locations of errors that validation has
-    reported.
+    `names` contains the names that expressions can use. Errors are reported. `broken` contains names with invalid values, which have been
+    reported. An expression with such a name is invalid, but is not reported again. `index` contains the name of the repeat's index, and its
+    value in references (`$i`). `said` is shared by all scopes of a run. It prevents duplicate reports of an error for the items of a repeat
+    and for a document that is nested several times. `doubts` contains the locations of errors that validation has reported.
     """
 
     document: Document
@@ -67,7 +67,7 @@ class Scope(FrozenStruct):
         return (self.document.span(path, key=key),)
 
     def written(self, path: Path) -> str | None:
-        """Return the text of the scalar at `path` as the document contains it. Return None if there is no scalar."""
+        """Return the source text of the scalar at `path`, or None if the value is not a scalar."""
         node = node_at(self.document.tree, path)
         return node.text if isinstance(node, ScalarNode) else None
 
@@ -80,9 +80,9 @@ class Scope(FrozenStruct):
         self, code: Code, message: Hint, path: Path, *, help: Hint | None = None, notes: Iterable[Note] = (), key: bool = False,
         span: Span | None = None,
     ) -> None:
-        """Report an error once, at the value (or the key, with `key`) at `path`, or at a narrower `span`.
+        """Report an error at `path` once. The location is the value, the key if `key` is True, or `span` if given.
 
-        Errors at locations in `doubts` are not reported.
+        Errors at the locations in `doubts` are not reported.
         """
         if self.doubts.touch(path):
             return
@@ -95,7 +95,7 @@ class Scope(FrozenStruct):
         self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=dotted(path))
 
     def beside(self, message: str, path: Path, of: Path, *, key: bool = False) -> list[Note]:
-        """Return a note with the second location `path` of an error at `of`, or no notes if both locations are on the same line."""
+        """Return a note with `path` as a second location of an error at `of`. If both locations are on the same line, return no notes."""
         second, first = self.document.span(path, key=key), self.document.span(of)
         return [] if second.line == first.line else [Note(message=message, span=second)]
 
@@ -104,7 +104,7 @@ class Scope(FrozenStruct):
     def value(self, raw: Any, path: Path) -> ExpressionValue | None:
         """Evaluate a value of the document: a number, a quantity such as `20 mm`, or an expression.
 
-        Report an invalid value once and return None.
+        If the value is invalid, report an error once and return None.
         """
         if isinstance(raw, Quantity):
             return raw
@@ -128,7 +128,7 @@ class Scope(FrozenStruct):
         raise TypeError(f"not a value of a document: {raw!r}")
 
     def _narrowed(self, expression: Expression, path: Path, offset: int, end: int) -> Span | None:
-        """Return the span within a one-line scalar that corresponds to a range in its expression."""
+        """Return the span of a part of an expression, given by a range of characters in a scalar on one line."""
         node = node_at(self.document.tree, path)
         if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line:
             return None
@@ -146,10 +146,10 @@ class Scope(FrozenStruct):
     ) -> float | None:
         """Evaluate a number in a document, check its physical dimension and its bounds, and return it in SI units.
 
-        Report an invalid value and return None.
+        If the value is invalid, report an error and return None.
 
-        `what` names the field in messages, with its article or name: "the mass", "`limit.lower` of joint `yaw`". `notes` explain why the
-        field requires this physical dimension.
+        `what` is the name of the value in messages: "the mass", "`limit.lower` of joint `yaw`". `notes` explains why the value must have
+        this physical dimension.
         """
         quantity = self.value(raw, path)
         if quantity is None:
@@ -174,7 +174,10 @@ class Scope(FrozenStruct):
         return value
 
     def count(self, raw: Any, path: Path, what: str, *, least: int = 0) -> int | None:
-        """Evaluate an integer such as the count of a `repeat`, and check its lower bound. Report an invalid value and return None."""
+        """Evaluate an integer such as the count of a `repeat`, and check its lower bound.
+
+        If the value is invalid, report an error and return None.
+        """
         value = self.number(raw, path, NUMBER, what, least=float(least))
         if value is None:
             return None
@@ -186,20 +189,26 @@ class Scope(FrozenStruct):
     def vector(self, raw: Any, path: Path, dimension: Dimension, what: str) -> Vector | None:
         """Evaluate a vector of three values with the same physical dimension, and return it in SI units.
 
-        Report invalid values and lengths above `FARTHEST`, and return None.
+        If a value is invalid, or a length is above `FARTHEST`, report an error and return None.
         """
         least, most = (-FARTHEST, FARTHEST) if dimension == LENGTH else (None, None)
         x, y, z = (self.number(part, (*path, index), dimension, what, least=least, most=most) for index, part in enumerate(raw))
         return None if x is None or y is None or z is None else (x, y, z)
 
     def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
-        """Evaluate the position and the rotation that a document specifies at `path`. Report an invalid pose and return None."""
+        """Evaluate the pose at `path`, which consists of a position and a rotation.
+
+        If the pose is invalid, report an error and return None.
+        """
         translation = self.vector(spec.xyz, (*path, "xyz"), LENGTH, "`xyz`")
         rotation = self.rotation(spec, path)
         return None if translation is None or rotation is None else Pose(rotation=rotation, translation=translation)
 
     def rotation(self, spec: PoseSpec | TurnSpec, path: Path) -> Matrix | None:
-        """Evaluate the rotation that a document specifies at `path` by `quat` or `rpy`. Report an invalid rotation and return None."""
+        """Evaluate the rotation at `path`, which the document specifies by `quat` or `rpy`.
+
+        If the rotation is invalid, report an error and return None.
+        """
         if isinstance(spec, TurnSpec) or spec.quat is None:
             angles = self.vector(spec.rpy, (*path, "rpy"), ANGLE, "`rpy`")
             return None if angles is None else placed((0.0, 0.0, 0.0), angles).rotation
@@ -218,14 +227,17 @@ class Scope(FrozenStruct):
         return rotation_of((w, x, y, z))
 
     def shown(self, value: ExpressionValue, path: Path) -> str:
-        """Format a value for messages: the text in the document in backticks and, for an expression, its result."""
+        """Format a value for messages: the source text in backticks and, for an expression, its result."""
         text = (self.written(path) or words_of(value)).strip()
         return f"`{shortened(text)}`, which is {words_of(value)}" if text.startswith("=") else f"`{shortened(text)}`"
 
     def wrong_dimension(
         self, value: ExpressionValue, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
     ) -> None:
-        """Report a value with the wrong physical dimension. The message contains the expected dimension and the dimension of the value."""
+        """Report an error for a value with a wrong physical dimension.
+
+        The message contains the expected physical dimension and the dimension of the value.
+        """
         message, help = dimension_message(value, expected, what, self.written(path), self.names)
         self.error(Code.DIMENSION, message, path, help=help, notes=notes)
 
@@ -233,9 +245,9 @@ class Scope(FrozenStruct):
 def dimension_message(
     value: ExpressionValue, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
 ) -> tuple[str, Hint | None]:
-    """Return the message and the help for a value with the wrong physical dimension.
+    """Return the message and the help text for a value with a wrong physical dimension.
 
-    `names` are the names that the value's expression can use.
+    `names` contains the names that an expression can use.
     """
     wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
     text = shortened((written if written is not None else words_of(value)).strip())
@@ -251,7 +263,7 @@ def dimension_message(
 
 
 def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:
-    """Return the help for an expression whose physical dimension differs from the expected dimension by one unit.
+    """Return the help text for an expression that must be multiplied or divided by one unit to have the expected physical dimension.
 
     Examples are `=pinion / 1 rad`, `=count * 1 mm` and `=width / 1 mm`.
     """
@@ -269,9 +281,9 @@ def _bound(value: float, dimension: Dimension) -> str:
 
 
 def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int | str] | None:
-    """Return the element with index `number` of a list, or of a mapping whose keys are indices, and its key.
+    """Return the element `number` of a list, or of a mapping whose keys are indices. Also return the index or key of the element.
 
-    Return None if there is no such element.
+    Return None if the element does not exist.
     """
     if isinstance(written, dict):
         return (written[str(number)], str(number)) if str(number) in written else None
@@ -279,22 +291,25 @@ def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int
 
 
 class DefaultLayers(FrozenStruct, kw_only=False):
-    """Settings of an element and its layers of default values, with the most specific layer first.
+    """The settings of an element, followed by layers of default values. The most specific layer comes first.
 
-    Each layer has its path in the document.
+    For each layer, the path in the document is stored.
     """
 
     items: tuple[tuple[BaseModel, Path], ...]
 
     def pick(self, key: str, number: int | None = None) -> tuple[Any, Path] | None:
-        """Return the value of a setting from the most specific layer that contains it, and the path of the value.
+        """Return the value of a setting and its path, from the most specific layer that contains the setting.
 
         Return None if no layer contains the setting.
         """
         return next(self._written(key, number), None)
 
     def sub(self, key: str, number: int | None = None) -> DefaultLayers:
-        """Return the layers of a setting that is a mapping, such as `limit`. Its keys are then merged from all layers."""
+        """Return the layers of a setting that is a mapping, such as `limit`.
+
+        The keys of this mapping can then be picked from all layers.
+        """
         return DefaultLayers(tuple((value, path) for value, path in self._written(key, number) if isinstance(value, BaseModel)))
 
     def _written(self, key: str, number: int | None) -> Iterator[tuple[Any, Path]]:

@@ -27,7 +27,7 @@ FOVY = numeric.radians(45.0)
 
 
 def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> Iterator[Sensor]:
-    """Yield the resolved sensors of a document, in the order of the document. Report and omit invalid sensors."""
+    """Yield the resolved sensors of a document, in the order of the document. Invalid sensors are reported and omitted."""
     by_name = {one.name: one for one in tendons}
     for name, spec in table.spec.sensors.items():
         sensor = _Reader(table, scope, name, spec).sensor(by_name)
@@ -36,7 +36,7 @@ def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> It
 
 
 class _Reader:
-    """Resolves the references and values of one sensor. `sound` is True until an error is reported."""
+    """Resolves the references and values of one sensor. `sound` is True as long as no error has been reported."""
 
     def __init__(self, table: DocumentScope, scope: Scope, name: str, spec: SensorSpec) -> None:
         self.table, self.scope, self.name, self.spec = table, scope, name, spec
@@ -44,7 +44,7 @@ class _Reader:
         self.sound = True
 
     def sensor(self, tendons: Mapping[str, Tendon]) -> Sensor | None:
-        """Resolve all references and values of the sensor. Return None if the sensor is invalid."""
+        """Resolve all references and values of a sensor. Return None if the sensor is invalid."""
         spec = self.spec
         joint = self._joint() if spec.joint is not None or spec.type == "joint" else None
         tendon = self._tendon(spec.tendon, tendons) if spec.tendon is not None else None
@@ -93,9 +93,9 @@ class _Reader:
         return () if named is None else (named[0],)
 
     def _numbers(self, key: Literal["noise", "cutoff"], written: Any, of: Dimension | None) -> dict[str, float]:
-        """Return the noise or the cutoff of each reading of the sensor, in SI units.
+        """Return the noise or the cutoff of each reading of a sensor, in SI units.
 
-        A single value is valid only if exactly one reading accepts it.
+        A single value is valid only if exactly one reading accepts noise or cutoff.
         """
         if written is None:
             return {}
@@ -162,7 +162,7 @@ class _Reader:
         )
 
     def _joint(self) -> Joint | None:
-        """Return the coordinate measured by a sensor, or the coordinate of the measured drive.
+        """Return the joint coordinate that a sensor measures, or the coordinate of the drive that it measures.
 
         The key `joint` of the sensor names the measured joint. By default, the joint with the same name as the sensor is measured.
         """

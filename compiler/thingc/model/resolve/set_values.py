@@ -1,10 +1,10 @@
 """Insert the values of options `--set` into a document.
 
-Each option has a path in the document (`joints.elbow.limit.upper`) and a value as a string.
+An option consists of a path in the document, such as `joints.elbow.limit.upper`, and a value as a string.
 
-The string is parsed in the same way as a value in the document. The string may be a mapping or a list on one line (`{on: floor}`).
-Validation runs on the resulting tree, so the rules of documents apply. The location of an inserted value is the command-line option
-(`source.option_span`). Errors of this pass and later passes therefore refer to the option and not to the document.
+The string is parsed in the same way as a value in the document. The string can be a mapping or a list on one line, such as `{on: floor}`.
+The resulting tree is validated with the document models, so the rules of documents apply. The location of an inserted value is the
+command-line option (`source.option_span`). Errors of all passes therefore refer to the option and not to the document.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ FIXED = {
     "name": "the name of a robot is fixed",
     "parameters": "set a parameter by its name: `-p 'NAME=VALUE'`, or `NAME: ...` in a variants document",
 }
-"""Keys of an assembly that `--set` cannot set, with the reasons."""
+"""Keys of an assembly that the option `--set` cannot set, each with the reason."""
 
 
 class PathNotFound(FrozenStruct, kw_only=False):
-    """The error for a `--set` option whose path does not exist in the document: the message and the help."""
+    """The message and the help text of the error for an option `--set` whose path does not exist in the document."""
 
     message: str
     help: Hint | None
 
 
 def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
-    """Insert values, given as strings, at their paths in a document. Return the changed document and its validated model.
+    """Insert values, which are strings, at paths of a document. Return the changed document and its validated model.
 
-    If a value is invalid or the document itself has errors, report the errors and return both unchanged.
+    If a value is invalid, or if the document itself has errors, report the errors and return the unchanged document and model.
     """
     if not values or context.doubts(document):
         return document, spec
@@ -83,7 +83,7 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
 
 
 def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
-    """Parse the string for a path. All nodes of the parsed value have the location of the option."""
+    """Parse the string of an option `--set`. `place`, the location of the option, is the location of all nodes in the result."""
     if (bad := forbidden(text)) is not None:
         return PathNotFound(f"`{path}`: {bad[1]}", "remove the character")
     if is_flow(text):
@@ -96,7 +96,7 @@ def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
 
 
 def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
-    """Return a tree like `node` with `leaf` at `keys`. Missing mappings are created."""
+    """Return a copy of the tree `node` in which `leaf` is the value at the path `keys`. Missing mappings on the path are created."""
     if not keys:
         return leaf
     if isinstance(node, SequenceNode):
@@ -110,10 +110,10 @@ def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
 
 
 def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> PathNotFound | None:
-    """Return an error with the nearest valid path if a path does not exist in an assembly or, for named elements, in `tree`.
+    """Return an error with the nearest valid path if the path of an option does not exist.
 
-    Return None if the path leads to a value, or if `text` is a mapping or list. The function `whole` converts a path in the document to a
-    path from the top document.
+    The path must be valid in the document model and, for named elements, exist in `tree`. Return None if the path is valid, or if `text` is
+    a mapping or list. The function `whole` converts a path in the document to a path that begins in the top document.
     """
     if keys[0] in FIXED:
         return PathNotFound(f"`{keys[0]}` cannot be set by a path", FIXED[keys[0]])
@@ -153,8 +153,9 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
 
 
 def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str]) -> PathNotFound:
-    """Return the error for an unknown key in a path. `depth` is the position of the key, and `known` contains the valid keys at this
-    position.
+    """Return the error for an unknown key in a path.
+
+    `depth` is the index of the key in the path, and `known` contains the valid keys at this position.
     """
     known, key = list(known), keys[depth]
     sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]

@@ -1,4 +1,4 @@
-"""Resolve links, whose geometry is a list of primitive shapes and mesh files in the document."""
+"""Resolve links, which are components whose geometry is a list of primitive shapes and mesh files in the document."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from thingc.model.resolve.scope import DefaultLayers, Scope
 
 
 def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> LinkDefinition | None:
-    """Create the definition of a component that is a `link`. If a shape of the link is invalid, report the shape and return None."""
+    """Create the definition of a component that is a `link`. If a shape of the link is invalid, report an error and return None."""
     shapes = [_shape(context, table, node.scope, spec, (*node.path, "shapes", index)) for index, spec in enumerate(node.spec.shapes)]
     sound = tuple(shape for shape in shapes if shape is not None)
     return link_of(sound) if len(sound) == len(shapes) else None
@@ -45,7 +45,10 @@ def _shape(context: ResolveRun, table: DocumentScope, scope: Scope, spec: ShapeS
 
 
 def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFile | None:
-    """Return a mesh file with its scale. Return None for an invalid entry (reported) and for an unusable file (reported by `load`)."""
+    """Return a mesh file with its scale.
+
+    For an invalid entry, report an error and return None. For an unusable file, which `load` has reported, return None.
+    """
     scale = _scale(scope, spec, path)
     absolute, workspace = named(spec.mesh or "", scope.document.path), context.workspace
     if scale is None or absolute is None or os.path.isabs(spec.mesh or "") or not workspace.contains(absolute):
@@ -71,13 +74,16 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> Mes
 def _file(scale: Vector, digest: Callable[[str], str], absolute: str, path: str, _state: tuple[int, ...]) -> MeshFile:
     """Return a mesh file of a link.
 
-    The argument `_state` is the state of the file on disk. It is unused in the function, but part of the key of the cache.
+    The argument `_state` is the state of the file on disk. It is only used as a part of the cache key.
     """
     return mesh_file(absolute, path, scale, digest)
 
 
 def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
-    """Return the factors that convert the file's coordinates to metres. Report invalid factors and return None."""
+    """Return the scale factors that convert the coordinates in a mesh file to metres.
+
+    If a factor is invalid, report an error and return None.
+    """
     at: Path = (*path, "scale")
     if isinstance(spec.scale, list):
         factors = [scope.number(factor, (*at, k), NUMBER, "a factor of `scale`") for k, factor in enumerate(spec.scale)]
@@ -97,7 +103,7 @@ def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
 def primitive(scope: Scope, spec: ShapeSpec | VolumeSpec, path: Path, pose: Pose) -> Primitive | None:
     """Create a primitive shape such as a box.
 
-    Lengths in the document are full lengths, and those of the primitive are half lengths. Report invalid lengths and return None.
+    The document specifies full lengths, and the primitive contains half lengths. If a length is invalid, report an error and return None.
     """
     at: Path = (*path, spec.kind)
     written = getattr(spec, spec.kind)

@@ -21,7 +21,7 @@ from thingc.model.resolve.types import Drive, PathStep, Tendon
 
 
 def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
-    """Yield the resolved tendons of a document, in the order of the document. Report and omit invalid tendons."""
+    """Yield the resolved tendons of a document, in the order of the document. Invalid tendons are reported and omitted."""
     for name, spec in table.spec.tendons.items():
         path: Path = ("tendons", name)
         if spec.path is not None:
@@ -42,7 +42,7 @@ def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
 def _steps(
     table: DocumentScope, scope: Scope, name: str, written: Sequence[str | AroundSpec | PulleySpec], path: Path,
 ) -> Iterator[PathStep]:
-    """Yield the valid steps of a path. Report invalid steps."""
+    """Yield the valid steps of the path of a tendon. Invalid steps are reported."""
     for number, one in enumerate(written):
         place: Path = (*path, number)
         if isinstance(one, str):
@@ -63,7 +63,10 @@ def _steps(
 
 
 def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bool:
-    """Return whether each section of a path between pulleys starts and ends at mounts, and has at most one shape between two mounts."""
+    """Return whether the path of a tendon is valid.
+
+    Each section between pulleys must start and end at mounts, and contain at most one shape between two mounts.
+    """
     kinds = ["pulley" if step.mount is None else "shape" if step.shape is not None else "mount" for step in steps]
     for number, (kind, before, after) in enumerate(zip(kinds, ["pulley", *kinds], [*kinds[1:], "pulley"], strict=False)):
         if kind == "shape" and not before == after == "mount":
@@ -84,7 +87,7 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
 def _terms(
     table: DocumentScope, scope: Scope, name: str, spec: TendonSpec, path: Path,
 ) -> tuple[Dimension, tuple[tuple[CoordinateName, float], ...]] | None:
-    """Return the physical dimension of the length, as determined by the first term, and the factors by coordinate."""
+    """Return the factors of a tendon by coordinate, and the physical dimension of its length, which the first factor determines."""
     moves: list[tuple[CoordinateName, float]] = []
     length: Dimension | None = None
     for text, raw in (spec.joints or {}).items():

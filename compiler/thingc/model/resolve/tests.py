@@ -1,4 +1,7 @@
-"""Resolve the tests of a document: names of elements, units and ranges. The module `model/assembly/modes.py` resolves mounts of parts."""
+"""Resolve the tests of a document: names of elements, values with units, and ranges.
+
+References to mounts of parts are resolved later, by `model/assembly/modes.py`.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +29,11 @@ from thingc.model.resolve.types import Joint, JointRange, Mode, Reference, Test
 ALL = "all"
 
 Key = str | Path
-"""Location in a test: a key or a path of keys."""
+"""The location of a value in a test: a key or a path of keys."""
 
 
 def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequence[Mode]) -> Iterator[Test]:
-    """Yield the resolved tests of a document, in the order of the document. Report and omit invalid tests."""
+    """Yield the resolved tests of a document, in the order of the document. Invalid tests are reported and omitted."""
     around = context.around(table)
     by_name = {mode.name: mode for mode in modes}
     for name, written in table.spec.tests.items():
@@ -42,7 +45,7 @@ def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequen
 
 
 def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: str, written: TestSpec) -> Test | None:
-    """Resolve a document test. Report an invalid test and return None."""
+    """Resolve a document test. If the test is invalid, report an error and return None."""
     path: Path = ("tests", name, written.kind)
     reader = Reader(table, scope, modes, path)
     reader.choose(written.stated)
@@ -62,10 +65,10 @@ def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: s
 class Reader:
     """Reads the values and references in the specification of one test.
 
-    Each type of test has a function `read` that calls the methods of this class.
+    The function `read` of each type of test calls the methods of this class.
 
-    `modes` contains the modes of the document by name. `chosen_modes` and `chosen_poses` are the modes and poses of the test. If
-    `every_pose` is True, the test runs in all keyframes of the mode. `sound` becomes False when an error is reported.
+    `modes` contains the modes of the document by name. `chosen_modes` and `chosen_poses` contain the modes and poses in which the test
+    runs. If `every_pose` is True, the test runs in all keyframes of the mode. `sound` becomes False when an error is reported.
     """
 
     def __init__(self, table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], path: Path) -> None:
@@ -79,11 +82,11 @@ class Reader:
         self.every_pose = False
 
     def at(self, key: Key) -> Path:
-        """Return the path in the document of a value of the test, given its key in the specification of the test."""
+        """Convert the key of a value in the specification of the test to the path of the value in the document."""
         return (*self.path, key) if isinstance(key, str) else (*self.path, *key)
 
     def origin(self, key: Key) -> Origin:
-        """Return the location in the document of a value of the test."""
+        """Return the location of a value of the test in the document."""
         return self.scope.origin(self.at(key))
 
     def error(self, code: Code, message: str, key: Key, *, help: Hint | None = None, on_key: bool = False) -> None:
@@ -99,7 +102,7 @@ class Reader:
     ) -> float:
         """Evaluate a number of the test and return it in SI units, or return `default` for None.
 
-        Report an invalid value and return NaN, so that all comparisons are false.
+        If the value is invalid, report an error and return NaN, so that every comparison with the value is false.
 
         `what` is the name of the value in messages, by default the key.
         """
@@ -116,13 +119,13 @@ class Reader:
         return value
 
     def vector(self, raw: Any, key: str, dimension: Dimension) -> Vector | None:
-        """Evaluate a vector of three values and return it in SI units. Report invalid values and return None."""
+        """Evaluate a vector of three values and return it in SI units. If the vector is invalid, report an error and return None."""
         vector = self.scope.vector(raw, self.at(key), dimension, f"`{key}`")
         self.sound = self.sound and vector is not None
         return vector
 
     def interval(self, said: Sequence[Any], key: Path, dimension: Dimension, what: str) -> tuple[float, float]:
-        """Evaluate an interval of two values, and return its ends in SI units and in ascending order."""
+        """Evaluate an interval, which is given by two values. Return its ends in SI units and in ascending order."""
         low, high = (self.number(value, (*key, index), dimension, what) for index, value in enumerate(said))
         if low > high:
             self.error(
@@ -132,7 +135,7 @@ class Reader:
         return low, high
 
     def bounds(self, low: Any, high: Any, dimension: Dimension, what: str) -> tuple[float | None, float | None]:
-        """Evaluate the bounds `min` and `max` of a test, and return them in SI units. A bound that is not specified is None."""
+        """Evaluate the bounds `min` and `max` of a test, and return them in SI units. If a bound is not specified, it is None."""
         least = None if low is None else self.number(low, "min", dimension, f"`min` of {what}", least=0.0)
         most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
         if least is not None and most is not None and least > most:
@@ -162,7 +165,7 @@ class Reader:
         return tuple(Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in names)
 
     def drives(self, said: str | list[str], key: Key) -> tuple[str, ...]:
-        """Return the paths of the driven joints that match names and patterns."""
+        """Return the paths of the driven joints that match names or patterns."""
         paths = driven(self.table, self.scope, _each(said, self.at(key)))
         self.sound = self.sound and bool(paths)
         return paths
@@ -192,7 +195,7 @@ class Reader:
         return self._named(said, self.at("pose"), list(self.table.poses), "pose"), False
 
     def _named(self, said: str | list[str], path: Path, known: Sequence[str], what: str) -> tuple[str, ...]:
-        """Return the modes or poses that match names and patterns, in the order of `known`. `what` is `mode` or `pose`."""
+        """Return the modes or poses that match names or patterns, in the order of `known`. `what` is `mode` or `pose`."""
         section = f"{what}s"
         names: set[str] = set()
         for text, at in _each(said, path):
@@ -208,7 +211,7 @@ class Reader:
     def ranges(self, said: dict[str, Any], key: str) -> Iterator[JointRange]:
         """Yield the joints that the test moves through a range, each with its range.
 
-        An exact joint name takes precedence over a pattern.
+        If both an exact joint name and a pattern match a joint, the exact name takes precedence.
         """
         joints = dict(self.table.all_joints())
         movable = {name: joint for name, joint in joints.items() if joint is not None and _movable(joint)}
@@ -241,7 +244,7 @@ class Reader:
     def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
         """Return the range of positions through which the test moves a joint.
 
-        By default, the range is the limits of the joint, or one turn for a joint without limits.
+        By default, the range is between the limits of the joint, or one turn for a joint without limits.
         """
         twist = joint.twist
         endless = numeric.pi if twist is not None and twist.turns else numeric.inf
@@ -263,7 +266,7 @@ class Reader:
 
 
 def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
-    """Return the strings of a value that is a string or a list of strings, each with its path in the document."""
+    """Convert a value that is a string or a list of strings to a list of pairs of a string and its path in the document."""
     return [(said, path)] if isinstance(said, str) else [(text, (*path, index)) for index, text in enumerate(said)]
 
 

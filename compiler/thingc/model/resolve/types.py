@@ -1,7 +1,7 @@
-"""Data types of the resolved model: documents in which all names, units and expressions are resolved. Values are in SI units.
+"""Data types of the model that the pass `resolve` creates.
 
-The mounts of a part are not resolved, because they depend on the geometry of the part. A reference to such a mount contains only its name,
-which `model/assembly` checks.
+All names, units and expressions of documents are resolved. Values are in SI units. References to mounts of parts are not resolved, because
+the mounts depend on the geometry of the part. Such a reference contains only the name of the mount, which `model/assembly` checks.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamic
 from thingc.model.resolve.link_definition import LinkDefinition
 
 COUNTED = "the reference is repeated this often"
-"""The text of a note at the count of a `repeat` whose indexed reference is invalid."""
+"""The text of a note that shows the count of a `repeat`, if an indexed reference in the `repeat` is invalid."""
 
 
 class Reference(OneLineRepr, FrozenStruct):
     """A reference to a component or to a mount, such as `hand.cap.pen`.
 
-    `path` contains the names of the nested components, and `mount` is the last name.
+    `path` contains the names of the component and its parent components, and `mount` is the name of the mount.
 
-    If `mount` is None, the reference is to the component itself (`links`, `drive`, a mode's root). A mount may be exported by a nested
-    assembly (then `path` ends at that assembly) or belong to a part. `repeat_origin` is the place of the count of the enclosing `repeat`,
-    if the reference uses the index of an item after the first item.
+    If `mount` is None, the reference is to the component itself, as in `links`, in `drive` and in the root of a mode. If a nested assembly
+    exports the mount, `path` ends at this assembly. `repeat_origin` is the location of the count of the enclosing `repeat`, if the
+    reference contains the index of an item after the first item.
     """
 
     path: tuple[str, ...]
@@ -46,13 +46,13 @@ class Reference(OneLineRepr, FrozenStruct):
 
 
 class Process(OneLineRepr, FrozenStruct):
-    """The manufacturing process of a part. `kind` is the type of the process, such as `fdm`. Line widths and layer heights are in [m].
+    """The manufacturing process of a part. `kind` is the type of the process, such as `fdm`. Line widths and layer heights are in metres.
 
     Infill and overlap are between 0 and 1.
 
-    `bridge_flow` is the ratio of material flow in bridges to normal flow. `estimate` is the method for the mass of a part with infill,
-    `layers | skin` (None: by kind). `origins` contains the locations of the settings in the document. Settings in `wrong` are invalid and
-    have been reported.
+    `bridge_flow` is the ratio of material flow in bridges to normal flow. `estimate` is the method for estimating the mass of a part with
+    infill, `layers | skin` (None: the default of the process). `origins` contains the locations of the settings in the document. `wrong`
+    contains the names of invalid settings, which have been reported.
     """
 
     kind: str | None = None
@@ -72,9 +72,9 @@ class Process(OneLineRepr, FrozenStruct):
 class Material(OneLineRepr, FrozenStruct):
     """A material that components of a document can use.
 
-    `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, and `slide` is the sliding friction. Other fields contain the
-    coefficients of torsional and rolling friction. `process_origin` is the place of the material's `process` in the document (empty for a
-    material without a process). `density_origin` is the location of the density in the document.
+    `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, and `slide` is the sliding friction. The other fields contain the
+    coefficients of torsional and rolling friction. `process_origin` is the location of the key `process` of the material in the document
+    (empty without this key). `density_origin` is the location of the density in the document.
     """
 
     name: str
@@ -90,8 +90,9 @@ class Material(OneLineRepr, FrozenStruct):
 
 
 class StatedValue(OneLineRepr, FrozenStruct):
-    """A mass property that a document specifies, with its source and its location: mass [kg], centre of mass [m], or inertia ixx iyy izz
-    ixy ixz iyz [kg m^2].
+    """A mass property that a document specifies, with its source and its location.
+
+    The value is a mass [kg], a centre of mass [m], or an inertia ixx iyy izz ixy ixz iyz [kg m^2].
 
     If `stand_in` is True, the value is a placeholder for an invalid value that has been reported.
     """
@@ -111,9 +112,9 @@ class ExtraMount(OneLineRepr, FrozenStruct):
 
 
 class Overrides(OneLineRepr, FrozenStruct):
-    """The values in a document that override properties of a component. A value that is not overridden is None.
+    """The values in a document that override properties of a component. A value is None if it is not overridden.
 
-    `up` is the direction away from the bed of a printer, a unit vector in the component's axes.
+    `up` is a unit vector in the axes of the component, which points away from the bed of a printer.
     """
 
     mass: StatedValue | None = None
@@ -137,9 +138,9 @@ class BomEntry(OneLineRepr, FrozenStruct):
 class Attach(OneLineRepr, FrozenStruct):
     """A rigid mate between a mount of this component and the mount `to`.
 
-    `turn` [rad] is about the z axis of `to`, and `gap` [m] is along this axis.
+    `turn` is the rotation angle [rad] about the z axis of `to`, and `gap` is the distance [m] along this axis.
 
-    `mount` is a reference whose path starts with this component's own name.
+    The path of the reference `mount` begins with the name of this component.
     """
 
     mount: Reference
@@ -150,7 +151,7 @@ class Attach(OneLineRepr, FrozenStruct):
 
 
 class At(OneLineRepr, FrozenStruct):
-    """The placement of a component's origin at `pose` in the frame of the mount `to`. The placement does not mate two mounts."""
+    """The placement of a component's origin at `pose` in the frame of the mount `to`. No mounts are mated."""
 
     to: Reference
     pose: Pose
@@ -160,12 +161,12 @@ class At(OneLineRepr, FrozenStruct):
 class Component(OneLineRepr, FrozenStruct):
     """A component of a resolved assembly: a part, a file, a link, a frame or a nested assembly.
 
-    Either `definition` is a part, a link or a nested assembly, or `frame` is True. If neither is set, the component is invalid and has been
-    reported. Later passes skip invalid components. `placement` is None for the base and for components that a joint places. `material` is
-    the material that the document specifies for the component. If `material` is None, later passes look up the default material of the
-    Thing in the assembly's `materials`. In the mirror image of a document, `image_of` is the original component. If the part equals its
-    mirror image, `mounts_mirrored` is the axis along which its mounts are mirrored. `key` is the key of the component in the document. All
-    items of a `repeat` have the same key.
+    `definition` is the definition of a part, a link or a nested assembly. `frame` is True for a frame, which does not have a definition. If
+    a component has no definition and is not a frame, it is invalid and has been reported. Later passes skip invalid components. `placement`
+    is None for the base and for components that a joint places. `material` is the material that the document specifies for the component.
+    If `material` is None, later passes use the default material of the Thing, if the `materials` of the assembly contain it. For a
+    component of a mirror image, `image_of` is the original component. If the part equals its mirror image, `mounts_mirrored` is the axis
+    along which its mounts are mirrored. `key` is the key of the component in the document. All items of a `repeat` have the same key.
     """
 
     name: str
@@ -183,14 +184,14 @@ class Component(OneLineRepr, FrozenStruct):
 
     @property
     def label(self) -> str:
-        """The label of the component's definition, for display."""
+        """The label of the component's definition for display."""
         return self.definition.label if self.definition is not None else "frame"
 
 
 class Drive(OneLineRepr, FrozenStruct):
-    """A drive of a joint: a `component` whose Thing declares an actuator, or an inline drive (`component` None).
+    """A drive of a joint. `component` is a component whose Thing declares an actuator, or None for an inline drive.
 
-    For a ball joint, `axis` is a unit vector that is fixed in the child, in the parent mount's axes at q = 0.
+    For a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child.
     """
 
     component: Reference | None
@@ -205,13 +206,14 @@ class Drive(OneLineRepr, FrozenStruct):
 
 
 class Joint(Coordinate):
-    """A joint in a resolved document. Unless the joint closes a loop, it places the component to which its child mount belongs.
+    """A joint, or one coordinate of a joint, in a resolved document.
 
-    A joint with several coordinates is a sequence of these objects: `name` is the name of the coordinate (`wrist[0]`), `twist` its motion
-    in the parent mount's frame, which the preceding coordinates have moved (None for a `fixed` joint). For diagnostics, `spans` contains
-    places within the joint by dotted key (`limit.lower`), and `written` contains the values at these places. With an `axis` (a unit vector
-    in the parent mount's frame), the mounts coincide at q = 0 instead of facing each other. Otherwise, a `mirrored` joint moves in the
-    parent mount's frame after a rotation by pi about x.
+    The joint places the component of its child mount, unless the joint closes a loop. A joint with several coordinates is represented by a
+    sequence of these objects. `name` is the name of the coordinate (`wrist[0]`). `twist` is its motion in the frame of the parent mount
+    after the motions of the preceding coordinates (None for a `fixed` joint). For diagnostics, `spans` contains the spans of values of the
+    joint by path (`limit.lower`), and `written` contains these values. If the joint has an `axis` (a unit vector in the frame of the parent
+    mount), the mounts coincide at q = 0 instead of facing each other. Without `axis`, a `mirrored` joint moves in a frame that is the frame
+    of the parent mount after a rotation by pi about x.
     """
 
     twist: Twist | None
@@ -230,8 +232,8 @@ class Joint(Coordinate):
 class Wrap(OneLineRepr, FrozenStruct):
     """A step of a tendon's path, where the tendon passes through a mount, wraps around a shape, or runs over a pulley.
 
-    The tendon passes a `shape` with a `radius` [m] on the side of the mount `side`, if specified. A step without a mount is a pulley, after
-    which lengths are divided by `divisor`.
+    A `shape` has a `radius` [m]. If `side` is given, the tendon passes the shape on the side of this mount. A step without a mount is a
+    pulley. Lengths after the pulley are divided by `divisor`.
     """
 
     shape: Literal["sphere", "cylinder"] | None = None
@@ -241,19 +243,20 @@ class Wrap(OneLineRepr, FrozenStruct):
 
 
 class PathStep(Wrap):
-    """A step of a tendon's path in a document. Its mounts are references that are not yet resolved to parts."""
+    """A step of a tendon's path in a document. The mounts are references whose parts are not yet known."""
 
     mount: Reference | None = None
     side: Reference | None = None
 
 
 class Tendon(OneLineRepr, FrozenStruct):
-    """A tendon.
+    """A tendon of a document.
 
-    Its length is a weighted sum of joint coordinates, or the length of a path. Limit, dynamics and drive act along the tendon.
+    The length of the tendon is a weighted sum of joint coordinates, or the length of a path. The limit, the dynamics and the drive apply to
+    this length.
 
-    `moves` contains the factor of each coordinate [per unit of q]. If the tendon `turns`, its length is an angle [rad], otherwise a length
-    [m]. MuJoCo draws a tendon along a `path` with the `width` [m].
+    `moves` contains the factor of each coordinate [per unit of q]. If `turns` is True, the length is an angle [rad], otherwise a length
+    [m]. MuJoCo draws a tendon along a `path` with the diameter `width` [m].
     """
 
     name: str
@@ -268,7 +271,10 @@ class Tendon(OneLineRepr, FrozenStruct):
 
 
 class LinkName(OneLineRepr, FrozenStruct):
-    """`links: {base_link: plate}`: the name of a link, and the component whose frame it uses."""
+    """An entry of the section `links:`, such as `{base_link: plate}`.
+
+    It contains the name of a link, and the component whose frame is the frame of the link.
+    """
 
     name: str
     component: Reference
@@ -279,9 +285,9 @@ NamedKind = Literal["components", "mounts", "joints", "tendons", "actuators", "e
 
 
 class NameInFiles(OneLineRepr, FrozenStruct):
-    """`names: {joints: {joint_1: "1"}}`: the name of an element in files.
+    """An entry of the section `names:`, such as `{joints: {joint_1: "1"}}`: the name of an element in output files.
 
-    `own` is its name in the document; for a coordinate, the name in files (`wrist_0`).
+    `own` is the name of the element in the document. For a coordinate, `own` is the default name in files (`wrist_0`).
     """
 
     kind: NamedKind
@@ -291,9 +297,9 @@ class NameInFiles(OneLineRepr, FrozenStruct):
 
 
 class NamedPose(OneLineRepr, FrozenStruct):
-    """A named pose of a document, after patterns of joint names and poses of nested documents are resolved.
+    """A named pose of a document, with patterns and poses of nested documents resolved to joints.
 
-    The pose maps joint paths (`hand/finger`) to the position q [rad or m] and the location of the value in the document.
+    The pose maps each joint path (`hand/finger`) to the position q [rad or m] and to the location of the value in the document.
 
     Joints that are not in the pose are at 0.
     """
@@ -305,10 +311,10 @@ class NamedPose(OneLineRepr, FrozenStruct):
 
 
 class Sensor(Measurement):
-    """A sensor at a mount. Some sensors measure the pose or the velocity of their mount relative to another mount, `seen_from`.
+    """A sensor of a robot. If `seen_from` is given, the sensor measures the pose or the velocity of its mount relative to this mount.
 
-    `joint` is the path of the measured or driven joint (`leg/knee`), `tendon` the name of the measured or driven tendon. `touching`
-    contains the component whose contacts the sensor measures and, if specified, the other component of the contact.
+    `joint` is the path of the measured or driven joint (`leg/knee`), and `tendon` is the name of the measured or driven tendon. `touching`
+    contains the component whose contacts the sensor measures, and optionally the other component of the contact.
     """
 
     name: str
@@ -320,13 +326,13 @@ class Sensor(Measurement):
 
 
 class Hold(OneLineRepr, FrozenStruct):
-    """A mount that a mode holds to the world, in addition to its root.
+    """A mount that a mode holds to the world, in addition to the root of the mode.
 
-    The mount is mated to the frame `pose` in the world, in the same way as a root is mated to `at`.
+    The mount is mated to the frame `pose` in the world.
 
-    If `pose` is None, the document specifies `here`, which is the place of the mount in the mode's own pose. If `mount.mount` is None, the
-    hold is on a component, whose origin is at `pose`. With `turns`, the hold transmits only force: the origin is fixed, and the link may
-    rotate about the origin.
+    If `pose` is None, the document specifies `here`: the mount is held at its pose in the start pose of the mode. If `mount.mount` is None,
+    a component is held, and its origin is at `pose`. If `turns` is True, the hold transmits only a force, and the link can rotate about the
+    fixed origin of the mount.
     """
 
     mount: Reference
@@ -336,9 +342,9 @@ class Hold(OneLineRepr, FrozenStruct):
 
 
 class Standing(OneLineRepr, FrozenStruct):
-    """The mounts on which a mode with a free base stands: points where the floor can push but not pull.
+    """The mounts on which a robot with a free base stands. The floor can push these mounts but not pull them.
 
-    If `friction` is None, the friction of their materials is used.
+    If `friction` is None, the friction of the materials at the mounts is used.
     """
 
     mounts: tuple[Reference, ...]
@@ -356,10 +362,10 @@ class Cut(OneLineRepr, FrozenStruct):
 class ModeSettings(OneLineRepr, FrozenStruct):
     """The settings of a mode that do not refer to elements of the document.
 
-    `at` is the pose of the root in the world (without the height if `on_floor`). `at_in` contains the poses of the root for some poses of
-    the robot. `gravity` [m/s^2] is in the world frame. `poses` contains the names of poses in the order of keyframes, with the mode's own
-    `pose` first. `actuators` contains joint paths, or is None for all actuators. `stated` is False for the default mode of a document
-    without modes.
+    `at` is the pose of the root in the world. If `on_floor` is True, the height in `at` is not yet known. `at_in` maps some named poses of
+    the robot to a different pose of the root. `gravity` is a vector [m/s^2] in the world frame. `poses` contains the names of the
+    keyframes, in order. The start pose `pose` comes first. `actuators` contains the paths of the driven joints, or is None for all joints
+    with a drive. `stated` is False for the default mode of a document that does not define modes.
     """
 
     name: str
@@ -380,9 +386,9 @@ class ModeSettings(OneLineRepr, FrozenStruct):
 class Mode(ModeSettings):
     """A mode, including the settings of the modes that it extends. If `root.mount` is None, the root is a component.
 
-    `exclude` contains pairs of references to components without collisions. `adhesion` maps mounts to adhesion forces [N]. `step_origin`
-    and `gravity_origin` are the places of the mode's own `timestep` and numeric gravity, or empty. `worked_out` means that the mode
-    contains expressions and depends on parameters.
+    `exclude` contains pairs of references to components that do not collide. `adhesion` maps mounts to adhesion forces [N]. `step_origin`
+    and `gravity_origin` are the locations of `timestep` and of numeric `gravity` in the mode, or empty. `worked_out` is True if the mode
+    contains expressions, so that its values depend on parameters.
     """
 
     root: Reference
@@ -396,10 +402,10 @@ class Mode(ModeSettings):
 
 
 class RawAttribute(OneLineRepr, FrozenStruct):
-    """A raw attribute, such as `raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys, and the value as a string.
+    """An attribute in the section `raw` of a document, such as `raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`.
 
-    For this example `target` is `mjcf` and `path` is `("joint", "yaw", "solreflimit")`. Values for `usd`, which has typed attributes, are
-    JSON. `origin` is the place of the value, `keys` are the places of the keys.
+    For this example, `target` is `mjcf`, `path` is `("joint", "yaw", "solreflimit")`, and `value` is a string. For `usd`, which has typed
+    attributes, the string is JSON. `origin` is the location of the value, and `keys` contains the locations of the keys.
     """
 
     target: str
@@ -414,12 +420,15 @@ class RawAttribute(OneLineRepr, FrozenStruct):
         return ".".join(("raw", self.target, *self.path))
 
     def at_key(self, index: int) -> Origin:
-        """Return the location of the key with this index in `path`. For an index after the last key, return the location of the value."""
+        """Return the location of the key with the index `index` in `path`.
+
+        If the index is after the last key, return the location of the value.
+        """
         return self.keys[index : index + 1] + self.origin[1:] if index < len(self.keys) else self.origin
 
 
 class RawElement(OneLineRepr, FrozenStruct):
-    """An element that `raw: {mjcf: {add: ...}}` adds to a `section` of the model, with its children."""
+    """An element that `raw: {mjcf: {add: ...}}` adds to a `section` of a MuJoCo model, with its child elements."""
 
     section: str
     tag: str
@@ -437,13 +446,13 @@ class RawElement(OneLineRepr, FrozenStruct):
 
     @property
     def text(self) -> str:
-        """The whole element on one line, for display."""
+        """The whole element as text on one line, for display."""
         words = " ".join((self.tag, *(f"{name}={value}" for name, value in self.attributes.items())))
         return words + "".join(f" ({child.text})" for child in self.children)
 
 
 class JointRange(OneLineRepr, FrozenStruct):
-    """The path of a joint that a test moves, and the range of its positions from `lower` to `upper` [rad or m]."""
+    """A joint that a test moves: its path, and the range of its positions from `lower` to `upper` [rad or m]."""
 
     joint: str
     lower: float
@@ -453,10 +462,10 @@ class JointRange(OneLineRepr, FrozenStruct):
 class Test(OneLineRepr, FrozenStruct):
     """A resolved document test, which runs in each of its `modes` and `poses`. `modes` is empty for tests that do not depend on a mode.
 
-    `kind` is the type of the test, such as `reach`. In `poses`, None represents the initial pose of the mode. `every_pose` requests all
-    keyframes of the mode; `poses` is then empty, as for tests that do not depend on the pose. `check` is the specification of the test in
-    SI units, an immutable struct. Later passes find the references in the struct by their type. `spans` are the places of values in the
-    test by dotted key (`within.x`), for diagnostics.
+    `kind` is the type of the test, such as `reach`. In `poses`, None represents the start pose of the mode. If `every_pose` is True, the
+    test runs in all keyframes of the mode, and `poses` is empty. `poses` is also empty for tests that do not depend on the pose. `check` is
+    the specification of the test in SI units, as an immutable struct. Later passes find references in this struct by their type. For
+    diagnostics, `spans` contains the locations of values of the test by path (`within.x`).
     """
 
     name: str
@@ -474,14 +483,15 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
 
     Equal definitions are one node of the hierarchical assembly graph.
 
-    `document` is its path in the workspace, `parameters` are all its parameters in canonical form. `text` contains the parameters that
-    differ from the document's own values (`end_effector(pen_diameter=0.02)`), and `label` is its display form
+    `document` is the path of the document in the workspace, and `parameters` contains all parameters in canonical form. `text` contains the
+    parameters that differ from the values in the document (`end_effector(pen_diameter=0.02)`). `label` is the text for display
     (`end_effector(pen_diameter=20 mm)`). `materials` contains all materials that the document can use, by name. `poses` contains only the
-    poses of this document, with paths relative to it. `modes`, `simulation` and `tests` are only used for the top document.
-    `materials_known` is False if a document of materials could not be read; unknown materials are then not reported. `whole` is False if
-    validation removed invalid entries from the document. `loose` are valid references of elements that were omitted because another
-    reference is invalid. `step_origin` is the location of the setting `timestep`. A mirror image is a separate definition
-    (`leg(mirror=y)`): `mirror` is the axis of its frame along which it is mirrored, and `plain` is the original definition.
+    poses of this document, with joint paths relative to this document. `modes`, `simulation` and `tests` are only used for the top
+    document. `materials_known` is False if a materials document could not be read. In this case, unknown materials are not reported.
+    `whole` is False if validation removed invalid entries from the document. `loose` contains the valid references of elements that were
+    omitted because of another, invalid reference. `step_origin` is the location of the setting `timestep` in the document. A mirror image
+    is a separate definition, such as `leg(mirror=y)`. `mirror` is the axis along which it is mirrored, and `plain` is the original
+    definition.
     """
 
     document: str
