@@ -114,8 +114,8 @@ def timing(verdicts: list[Verdict], wall: float) -> str:
     modelled, reused = sum(len(v.modelled) for v in built), sum(len(v.reused) for v in built)
     mean = sum(v.seconds for v in built) / len(built) if built else 0.0
     return (
-        f"thingc built {sum(v.modes for v in built)} models of {len(built)} robots. Starting with an empty store, it built {modelled} "
-        f"parts and reused {reused} parts. The study took {wall:.0f} s on {os.cpu_count()} cores, "
+        f"thingc built {sum(v.modes for v in built)} models of {len(built)} robots. Starting with an empty store, thingc built "
+        f"{modelled} parts and reused {reused} parts. The study took {wall:.0f} s on {os.cpu_count()} cores, "
         f"and {mean:.1f} s for each design that builds."
     )
 
