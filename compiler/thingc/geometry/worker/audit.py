@@ -1,4 +1,6 @@
-"""Observe part code with a Python audit hook. Python cannot remove an audit hook, so each process installs only one hook."""
+"""Observe the actions of part code with an audit hook of Python. Python cannot remove an audit hook. Therefore, each process installs only
+one hook, which calls all handlers.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ _hooked = False
 def listen(events: tuple[str, ...], handler: Handler) -> None:
     """Call `handler(event, arguments)` for each of the given audit events. Handlers are called in the order in which they were added.
 
-    If the handler raises an exception, the audited function does not run and raises this exception.
+    If a handler raises an exception, the audited function does not run and raises this exception.
     """
     global _hooked
     for event in events:

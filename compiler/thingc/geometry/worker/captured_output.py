@@ -16,13 +16,17 @@ NAME = "printed"
 MOST = 64 * 1024
 """Maximum number of bytes of a part's output that are stored."""
 SHOWN = 40
-"""Maximum number of lines of output that are shown. For longer output, half of these lines are from the beginning, half from the end."""
+"""Maximum number of lines of output that are shown. If the output is longer, half of these lines are from its beginning and half from its
+end.
+"""
 WIDTH = 400
 """Maximum number of characters of a line that are shown."""
 
 
 class _Kept(io.RawIOBase):
-    """A file with the first `MOST` bytes of output. The first write creates the file. Errors are ignored."""
+    """A file object that stores the first `MOST` bytes of output in a file. The first write operation creates the file. Write errors are
+    ignored.
+    """
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -32,7 +36,7 @@ class _Kept(io.RawIOBase):
         return True
 
     def fileno(self) -> int:
-        """Return the descriptor of the process's standard error, for programs that the part starts.
+        """Return the file descriptor of the standard error of the process. Programs that the part starts use this descriptor.
 
         The output of these programs is not stored.
         """
@@ -56,9 +60,9 @@ def keep(folder: str) -> Iterator[None]:
 
 
 def lines_of(folder: str) -> list[str]:
-    """Return the lines of output that a part wrote, shortened for display. The part must have ended.
+    """Return the lines of output that a part wrote, shortened for display. The part must have ended before this call.
 
-    If the part replaced the file by an object that is not a regular file, the object is not read.
+    If the part replaced the output file by an object that is not a regular file, the object is not read.
     """
     try:
         descriptor = os.open(os.path.join(folder, NAME), os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))

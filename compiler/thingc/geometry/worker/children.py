@@ -1,7 +1,7 @@
-"""Child processes: on systems that can fork, the server forks a child process for each request.
+"""Child processes of the worker. On systems that can fork, the server forks a child process for each request.
 
-Part code can end only its own process and change files only in its own folder. If the process ends, the server also ends the processes that
-the part started.
+In a child process, part code can end only its own process and change files only in its own folder. When a child process ends, the server
+also ends the processes that the part started.
 """
 
 from __future__ import annotations
@@ -28,30 +28,31 @@ from thingc.geometry.worker.sandbox import PROCESSES, confine
 from thingc.geometry.worker.scratch import settle
 
 KEPT = 8192
-"""Number of bytes to read from the end of a child's standard error."""
+"""Number of bytes that are read from the end of a child's standard error."""
 FAREWELL = 1.0
-"""Time limit [s] for the processes of a child to end after the child has ended."""
+"""Time limit [s] for the processes that a child started to end after the child has ended."""
 HELPERS = ("from multiprocessing.resource_tracker import", "from multiprocessing.forkserver import")
-"""Strings in the command lines of Python's helper processes, which end together with the process that uses them."""
+"""Strings that identify Python's helper processes by their command lines. A helper process ends together with the process that uses it."""
 LAST_WORDS = 3.0
-"""Time limit [s] for a child to write its traceback and to end by itself."""
+"""Time limit [s] for a child to write a traceback and to exit."""
 WATCH = 0.05
-"""Interval [s] at which children and the number of their processes are checked."""
+"""Interval [s] at which the children and the numbers of their processes are checked."""
 ANSWER = 200_000_000
-"""Largest answer [bytes] of a child."""
+"""Maximum size of the answer of a child [bytes]."""
 OUT_OF_MEMORY = 91
-"""Exit status of a child that needs more memory than is available."""
+"""Exit status of a child that needed more memory than was available."""
 _PARENT_DEATH_SIGNAL = 1
-"""`PR_SET_PDEATHSIG`."""
+"""The option `PR_SET_PDEATHSIG` of the system call `prctl`."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Child:
     """A running child process of the worker.
 
-    `request` is the request of the child, which is empty until a request is sent. `process` is the id of the process, which leads its
-    own process group. `asking` is the pipe for the request (-1 after the request is sent), and `pipe` is the pipe for the answer.
-    `errors` is the standard error of the child, and `scratch` is its folder. `status` is the wait status, if known.
+    `request` is the request that was sent to the child. It is empty until a request is sent. `process` is the process id of the child,
+    which leads its own process group. `asking` is the pipe for the request. It is -1 after the request was sent. `pipe` is the pipe for the
+    answer. `errors` is the standard error of the child, and `scratch` is the folder of the part. `status` is the wait status of the child,
+    or None if the child has not ended.
     """
 
     request: Mapping[str, Any]
@@ -80,7 +81,7 @@ class Child:
             self.asking = -1
 
     def read(self) -> bool:
-        """Read the data that has arrived. Return False at the end of the answer's pipe."""
+        """Read the data that has arrived in the pipe for the answer. Return False if the pipe is closed."""
         try:
             data = os.read(self.pipe, 1 << 20)
         except OSError:
@@ -90,7 +91,7 @@ class Child:
 
     @property
     def answered(self) -> bool:
-        """Whether the child process has sent its complete answer."""
+        """Return whether the child process has sent its complete answer."""
         return self.received.endswith(b"\n")
 
     @property
@@ -99,7 +100,7 @@ class Child:
         return {"id": self.request["id"], **json.loads(self.received)}
 
     def stop(self) -> bool:
-        """Stop the child process with a signal. Return True if the child process has not started other processes."""
+        """Stop the child process with a stop signal. Return True if the child process has not started other processes."""
         self._kill(signal.SIGSTOP)
         return not process_tree.descendants(self.process)
 
@@ -118,7 +119,7 @@ class Child:
         return "crashed" if self._ended() else None
 
     def wait(self) -> dict[str, Any]:
-        """Wait until the child answers or must be ended. End the child, and return the answer as `end` does."""
+        """Wait until the child answers or must be ended. Then end the child, and return the same answer as `end`."""
         over = None
         while not self.answered and over is None:
             if not select.select([self.pipe], [], [], WATCH)[0]:
@@ -167,7 +168,7 @@ class Child:
     def _end_processes(self, others: Collection[int]) -> list[str]:
         """Kill the child process and all processes that it started.
 
-        Return the command lines of processes that were still running after an answer.
+        If the child sent an answer, return the command lines of the processes that were still running.
         """
         started = process_tree.alive(process_tree.descendants(self.process)) if self.answered else []
         own, words = process_tree.command(self.process), {one: process_tree.command(one) for one in started}
@@ -193,14 +194,14 @@ class Child:
         return self.status is not None
 
     def _wait(self) -> None:
-        """Wait for the child to end by itself, for at most `LAST_WORDS`."""
+        """Wait until the child exits, for at most `LAST_WORDS` seconds."""
         last = time.monotonic() + LAST_WORDS
         while not self._ended() and time.monotonic() < last:
             time.sleep(process_tree.PAUSE)
 
 
 def in_words(status: int | None) -> str:
-    """Describe in words how a process ended, from its wait status."""
+    """Describe how a process ended, from its wait status."""
     if status is None:
         return "it closed its pipe but did not exit"
     if os.WIFSIGNALED(status):
@@ -219,7 +220,9 @@ def kill_group(process: int) -> None:
 
 
 def die_with_parent(parent: int) -> None:
-    """Make the system kill this process when its parent ends (Linux). Exit immediately if the parent has already ended."""
+    """Make the operating system kill this process when its parent process ends (Linux). Exit immediately if the parent has already
+    ended.
+    """
     if sys.platform == "linux":
         prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
@@ -236,11 +239,11 @@ def start(
     run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: Sequence[int],
     readable: Sequence[str] | None = None,
 ) -> Child:
-    """Fork a new child process. It waits for a request (`Child.ask`), calls `run(request)`, writes the answer as one line, and waits until
-    it is ended.
+    """Fork a new child process. The child waits for a request (see `Child.ask`), calls `run(request)`, and writes the answer as one line.
+    Then it waits until the server ends it.
 
-    `scratch` is the only folder in which the child may change files. `nice` is the scheduling priority, `close` contains the descriptors
-    that the child closes, and `readable` is passed to `confine`.
+    `scratch` is the only folder in which the child may change files. `nice` is the scheduling priority of the child. `close` contains the
+    file descriptors that the child closes, and `readable` is passed to `confine`.
     """
     reader, writer = os.pipe()
     asked, asking = os.pipe()
@@ -284,7 +287,7 @@ def start(
 
 
 def _answer(run: Callable[[Mapping[str, Any]], dict[str, Any]], asked: int, errors: int, scratch: str) -> bytes:
-    """Wait for the request and return the line with the answer.
+    """Wait for a request, run it, and return the line with the answer.
 
     If Python crashes or the time limit is almost reached, the traceback is written to `errors`.
     """
@@ -305,7 +308,7 @@ def _without_core_dump() -> None:
 
 
 def _watch(server: int) -> None:
-    """Start a thread that ends the child when the server ends, on systems without a signal for this."""
+    """Start a thread that ends the child when the server ends. It is used on systems without a signal for the end of the parent."""
     import threading
 
     def watch() -> None:

@@ -1,8 +1,8 @@
-"""Record which functions of the authors' code have run.
+"""Record which functions of the authors' part code have run.
 
 The compiled code has a mark at the beginning of each function that `source_reader.functions` returns. The mark is an assignment that stores
-the file and number of the function, which takes less than a tenth of a microsecond. Alternatives are worse: Python would also call a
-profiler for every function of build123d, and a mark that is a function call would count towards Python's recursion limit.
+the file and the number of the function. It takes less than a tenth of a microsecond. Alternatives are worse. Python would also call a
+profiler for every function of build123d. A mark that is a function call would count towards Python's recursion limit.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ _NAME = "__thingc_ran__"
 
 _noted: dict[tuple[str, int], bool] = {}
 _marked: set[tuple[str, str]] = set()
-"""Files whose functions have marks, with the SHA-256 of their source."""
+"""Paths of the files whose functions have marks, each with the SHA-256 of its source."""
 
 
 def install() -> None:
-    """Define the variable that the marks write to. Call this function once per process, before part modules are loaded.
+    """Define the global variable to which the marks write. Call this function once per process, before part modules are loaded.
 
-    Child processes inherit the variable.
+    Child processes inherit this variable.
     """
     setattr(builtins, _NAME, _noted)
     signature.install(_look_at)
@@ -36,7 +36,8 @@ def install() -> None:
 def compiled(source: bytes, file: str, sha256: str) -> types.CodeType:
     """Compile a source file with the content hash `sha256`, and return the code with marks in its functions.
 
-    Code that may inspect functions, or is nested too deeply, does not get marks. Raises the exceptions of `compile`.
+    Functions in code that may inspect functions, or that is nested too deeply, do not get marks. Raises the same exceptions as the built-in
+    function `compile`.
     """
     if LOOKING.search(source) is None:
         try:
@@ -67,7 +68,8 @@ def begin() -> None:
 
 
 def of(files: Iterable[str], hashes: Mapping[str, str]) -> dict[str, list[int] | None]:
-    """Return the functions that ran or whose default arguments were read, as sorted numbers by file.
+    """Return the functions that ran, or whose default arguments were read. The result maps each file to the sorted numbers of these
+    functions.
 
     The value is None for a file that was compiled without marks.
     """

@@ -1,16 +1,16 @@
 """Record which files a part reads while its code runs.
 
 Python's audit hook reports files that Python opens and folders that it lists. Wrappers of the kernel's readers report files that C++ opens.
-A wrapper of `os.stat` reports searches for files that do not exist. `thingc.asset` reports its own files. The recorded value is the state
-of the file at its first use (`key/file_states.py`).
+A wrapper of `os.stat` reports searches for files that do not exist. `thingc.asset` reports its own files. For each file, its state at the
+first use is recorded (`key/file_states.py`).
 
-Paths inside the workspace are stored relative to the workspace, other paths (a font, a shared library of shapes) as absolute paths. For
-files of installed packages, of Python and of thingc, the key contains versions instead. Files that the part wrote itself do not count. For
-other modules, the source counts, even if Python read the compiled file. A code file that is in the key counts only if the part reads it as
-text.
+Paths inside the workspace are stored relative to the workspace. Other paths, such as the path of a font, are stored as absolute paths.
+Files of installed packages, of Python and of thingc are not recorded, because the key contains their versions. Files that the part wrote
+itself are not recorded. For any other module, the source file is recorded, even if Python read the compiled file. A code file that is
+already part of the key is only recorded if the part reads it as text.
 
-Two kinds of reads do not count, because they would make a record valid on only one machine. The first are searches of Python and thingc
-for modules, whose results are part of the key. The second are checks whether the folders above the workspace exist.
+Two kinds of reads are not recorded, because they would make a record valid on only one machine. The first kind are searches for modules by
+Python and thingc. Their results are already part of the key. The second kind are checks whether the folders above the workspace exist.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class FileReadRecorder:
-    """Records which files are read between `start` and `stop`. At most one recorder per process is active.
+    """Records which files are read between `start` and `stop`. In each process, at most one recorder is active.
 
-    Paths are stored relative to the absolute folder `workspace`. Files in `excluded` folders (absolute) never count. Code files in the key
-    (`keyed`, absolute) do not count when Python loads them.
+    Paths are stored relative to the absolute folder `workspace`. Files in the folders `excluded` (absolute paths) are not recorded. The
+    code files `keyed` (absolute paths) are part of the key. They are not recorded when Python loads them.
     """
 
     def __init__(self, workspace: str, excluded: Iterable[str] = (), keyed: Container[str] = ()) -> None:
@@ -59,7 +59,7 @@ class FileReadRecorder:
         self._on = True
 
     def stop(self) -> None:
-        """Stop recording."""
+        """Stop all recording."""
         self._on = False
         with contextlib.suppress(ValueError):
             _listening.remove(self)
@@ -67,7 +67,7 @@ class FileReadRecorder:
     def note(self, path: Any, *, listed: bool = False, opened: bool = True) -> None:
         """Record that the part read a file. If `opened` is False, the part only checked whether the file exists.
 
-        With `listed`, record that the part listed the names in a folder.
+        If `listed` is True, the part listed the names in a folder.
         """
         if not self._on or self._busy:
             return
@@ -94,12 +94,12 @@ class FileReadRecorder:
     def leaves_out(self, path: str) -> bool:
         """Return whether the recorder ignores a file, for example because a version covers it.
 
-        The path is absolute, and links are not resolved.
+        The path must be absolute. Symbolic links are not resolved.
         """
         return (path + os.sep).startswith(self._excluded)
 
     def note_written(self, path: Any) -> None:
-        """Record that the part is about to write a file or create a folder. Later reads of this file or folder do not count."""
+        """Record that the part is about to write a file or create a folder. Later reads of this file or folder are not recorded."""
         full = _absolute(path)
         if full is None or self.states.get(full, "absent") != "absent":
             return
@@ -156,7 +156,7 @@ _last_before = ""
 
 
 def remember_loaded() -> None:
-    """Record the modules that this process has loaded.
+    """Record the modules that this process has loaded so far.
 
     Call this function before a fork, because reading the modules in a child would copy memory pages.
     """
@@ -213,7 +213,9 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _wrap_looking() -> None:
-    """Wrap functions of `os` that check the existence of files without an audit event, because a missing file may appear later."""
+    """Wrap functions of `os` that check whether files exist but raise no audit event. These checks are recorded because a missing file may
+    appear later.
+    """
     for name in ("stat", "lstat", "access"):
         setattr(os, name, _looking(getattr(os, name)))
 
@@ -240,7 +242,7 @@ def _looks_for_modules() -> bool:
 def _loads() -> bool:
     """Return whether a file is read by Python or thingc, and not by the part.
 
-    The result depends on the nearest frame outside of Python's own code.
+    The result depends on the nearest stack frame outside of Python's own code.
     """
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
@@ -268,14 +270,17 @@ _KERNEL_READERS = (
     ("OCP.BinTools", "BinTools", "Read_s"),
     ("OCP.RWStl", "RWStl", "ReadFile_s"),
 )
-"""Readers that part code can use without build123d: class and method. Any string argument of the method may be a file."""
+"""Readers of the CAD kernel that part code can use without build123d, as module, class and method. Each string argument of such a method
+may be the path of a file.
+"""
 
 
 def wrap_importers() -> None:
-    """Wrap all functions that read files into the kernel, and the exporters of build123d.
+    """Wrap all functions that read files into the CAD kernel, and the exporters of build123d.
 
-    The readers then report to the active recorder, and the exporters raise the audit event of opening a file. Call this function once per
-    process, before part modules are loaded, because these modules may contain `from build123d import *`. Children inherit the wrappers.
+    The wrapped readers report files to the active recorder. The wrapped exporters raise the same audit event as opening a file. Call this
+    function once per process, before part modules are loaded, because these modules may contain `from build123d import *`. Child processes
+    inherit the wrapped functions.
     """
     import importlib
 
@@ -309,7 +314,7 @@ def wrap_importers() -> None:
 def _telling(function: Callable[..., Any], position: int | None) -> Callable[..., Any]:
     """Wrap a function that reads a file, so that the read is recorded before each call.
 
-    The file is the argument at `position`, or any argument that is a path (None).
+    The file is the argument at `position`. If `position` is None, every argument that is a path counts as a file.
     """
 
     @functools.wraps(function)
@@ -325,7 +330,9 @@ def _telling(function: Callable[..., Any], position: int | None) -> Callable[...
 
 
 def _announcing(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap `function` to raise the audit event of opening a file. The second argument of `function` is the file to write, or a stream."""
+    """Wrap `function` so that it first raises the audit event of opening a file. The second argument of `function` is the path of the file
+    to write, or a stream.
+    """
 
     @functools.wraps(function)
     def announcing(*arguments: Any, **options: Any) -> Any:

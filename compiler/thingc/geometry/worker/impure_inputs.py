@@ -1,9 +1,10 @@
-"""Record the impure inputs of a part: the environment, the clock, random numbers, other processes, the network.
+"""Record the impure inputs of a part: the environment, the clock, random numbers, other processes and the network.
 
-A part is built once and cached, so the record always contains the value of an impure input in the first build. Processes and connections
-raise audit events. The functions for other inputs are wrapped once per worker, before part code is loaded. An input is reported at the line
-of the author's code that causes the input: the nearest frame outside of installed packages must be in the author's code. Inputs that Python
-itself needs (for an import, a log record, the name of a temporary file) do not count.
+A part is built once and cached. Therefore, the record always contains the value that an impure input had in the first build. Processes and
+network connections are detected by audit events. For other inputs, Python functions are wrapped once per worker, before part code is
+loaded. An input is reported at the line of the author's code that causes it. The nearest stack frame outside of installed packages must be
+in the author's code. Inputs that Python itself needs are not recorded, for example for an import, a log record or the name of a temporary
+file.
 """
 
 from __future__ import annotations
@@ -46,16 +47,16 @@ class ImpureInputRecorder:
 
     @property
     def found(self) -> tuple[PartWarning, ...]:
-        """The recorded impure inputs in the order of their use. An input that is used several times on the same line occurs once."""
+        """Return the recorded impure inputs in the order of their use. An input that is used several times on the same line occurs once."""
         return tuple(self._found)
 
     def start(self) -> None:
-        """Begin to record impure inputs."""
+        """Begin to record the impure inputs."""
         global _current
         _current = self
 
     def stop(self) -> None:
-        """Stop recording."""
+        """Stop all recording."""
         global _current
         if _current is self:
             _current = None
@@ -93,7 +94,7 @@ def install() -> None:
     """Wrap the functions of Python through which a part can use impure inputs.
 
     Call this function once per process, before part modules are loaded, because these modules may contain `from time import time`.
-    Child processes inherit the wrappers.
+    Child processes inherit the wrapped functions.
     """
     _wrap_environment()
     _wrap_clock()
@@ -114,14 +115,16 @@ _PROCESSES: dict[str, Callable[..., Any]] = {
     "pty.spawn": lambda words: words[0],
     "subprocess.Popen": lambda program, words, *_: program or (words if isinstance(words, (str, bytes)) else words[0]),
 }
-"""Functions that take the arguments of an audit event and return the program, or None for a copy of the part's own process."""
+"""Functions that return the started program from the arguments of an audit event. They return None if the part started a copy of its own
+process.
+"""
 
 _CONNECTIONS: dict[str, Callable[..., Any]] = {
     "socket.connect": lambda socket, address: address[0] if isinstance(address, tuple) else address,
     "socket.getaddrinfo": lambda host, *_: host,
     "socket.gethostbyname": lambda host: host,
 }
-"""Functions that take the arguments of an audit event and return the host."""
+"""Functions that return the network host from the arguments of an audit event."""
 
 
 def _heard(event: str, arguments: tuple[Any, ...]) -> None:
@@ -170,7 +173,9 @@ _CLOCKS = {
     "process_time_ns": 0, "thread_time": 0, "thread_time_ns": 0, "localtime": 0, "gmtime": 0, "ctime": 0, "asctime": 0, "strftime": 1,
     "clock_gettime": 1, "clock_gettime_ns": 1,
 }
-"""Functions of `time` that read the clock if they get at most this many arguments. With more arguments they convert a given time."""
+"""Functions of the module `time`, each with a maximum number of arguments. A call with at most this number of arguments reads the clock.
+A call with more arguments converts a given time.
+"""
 
 
 def _wrap_clock() -> None:
@@ -192,8 +197,8 @@ def _asking_clock(function: Callable[..., Any], count: int) -> Callable[..., Any
 def builtins_for(code: types.CodeType) -> Mapping[str, Any] | None:
     """Return the builtins for a module that may read the clock through `datetime`. Return None if the module can use the normal builtins.
 
-    The classes of `datetime` cannot be wrapped globally, because compiled packages refer to them directly. Instead, such a module imports
-    another `datetime`.
+    The classes of `datetime` cannot be wrapped globally, because compiled packages refer to them directly. Instead, the `import` of such a
+    module returns a module that replaces `datetime`.
     """
     return _builtins() if _names(code) else None
 
@@ -237,7 +242,7 @@ def _telling_time(real: Any, names: Sequence[str]) -> type:
 def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> type:
     """Create a class that replaces the class `real`.
 
-    `new` creates the instances. Instances of `real` also count as instances of the new class.
+    The function `new` creates the instances. Instances of `real` also count as instances of the new class.
     """
 
     class _ClockClass(type):
@@ -292,7 +297,7 @@ def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
 def _wrap_global(module: types.ModuleType, of_global: Callable[[Any], bool]) -> None:
     """Wrap the functions of a module that use the module's global random number generator.
 
-    Calls of these functions are recorded unless the part has seeded the generator.
+    Calls of these functions are recorded, unless the part has seeded the generator.
     """
     for name, function in list(vars(module).items()):
         if name not in _LOOKING and callable(function) and not isinstance(function, type) and of_global(function):
@@ -313,10 +318,11 @@ def _of_global(module: str, name: str, function: Callable[..., Any]) -> Callable
 
 
 def _wrap_numpy(module: types.ModuleType) -> None:
-    """Wrap the legacy generator of `numpy.random`.
+    """Wrap the legacy random number generator of `numpy.random`.
 
-    Three kinds of objects are wrapped. The first are functions that draw from the global generator. The second is the global generator
-    itself, which libraries use by default. The third is its class, which draws a seed even if the caller passes a seed.
+    The function wraps three kinds of objects. The first kind are functions that draw numbers from the global generator. The second object
+    is the global generator itself, which libraries use by default. The third object is the class of this generator, which draws a random
+    seed even if the caller passes a seed.
     """
     mtrand = module.mtrand
     real = mtrand.RandomState
@@ -341,10 +347,12 @@ def _wrap_numpy(module: types.ModuleType) -> None:
 
 
 class _NumpysRandom(importlib.abc.MetaPathFinder):
-    """An import hook that wraps the functions of `numpy.random` when a part first imports this module. Most parts do not use it."""
+    """An import hook that wraps the functions of `numpy.random` when a part first imports this module. The hook is used because most parts
+    do not use `numpy.random`.
+    """
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
-        """Return Python's own spec for `numpy.random`, with a loader that wraps the module. Return None for other modules."""
+        """Return Python's own spec for `numpy.random`, with a loader that wraps the module. Return None for any other module."""
         if fullname != "numpy.random":
             return None
         sys.meta_path.remove(self)

@@ -1,9 +1,9 @@
 """Make `import build123d` fast: packages that parts seldom need are imported when they are first used.
 
-`import build123d` imports scikit-learn, scipy, ezdxf, lib3mf, svgpathtools and more, for functions that few parts call. These imports take
-over half of the time of `import build123d`, and 150 MB of memory. During `import build123d`, the names of these packages are bound to
-placeholders. The first use of a placeholder imports the real package and replaces all its placeholders in build123d by the real objects.
-After `import build123d`, other code does not get placeholders: `import scipy` in a part file imports the real package.
+`import build123d` imports scikit-learn, scipy, ezdxf, lib3mf, svgpathtools and other packages, which are needed for functions that few
+parts call. These imports take more than half of the time of `import build123d`, and 150 MB of memory. During `import build123d`, the names
+of these packages are bound to placeholders. The first use of a placeholder imports the real package and replaces all its placeholders in
+build123d by the real objects. Other code does not get placeholders. For example, `import scipy` in a part file imports the real package.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from thingc.geometry.key.modules import SELDOM_USED
 
 
 class _Session:
-    """The state of an import that defers packages. It contains the names of the deferred packages and the places of their placeholders."""
+    """The state of an import in which some packages are deferred. The object contains the names of the deferred packages, and the places
+    where their placeholders are stored.
+    """
 
     def __init__(self, packages: frozenset[str]) -> None:
         self.packages = packages
@@ -30,7 +32,7 @@ class _Session:
         self.sites: dict[str, list[Callable[[], None]]] = {}
 
     def settle(self, package: str) -> None:
-        """Import `package` and replace its placeholders at all recorded places."""
+        """Import `package`, and replace its placeholders at all recorded places."""
         if package in self.settled:
             return
         self.settled.add(package)
@@ -60,7 +62,7 @@ class LazyObject:
         return getattr(real(self), name)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        """Import and call the real object."""
+        """Import the real object, and call it."""
         return real(self)(*args, **kwargs)
 
     def __mro_entries__(self, bases: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -98,7 +100,7 @@ class _StandIn(types.ModuleType):
 
 
 def real(value: Any) -> Any:
-    """Import and return the real object of a placeholder. Return any other value unchanged."""
+    """If the value is a placeholder, import and return the real object. Return any other value unchanged."""
     if isinstance(value, _StandIn):
         value._session.settle(value.__name__.partition(".")[0])
         return importlib.import_module(value.__name__)
@@ -204,14 +206,14 @@ def _note(session: _Session, owner: Any, name: str, value: Any, module: str) -> 
 
 
 def _refill(table: dict[Any, Any]) -> None:
-    """Replace placeholders among keys and values in place, keeping the order."""
+    """Replace the placeholders among the keys and values of a dict in place. The order of the keys does not change."""
     entries = [(real(key), real(value)) for key, value in table.items()]
     table.clear()
     table.update(entries)
 
 
 def _settling(session: _Session, function: types.FunctionType, packages: Sequence[str]) -> Callable[..., Any]:
-    """Wrap `function` to replace the placeholders among its own defaults before the call."""
+    """Wrap `function` so that the placeholders among its default arguments are replaced before the call."""
 
     @functools.wraps(function)
     def settled(*args: Any, **kwargs: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Load part modules in the worker from the part folders of the workspace. The current folder is not searched."""
+"""Load part modules in the worker from the part folders of the workspace. The current working folder is not searched."""
 
 from __future__ import annotations
 
@@ -15,15 +15,17 @@ from thingc.geometry.worker import executed_functions
 from thingc.geometry.worker.impure_inputs import builtins_for
 
 _compiled: dict[tuple[str, str], types.CodeType] = {}
-"""Code objects by file and the SHA-256 of its source. The server compiles each file once, and its children inherit the code objects."""
+"""A cache of code objects. The key is the path of the file and the SHA-256 of its source. The server compiles each file once, and its
+children inherit the code objects.
+"""
 
 
 def compile_ahead(file: str, sha256: str | None) -> bool:
-    """Compile a source file with the content hash `sha256` (None: any content), without running the code.
+    """Compile a source file with the content hash `sha256` without running it. If `sha256` is None, the hash is not checked.
 
     Return False if the file was already compiled.
 
-    The function ignores errors, because the import reports them.
+    Errors are ignored, because the later import reports them.
     """
     import hashlib
 
@@ -43,11 +45,12 @@ def compile_ahead(file: str, sha256: str | None) -> bool:
 
 
 class PartImporter(importlib.abc.MetaPathFinder):
-    """Finds the modules of the part folders in the same way as the client's `Finder`, so that a name refers to the same file for both.
+    """Finds the modules of part folders in the same way as the client's `Finder`. Therefore, a name refers to the same file in both
+    processes.
 
     `loaded` collects the files of the modules that were found, by name. `hashes` contains the SHA-256 of the files that the client read. A
-    folder without `__init__.py` is a package only if the client found it in part code (`plain`). For example, a library that tries `import
-    dask` must not find the user's folder of that name.
+    folder without `__init__.py` only counts as a package if the client found it in part code (`plain`). For example, a library that tries
+    `import dask` must not find the user's folder of that name.
     """
 
     of_parts = True
@@ -59,7 +62,7 @@ class PartImporter(importlib.abc.MetaPathFinder):
         self.loaded: dict[str, str] = {}
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
-        """Return the spec of a content-tracked module, or None to let Python find the module."""
+        """Return the spec of a content-tracked module. Return None if Python must find the module."""
         module = self.finder.find(fullname)
         if module.kind != "content":
             return None
@@ -76,25 +79,27 @@ class PartImporter(importlib.abc.MetaPathFinder):
         )
 
     def install(self) -> None:
-        """Insert this finder before Python's own finders. This finder does not find protected names (see `modules`)."""
+        """Insert this finder before Python's own finders. The finder does not find protected names (see `modules`)."""
         sys.meta_path.insert(0, self)
 
     def remove(self) -> None:
-        """Remove this finder and the modules that it loaded, because the next request may find other files."""
+        """Remove this finder and the modules that it loaded. The next request may find other files."""
         sys.meta_path.remove(self)
         for name in self.loaded:
             sys.modules.pop(name, None)
 
 
 class _PartLoader(importlib.machinery.SourceFileLoader):
-    """Compiles from source (without `__pycache__` in the user's folders), or uses code that the server has compiled."""
+    """Compiles modules from source, without writing `__pycache__` to the user's folders. If the server has already compiled a module, its
+    code object is used.
+    """
 
     def __init__(self, name: str, file: str, sha256: str | None) -> None:
         super().__init__(name, file)
         self.sha256 = sha256
 
     def exec_module(self, module: types.ModuleType) -> None:
-        """Run the module with the builtins that the module requires."""
+        """Run the code of the module with the builtins that it requires."""
         code = self.get_code(module.__name__)
         own = builtins_for(code) if code is not None else None
         if own is not None:
@@ -102,7 +107,7 @@ class _PartLoader(importlib.machinery.SourceFileLoader):
         super().exec_module(module)
 
     def get_code(self, fullname: str) -> types.CodeType | None:
-        """Return the code object of the module."""
+        """Return the code object of a module."""
         compiled = _compiled.get((self.path, self.sha256)) if self.sha256 is not None else None
         if compiled is not None:
             return compiled

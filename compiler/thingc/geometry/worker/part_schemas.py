@@ -14,10 +14,9 @@ from thingc.geometry.worker.part_session import NoPart, PartSession, RequestCont
 
 
 def describe(references: Sequence[str], placed: Collection[str], around: RequestContext) -> dict[str, Any]:
-    """Return schemas (or failures) of part classes of one module: `{"answers": {reference: ...}, "reads": [...]}`.
+    """Return the schemas or failures of part classes in one module: `{"answers": {reference: ...}, "reads": [...]}`.
 
-    The locations of the classes in `placed` are already known. The function does not search for these locations, because the search is
-    slow.
+    The locations of the classes in `placed` are already known. They are not searched, because the search is slow.
     """
     answers: dict[str, Any] = {}
     mentioned: list[str | None] = []
@@ -52,7 +51,7 @@ def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema
 
 
 def _code_location(part: Any, kind: str) -> tuple[str, int]:
-    """Return the file and line of a class or function."""
+    """Return the file and the line where a class or function is defined."""
     try:
         return inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1]
     except (OSError, TypeError):
@@ -61,9 +60,9 @@ def _code_location(part: Any, kind: str) -> tuple[str, int]:
 
 
 def _default_material(part: Any) -> str | None:
-    """Return the material that the class passes to `super().__init__(material="petg")`, read from its source code.
+    """Return the material that a class passes to `super().__init__(material="petg")`. It is read from the source code of the class.
 
-    Return None if the argument is not a literal. The record always contains the material.
+    Return None if the argument is not a literal. The part record, in contrast, always contains the material.
     """
     from thingc.geometry.things.inspection import syntax_of
 

@@ -27,7 +27,7 @@ from thingc.geometry.worker.loading import PartImporter
 class NoPart(Exception):
     """Raised if a part cannot be described or built.
 
-    The exception contains the kind of the failure (see `PartFailure`), the message, and the file and line if known.
+    The exception contains the kind of the failure (see `PartFailure`), the message, and the file and the line if they are known.
     """
 
     def __init__(self, kind: FailureKind, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
@@ -40,9 +40,9 @@ class NoPart(Exception):
 class RequestContext(FrozenStruct):
     """The settings of a request that runs part code: its folders, its files and its limits.
 
-    `root`, `parts` and `packages` are the folder, the part folders and the packages of the workspace. `hashes` contains the SHA-256 of code
-    files that are in the key, and `plain` the part packages without `__init__.py`. `store` is the store, and `scratch` the part's own
-    folder.
+    `root` is the folder of the workspace, `parts` contains its part folders, and `packages` its packages. `hashes` contains the SHA-256 of
+    the code files that are part of the key, and `plain` contains the part packages without `__init__.py`. `store` is the folder of the
+    store, and `scratch` is the part's own folder.
     """
 
     root: str
@@ -56,9 +56,9 @@ class RequestContext(FrozenStruct):
 
 @dataclass(slots=True)
 class PartSession:
-    """A request that runs in its own process, in the workspace's folder.
+    """A request that runs part code in its own process, with the folder of the workspace as the working folder.
 
-    During the request, the importer and the recorders of reads, impure inputs and output are active.
+    During the request, the importer is installed, and reads, impure inputs and output are recorded.
 
     `loaded` is the time at which the last requested class was loaded (`time.monotonic`).
     """
@@ -100,20 +100,21 @@ class PartSession:
         os.close(self._before)
 
     def stop(self) -> None:
-        """Stop recording. Later reads, inputs and changes are not caused by the part."""
+        """Stop all recording. Reads, inputs and changes after this call do not count, because the part does not cause them."""
         sandbox.end()
         self._printing.close()
         self.recorder.stop()
         self.asking.stop()
 
     def is_own(self, file: str) -> bool:
-        """Return whether a file contains the authors' code."""
+        """Return whether a file contains code of the part's authors."""
         return file in self.around.hashes or file in self.importer.loaded.values()
 
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
-        """Return the files that the part has read, including modules that are not covered by a version, and the `mentioned` files.
+        """Return the files that the part has read, with modules that are not covered by a version. The result also contains the files
+        `mentioned`.
 
-        Mentioned files are included because their layout affects line numbers in the answer.
+        These files are included because their layout determines line numbers in the answer.
         """
         states = dict(self.recorder.reads())
         loaded = [file for file in loaded_files() if file not in self.around.hashes and not self.recorder.leaves_out(file)]
@@ -123,9 +124,10 @@ class PartSession:
         return sorted(states.items())
 
     def ran(self) -> dict[str, list[int] | None] | None:
-        """Map each source file in the build key to the numbers of its functions that ran. The value None means all functions of the file.
+        """Map each source file in the build key to the numbers of its functions that ran. The value None means that all functions of the
+        file count as executed.
 
-        Return None if other processes may have run functions.
+        Return None if other processes may have run functions of the part.
         """
         if any(warning.asked is ImpureInputs.PROCESS for warning in self.asking.found):
             return None
@@ -134,7 +136,7 @@ class PartSession:
     def part(self, reference: str) -> Any:
         """Import a module of a part, and return the object that `module:Class` names.
 
-        Raises `NoPart` if the object does not exist. Exceptions of the module's own code are not caught.
+        Raises `NoPart` if the module does not contain the object. Exceptions of the module's own code are not caught.
         """
         module_name, _, name = reference.partition(":")
         try:
@@ -159,9 +161,9 @@ class PartSession:
         return named
 
     def failure(self, subject: str, fault: BaseException) -> PartFailure:
-        """Convert an exception of part code to a `PartFailure` that refers to the innermost line in the authors' files.
+        """Convert an exception of part code to a `PartFailure`. The failure refers to the innermost line in the authors' files.
 
-        `MemoryError` is re-raised.
+        If the exception is a `MemoryError`, it is raised again.
         """
         from thingc.geometry.things.parameters import ParameterError, SignatureError
 
@@ -199,7 +201,8 @@ def _exception_text(fault: BaseException) -> str:
 def _python_suggests(fault: BaseException) -> str | None:
     """Return the suggestion that Python would print for an exception, such as `Did you mean: 'MountPoint'?`.
 
-    Return None if Python has no suggestion. Python computes suggestions only for uncaught exceptions.
+    Return None if Python would not print a suggestion. The function is needed because Python only computes suggestions for uncaught
+    exceptions.
     """
     with contextlib.redirect_stderr(io.StringIO()) as captured_output:
         sys.__excepthook__(type(fault), fault, fault.__traceback__)
@@ -208,7 +211,7 @@ def _python_suggests(fault: BaseException) -> str | None:
 
 
 def kind_of(part: Any, reference: str) -> SchemaKind:
-    """Return the kind of the Python object that a part reference names. Raises `NoPart` if the object is not a part."""
+    """Return the kind of the Python object to which a part reference refers. Raises `NoPart` if the object is not a part."""
     from thingc.geometry.things.inspection import is_part
 
     kind = is_part(part)

@@ -1,7 +1,7 @@
 """Find, limit and end the descendants of this process, in any process group or session.
 
-Linux reports the children of a process, and can make this process the parent of orphans. On other systems, the functions do not find any
-processes.
+Linux lists the children of a process, and can make this process the parent of orphaned descendants. On other systems, these functions do
+not find any processes.
 """
 
 from __future__ import annotations
@@ -16,18 +16,22 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 PAUSE = 0.005
-"""Pause [s] between checks for processes that are about to end."""
+"""Time [s] between two checks of processes that are about to end."""
 PATIENCE = 20.0
-"""Time limit [s] for processes to end or stop after a signal."""
+"""Time limit [s] for processes to end or to stop after a signal."""
 
 FIRST = -20
-"""Nice value of the watching process. With this value, the system schedules the process even if many other processes are running."""
+"""Nice value of a process that watches other processes. With this value, the system schedules the process even if many other processes are
+running.
+"""
 
 _SUBREAPER = 36
 
 
 def adopt_orphans() -> None:
-    """Become the parent of descendants whose own parent ends. By default, the first process of the system becomes the parent."""
+    """Make this process the parent of its descendants whose own parent ends. By default, the first process of the system would become their
+    parent.
+    """
     if sys.platform == "linux":
         prctl(_SUBREAPER, 1)
 
@@ -35,7 +39,7 @@ def adopt_orphans() -> None:
 def give_priority(nice: int) -> int:
     """Set the `nice` value of this process if the system permits this, and return the previous value.
 
-    A value below the default requires root. Limits on the number of processes do not affect root.
+    Only root can set a value below the default. For processes of root, limits on the number of processes have no effect.
     """
     usual = os.getpriority(os.PRIO_PROCESS, 0)
     with contextlib.suppress(OSError):
@@ -62,12 +66,12 @@ def descendants(process: int) -> list[int]:
 
 
 def alive(processes: Iterable[int]) -> list[int]:
-    """Return those of the given processes that have not ended."""
+    """Return the processes that have not ended yet."""
     return [process for process in processes if _runs(process)]
 
 
 def outliving(processes: Iterable[int], seconds: float) -> list[int]:
-    """Wait at most `seconds` for processes to end. Return the processes that are still running."""
+    """Wait at most `seconds` until the given processes have ended. Return the processes that are still running."""
     last = time.monotonic() + seconds
     while (left := alive(processes)) and time.monotonic() < last:
         time.sleep(PAUSE)
@@ -75,7 +79,7 @@ def outliving(processes: Iterable[int], seconds: float) -> list[int]:
 
 
 def command(process: int) -> str:
-    """Return the command line of a process, or "" if it has ended."""
+    """Return the command line of a process. Return an empty string if the process has ended."""
     with contextlib.suppress(OSError), open(f"/proc/{process}/cmdline", "rb") as stream:
         return stream.read().replace(b"\0", b" ").decode("utf-8", "replace").strip()
     return ""
@@ -84,7 +88,7 @@ def command(process: int) -> str:
 def exceeds(processes: Collection[int], most: int) -> bool:
     """Return whether the given processes together use more than `most` bytes of memory.
 
-    The function reads the exact number, which counts shared memory once, only if necessary.
+    The exact memory, in which shared memory counts once, is only read if necessary.
     """
     return all(_kilobytes(processes, *entry) * 1024 > most for entry in (("status", b"VmRSS:"), ("smaps_rollup", b"Pss:")))
 
@@ -100,7 +104,7 @@ def _kilobytes(processes: Iterable[int], file: str, key: bytes) -> int:
 def stop(process: int) -> None:
     """Send a stop signal to a process, its process group and all its descendants, so that they cannot start other processes.
 
-    The processes are stopped and not killed, because stopped processes count against limits but dead processes do not.
+    The processes are stopped and not killed, because only processes that still exist count against the limit on processes.
     """
     last = time.monotonic() + PATIENCE
     stopped: set[int] = set()
@@ -145,12 +149,12 @@ def _runs(process: int) -> bool:
 
 
 def prctl(option: int, argument: int) -> bool:
-    """Call `prctl` for this process (`man 2 prctl`). Return True on success."""
+    """Make the system call `prctl` for this process (`man 2 prctl`). Return whether the call succeeded."""
     return bool(_libc().prctl(option, argument, 0, 0, 0) == 0)
 
 
 def syscall(number: int, *arguments: Any) -> int:
-    """Make a system call by its number. Return its result, or -1 on failure."""
+    """Make a system call by its number. Return the result of the call, or -1 on failure."""
     return int(_libc().syscall(number, *arguments))
 
 

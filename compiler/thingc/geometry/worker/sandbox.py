@@ -1,11 +1,11 @@
 """A sandbox for part code that is not trusted.
 
-Part code may change only its own folder. A change in another folder, such as the store, could affect other parts or persist. In addition,
-expressions of an imported robot may read only certain folders, and must not start programs or open connections.
+Part code may only change files in its own folder. A change in another folder, such as the store, could affect other parts or persist. In
+addition, expressions of an imported robot may read only certain folders, and must not start programs or open connections.
 
-The audit hook refuses an action first, so that the error has a line, but the hook detects only actions of Python. If the system
-supports Landlock (Linux since 5.13), Landlock also refuses these actions in all libraries that the code loads and in all programs that
-it starts. The code cannot remove this restriction.
+An audit hook of Python refuses a forbidden action first, so that the error has a line number. However, the hook only detects actions of
+Python code. If the system supports Landlock (Linux since 5.13), Landlock also refuses these actions. It covers all libraries that the code
+loads, and all programs that it starts. Part code cannot remove the restrictions of Landlock.
 """
 
 from __future__ import annotations
@@ -29,9 +29,10 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class ForbiddenWrite(PermissionError):
-    """Raised if part code tries to change a file outside of its own folder, or to read a forbidden file. `filename` is the file.
+    """Raised if part code tries to change a file outside of its own folder, or to read a forbidden file. The attribute `filename` is the
+    path of the file.
 
-    The exception is a `PermissionError`, which libraries handle if they do not need the file.
+    The exception is a `PermissionError`. Libraries catch this exception if they do not need the file.
     """
 
     def __init__(self, path: str, words: str = "only its own temporary folder may be written") -> None:
@@ -45,20 +46,20 @@ _CHANGING: dict[str, tuple[tuple[int, int], ...]] = {
     "os.removexattr": ((0, -1),), "os.rename": ((0, 2), (1, 3)), "os.rmdir": ((0, 1),), "os.setxattr": ((0, -1),),
     "os.symlink": ((1, 2),), "os.truncate": ((0, -1),), "os.utime": ((0, 3),),
 }
-"""The arguments of audit events that are changed files.
+"""The positions of arguments of audit events that are changed files.
 
-Each argument is paired with the argument that is the open folder to which the file is relative (-1: none).
+Each position is paired with the position of the argument that is the open folder to which the path is relative (-1: none).
 
-The audit hook cannot check a path relative to an open folder. The system checks these calls.
+The audit hook cannot check a path relative to an open folder. Landlock checks these calls.
 """
 
 _FOLLOWING = frozenset({"os.chmod", "os.chown", "os.removexattr", "os.setxattr", "os.truncate", "os.utime"})
-"""Events that change the target of a link. The other events change the link itself."""
+"""Audit events of functions that change the target of a symbolic link. Other functions change the link itself."""
 
 _STARTING = ("os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "subprocess.Popen", "socket.__new__", "ctypes.dlopen")
 
 OUTSIDE = "it is outside the robot's folder and all known packages"
-"""The reason why the code must not read a file."""
+"""The reason in an error message about a file that the code must not read."""
 
 _allowed: tuple[str, ...] = ()
 _readable: tuple[str, ...] | None = None
@@ -67,7 +68,7 @@ _readable: tuple[str, ...] | None = None
 def begin(folder: str, readable: Sequence[str] | None = None) -> None:
     """Start to raise `ForbiddenWrite` for all changes of files outside of `folder`.
 
-    With `readable`, also refuse reads outside of these folders, starts of programs and connections.
+    If `readable` is given, also refuse reads outside of these folders, new programs and network connections.
     """
     global _allowed, _readable
     audit.listen(("open", *_CHANGING, *(_STARTING if readable is not None else ())), _heard)
@@ -101,10 +102,10 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
-    """Raise `ForbiddenWrite` for a path outside of the folder.
+    """Raise `ForbiddenWrite` if a path is outside of the folder.
 
-    If `itself` is True, the path of the folder itself is allowed. Opening a folder for writing creates a file in it, as
-    `tempfile.TemporaryFile` does; the folder itself cannot be opened for writing.
+    If `itself` is True, the path of the folder itself is allowed. If a folder is opened for writing, a file is created in it, as
+    `tempfile.TemporaryFile` does. The folder itself cannot be opened for writing.
     """
     if isinstance(path, int) or path is None:
         return
@@ -129,8 +130,8 @@ _SIGNALS = 1 << 1
 def confine(folder: str, readable: Sequence[str] | None = None) -> bool:
     """Permanently prevent this process from changing files outside of `folder` and from signalling processes that it has not started.
 
-    With `readable`, also prevent reading files outside of these folders, running programs and opening sockets. Also limit the number of
-    processes that this process can start. Return False if the system does not support these restrictions.
+    If `readable` is given, also prevent reading files outside of these folders, running programs and opening sockets. In addition, the
+    number of processes that this process can start is limited. Return False if the system does not support these restrictions.
     """
     _bound_processes()
     return sys.platform == "linux" and _landlock(folder, readable)
@@ -163,15 +164,16 @@ def _landlock(folder: str, readable: Sequence[str] | None) -> bool:
 
 
 _SECCOMP = {"x86_64": (317, 0xC000003E, 41, 90, 91, 268, 425, 452), "aarch64": (277, 0xC00000B7, 198, 52, 53, 425, 452)}
-"""For each machine type, the number of `seccomp`, the id of the machine type, and the numbers of the calls to refuse.
+"""For each machine type, the numbers of some system calls: the number of `seccomp`, the id of the machine type, and the numbers of the
+calls to refuse.
 
-The calls are `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and `fchmodat2`, if the machine type has these calls. Landlock does
-not restrict these calls (Unix sockets and UDP, modes of files outside of the folder).
+The refused calls are `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and `fchmodat2`, if the machine type supports these calls.
+They are refused because Landlock does not restrict Unix sockets, UDP, and permissions of files outside of the folder.
 """
 
 
 def _refuse_calls() -> bool:
-    """Make the system refuse these calls, and all calls of other machine types, in this process (`man 2 seccomp`)."""
+    """Make the operating system refuse the calls in `_SECCOMP`, and all calls of other machine types, in this process (`man 2 seccomp`)."""
     import ctypes
 
     seccomp, machine, *refused = _SECCOMP.get(os.uname().machine, (-1, 0))
@@ -183,9 +185,11 @@ def _refuse_calls() -> bool:
 
 
 def _bound_processes() -> None:
-    """Set the process limit of the system, in case a part starts processes faster than the worker can check.
+    """Set the limit on the number of processes in the operating system. A part may start processes faster than the worker can check their
+    number.
 
-    The limit counts all processes of the user and does not apply to root, so the worker's checks are still needed (`worker`).
+    The limit applies to all processes of the user, and does not apply to root. Therefore, the checks of the worker are still needed
+    (`worker`).
     """
     import resource
 

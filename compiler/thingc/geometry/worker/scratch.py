@@ -1,10 +1,10 @@
-"""Scratch folders: a folder for each worker in the system's temporary folder, with a subfolder for each part.
+"""Scratch folders of parts. Each worker has a folder in the system's temporary folder, with a subfolder for each part.
 
-Finished parts' folders are removed.
+The subfolder of a part is removed when the part is finished.
 
-A part uses its own folder as home and for temporary files. The folder is initially empty and does not contain files of other parts. The
-next worker removes the folders of killed workers: each worker holds a lock on its folder, and the system releases the lock when the worker
-ends.
+A part uses its own folder as its home folder and for temporary files. This folder is initially empty, and does not contain files of other
+parts. The next worker removes the folders of workers that were killed. For this purpose, each worker holds a lock on its folder, which the
+system releases when the worker ends.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PREFIX = "thingc-worker-"
 class Scratch:
     """The scratch folder of one worker, which `close` removes.
 
-    `descriptors` contains the file descriptors that hold the lock on the folder. Child processes must close these descriptors.
+    `descriptors` contains the file descriptors that hold the lock on the folder. Child processes must close these file descriptors.
     """
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ def settle(folder: str) -> None:
 
 
 def _made(base: str) -> tuple[str, int | None]:
-    """Create a new scratch folder. Return its path and the file descriptor that holds its lock (None on systems without locks)."""
+    """Create a new scratch folder. Return its path and the file descriptor of its lock. The descriptor is None on systems without locks."""
     while True:
         folder = tempfile.mkdtemp(prefix=PREFIX, dir=base)
         if fcntl is None:

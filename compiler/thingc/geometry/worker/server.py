@@ -1,8 +1,9 @@
 """The main module of a worker process, which loads the CAD kernel: `python -m thingc.geometry.worker.server`.
 
 Requests and answers are lines of JSON on standard input and output. The server imports build123d once and forks a child for each request.
-At the end of its input, the server ends all its children and exits immediately. `--inline` runs requests in the server process itself (for
-systems without fork, with one worker per core). `--assemble` reads one request to write a STEP file, and needs only OCP.
+When its input ends, the server ends all its children and exits immediately. With `--inline`, requests run in the server process itself.
+This option is used on systems without fork, with one worker per core. With `--assemble`, the server reads one request to write a STEP file.
+It then needs only OCP.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ AHEAD = (
     "thingc.geometry.worker.kernel.build_part", "thingc.geometry.worker.kernel.slicing", "thingc.geometry.things.adjust",
     "thingc.geometry.things.assets", "thingc.geometry.things.inspection", "thingc.geometry.things.resolver", "thingc.documents.workspace",
 )
-"""Modules that the server imports so that its children do not have to import them."""
+"""Modules that the server imports, so that its child processes do not have to import them."""
 
 
 def main(arguments: list[str]) -> None:
@@ -74,7 +75,7 @@ def main(arguments: list[str]) -> None:
 
 
 def _load(answers: int) -> bool:
-    """Import the CAD kernel and all modules that requests need. If an import fails, send the reason to the client and return False."""
+    """Import the CAD kernel and all modules that requests need. If an import fails, send the reason to the client, and return False."""
     gc.disable()
     try:
         from thingc.geometry.worker.lazy_build123d import import_cheaply
@@ -106,10 +107,10 @@ def _load(answers: int) -> bool:
 
 
 def _stay_single() -> None:
-    """Prevent threads of the kernel and (on Linux) of manifold3d, because children already run in parallel.
+    """Prevent the CAD kernel and (on Linux) manifold3d from starting threads, because child processes already run in parallel.
 
-    Threads would take up to a fifth more processor time. The kernel has a function for this. TBB, which manifold3d uses, counts the
-    available processors once, when it is first used.
+    Threads would take up to a fifth more processor time. The CAD kernel has a function that disables threads. TBB, which manifold3d uses,
+    counts the available processors once, when it is first used. Therefore, the number is reduced before the first use.
     """
     from manifold3d import Manifold
     from OCP.OSD import OSD_ThreadPool
@@ -126,10 +127,10 @@ def _stay_single() -> None:
 
 
 def _make_room() -> None:
-    """Make pybind11 enlarge its table of the kernel's objects.
+    """Make pybind11 enlarge the table in which it stores the objects of the CAD kernel.
 
-    If a child enlarged the table, all memory pages of the table would be copied. The new size is enough for twice the current number of
-    objects, which is more than most parts need.
+    If a child process enlarged the table, all memory pages of the table would be copied. The new size is enough for twice the current
+    number of objects, which is more than most parts need.
     """
     from OCP.gp import gp_Pnt
 
@@ -153,10 +154,10 @@ def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def answered(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Perform a request.
+    """Run a request, and measure its time.
 
-    Return its `answer` and its `span`, or a failure if the store is unusable. `span` contains the start and the end time of the work
-    (`time.monotonic`). For a part, the start is the time at which its class was loaded.
+    Return the `answer` and the `span` of the request. Return a failure if the store is unusable. `span` contains the start and the end time
+    of the work (`time.monotonic`). For a part, the time begins when its class has been loaded.
     """
     from thingc.geometry.store.local import StoreUnusable
 
@@ -189,7 +190,7 @@ def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
 
 
 def perform(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Perform a request of the kind `describe`, `model`, `decompose`, `slice` or `assemble`.
+    """Run a request of the kind `describe`, `model`, `decompose`, `slice` or `assemble`, and return its answer.
 
     If the request has its own folder (`scratch`), files for the store are written there. Raises `StoreUnusable` if the store is not
     writable.
@@ -229,9 +230,9 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
-    """Slice a part that was just built with its likely settings (`LikelySlicing`).
+    """Slice a part that was just built, with the settings that documents will probably use (`LikelySlicing`).
 
-    Return pairs of the settings and the result as JSON values. Failed slicings are omitted.
+    Return a list of pairs. Each pair contains the settings and the result as JSON values. If slicing fails, the pair is omitted.
     """
     from thingc.geometry.print_slices import Slicing
     from thingc.geometry.record import Mesh
@@ -248,10 +249,11 @@ def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any],
 
 
 class _Server:
-    """The child processes for requests, each with a deadline and a folder. Processes that a child starts are ended together with the child.
+    """The server that forks a child process for each request. Each child has a deadline and a folder. Processes that a child starts are
+    ended together with the child.
 
-    At most `jobs` children build parts at the same time. Another `jobs` children can describe classes, because the client waits for
-    descriptions before it sends more requests. One spare child may be started before its request.
+    At most `jobs` children build parts at the same time. In addition, at most `jobs` children can describe classes, because the client
+    waits for descriptions before it sends more requests. The server may fork one spare child before it receives a request.
     """
 
     def __init__(self, answers: int, jobs: int, scratch: Scratch) -> None:
@@ -270,7 +272,7 @@ class _Server:
         self.received = bytearray()
 
     def serve(self) -> None:
-        """Answer requests until standard input ends or answers are no longer read."""
+        """Answer requests until standard input ends, or until the client no longer reads answers."""
         from thingc.geometry.worker.children import WATCH
 
         try:
@@ -304,7 +306,9 @@ class _Server:
             self.take(json.loads(line))
 
     def take(self, asked: dict[str, Any]) -> None:
-        """Process a message from the client: queue a request, cancel a request (`forget`), or prepare for a request (`prepare`)."""
+        """Process a message from the client. The message can queue a request, cancel a request (`forget`), or announce a request
+        (`prepare`).
+        """
         from thingc.geometry.worker.scratch import remove
 
         if "prepare" in asked:
@@ -321,14 +325,14 @@ class _Server:
             remove(child.scratch)
 
     def begin_waiting(self, done: Child | None = None) -> None:
-        """Start queued requests while there is capacity. The capacity includes the slot of the child `done`, which is about to end."""
+        """Start queued requests while there is capacity. The slot of the child `done`, which is about to end, counts as free."""
         for describes, asked in self.waiting.items():
             busy = sum((child.request["op"] == "describe") == describes for child in self.running.values() if child is not done)
             for _ in range(min(self.jobs - busy, len(asked))):
                 self.begin(asked.popleft())
 
     def begin(self, request: dict[str, Any]) -> None:
-        """Send a request to the spare child process, or to a new child process."""
+        """Send a request to the spare child process. If there is none, fork a new child process."""
         self.prepare(request)
         child, self.spare = self.spare or self.start(), None
         child.ask(request)
@@ -336,7 +340,9 @@ class _Server:
         self.selector.register(child.pipe, selectors.EVENT_READ)
 
     def prepare(self, request: Mapping[str, Any]) -> None:
-        """Load the modules that children need for a request. End an existing spare child, because it does not have these modules."""
+        """Load the modules that child processes need for a request. End an existing spare child, because it was forked before these modules
+        were loaded.
+        """
         from thingc.geometry.worker.scratch import remove
 
         if _prepare(request) and self.spare is not None:
@@ -358,8 +364,8 @@ class _Server:
     def finish(self, child: Child, over: str | None = None) -> None:
         """End a child process and send its answer to the client.
 
-        A child without child processes is stopped, and is ended after its answer is sent, because freeing its memory takes as long as a
-        fork.
+        If the child has not started processes, it is only stopped before its answer is sent, and ended afterwards. The reason is that
+        freeing its memory takes as long as a fork.
         """
         alone = over is None and child.answered and child.stop()
         ended = child.answer if alone else self.end(child, over)
@@ -377,9 +383,9 @@ class _Server:
 
 
 def _prepare(request: Mapping[str, Any]) -> bool:
-    """Do work that each child process would otherwise repeat, such as importing modules. Return True if there was such work.
+    """Do work that each child process would otherwise repeat, such as importing modules. Return whether there was such work.
 
-    The part files are compiled (without running them), packages that they import are loaded, and the loaded modules are recorded.
+    The part files are compiled without running them, the packages that they import are loaded, and the loaded modules are recorded.
     """
     from thingc.geometry.worker.file_reads import remember_loaded
     from thingc.geometry.worker.kernel.mesh_files import reads_with_trimesh

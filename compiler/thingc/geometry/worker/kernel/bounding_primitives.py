@@ -1,4 +1,4 @@
-"""Primitives that enclose a part: box, cylinder, capsule and sphere around its mesh, along a few candidate axes."""
+"""Fit primitives around a part: the smallest box, cylinder, capsule and sphere around its mesh, along a few candidate axes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 BETTER = 0.99
-"""Relative volume below which a primitive along other axes replaces the smallest primitive so far. The axes of the part come first."""
+"""A primitive along other axes replaces the smallest primitive so far only if its volume is smaller by this factor. The axes of the part
+are tried first.
+"""
 
 
 def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Primitive]:
-    """Return the smallest primitive of each shape that encloses the `points` [m]. The vertices of a convex hull suffice.
+    """Return the smallest primitive of each shape that encloses the points (n, 3) [m]. It is sufficient to pass the vertices of the convex
+    hull.
 
-    Candidate axes are the part's axes and the eigenvectors of `principal`, an inertia matrix.
+    The candidate axes are the axes of the part, and the eigenvectors of the inertia matrix `principal`.
     """
     frames = [np.eye(3)]
     if principal is not None:
@@ -38,8 +41,9 @@ def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dic
 def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Return the centre and radius of the smallest disc `(n, 2)` or ball `(n, 3)` that contains all points.
 
-    The algorithm starts with one point, and adds the farthest outside point until all points are inside. This is the pivoting heuristic
-    of Gaertner, "Fast and robust smallest enclosing balls", 1999. The small problems are solved by trying every set of support points.
+    The algorithm starts with one point. In each step, it adds the farthest outside point, until all points are inside. This is the pivoting
+    heuristic of Gaertner, "Fast and robust smallest enclosing balls", 1999. In each step, the ball of few points is found by trying every
+    set of support points.
     """
     middle = points.mean(axis=0)
     support = points[[int(np.argmax(((points - middle) ** 2).sum(axis=1)))]]
@@ -54,9 +58,9 @@ def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], flo
 
 
 def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
-    """Compute the smallest ball that contains a few points. Return its centre, its radius and the points on its surface.
+    """Compute the smallest ball that contains a few points. Return the centre of the ball, its radius, and the points on its surface.
 
-    The last point must be outside every ball of the other points.
+    The last point must be outside every ball that contains only the other points.
     """
     best: tuple[NDArray[np.float64], float, NDArray[np.float64]] | None = None
     dimension = points.shape[1]
@@ -78,9 +82,9 @@ def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], floa
 
 
 def _circumcentre(edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the point that has the same distance from 0 and from the ends of all vectors `edges` `(k, n)`.
+    """Return the point that has the same distance from the origin and from the ends of all vectors `edges` (k, n).
 
-    The point is in the span of these vectors.
+    This point is a linear combination of the vectors.
     """
     squares = (edges * edges).sum(axis=1)
     try:
@@ -125,7 +129,7 @@ def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Pri
 
 
 def _each_axis_as_z(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return right-handed frames with the z, x and y axis of `frame` as third axis."""
+    """Return three right-handed frames, whose third axes are the z, the x and the y axis of `frame`."""
     return [frame[:, [0, 1, 2]], frame[:, [1, 2, 0]], frame[:, [2, 0, 1]]]
 
 

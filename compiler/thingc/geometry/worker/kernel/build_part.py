@@ -1,4 +1,4 @@
-"""Build a part in a child of the worker: create its Thing, measure and mesh the geometry, and put the files into the store."""
+"""Build a part in a child process of the worker: create its Thing, measure and mesh its geometry, and write the files to the store."""
 
 from __future__ import annotations
 
@@ -51,19 +51,21 @@ if TYPE_CHECKING:
     from thingc.base.pose import Matrix, Vector
 
 NOTHING = 1e-9
-"""Volume [mm^3] below which a result counts as empty."""
+"""Volume [mm^3] below which the geometry of a part counts as empty."""
 
 OVERLAP = 0.01
-"""Fraction of a part's volume above which an overlap of its solids is reported, if it is also larger than 1 mm^3."""
+"""Fraction of a part's volume. An overlap of its solids is reported if it is larger than this fraction and larger than 1 mm^3."""
 
 DEVIATION = 0.01
-"""Largest deviation of simulation meshes from the part's surface without a warning, relative to the part's longest side."""
+"""Largest deviation of a simplified mesh from the original mesh for which no warning is reported, relative to the longest side of the
+part.
+"""
 
 DECIMALS = 9
-"""Decimals to which corners [mm] are rounded.
+"""Number of decimals to which the coordinates of corners are rounded [mm].
 
-If a boolean operation merges two corners, the kernel keeps the corner with the lower memory address. The coordinates of one corner may be
-0, of the other corner 2e-31, so the same part could have a different mesh in the next run.
+If a boolean operation merges two corners, the kernel keeps the corner with the lower memory address. The coordinate of one corner may be 0,
+and that of the other corner 2e-31. Without rounding, the same part could have a different mesh in the next run.
 """
 
 _ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -77,11 +79,11 @@ class Tessellations(FrozenStruct):
 
 
 class BuiltPart(FrozenStruct):
-    """The result of part code or of a part file, before it is measured.
+    """The geometry that part code or a part file defines, before it is measured.
 
-    The shapes are shapes of the CAD kernel [mm], or empty for a part without geometry. `one` is True if the solids should be connected.
-    `file` is True if the part is a file, and `faceted` is True if all its faces are triangles. `faces` is the maximum number of
-    triangles for simulators. The other fields are the same as in `PartRecord`.
+    The shapes are objects of the CAD kernel [mm]. There are no shapes for a part without geometry. `one` is True if the solids should be
+    connected to one body. `file` is True if the part is a file, and `faceted` is True if all its faces are triangles. `faces` is the
+    maximum number of triangles for simulators. All other fields are the same as in `PartRecord`.
     """
 
     shapes: Sequence[TopoDS_Shape]
@@ -109,13 +111,13 @@ class BuiltPart(FrozenStruct):
 
 
 def build_part(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
-    """Build a part definition, and return the record (or failure) and the reads: `{"record" | "failure": ..., "reads": [...]}`.
+    """Build a part definition. Return the record or failure, and the files that were read: `{"record" | "failure": ..., "reads": [...]}`.
 
-    Together with a record, the function returns `ran` and `loaded`. `ran` contains the functions of the code that have run (see
-    `PartSession.ran`). `loaded` is the time at which the class was loaded (`time.monotonic`). `definition` contains `kind`,
-    `reference`, `text`, `mirror`, and the canonical `parameters` in SI units. Missing parameters have their default values. It also
-    contains `placed`, which is True if the location of the class is already known, because the search for this location is slow. Blobs
-    are put into the store. Raises `StoreUnusable` if the store is not writable.
+    If the part was built, the answer also contains `ran` and `loaded`. `ran` contains the functions of the code that have run (see
+    `PartSession.ran`). `loaded` is the time at which the class was loaded (`time.monotonic`). `definition` contains `kind`, `reference`,
+    `text`, `mirror`, and the canonical `parameters` in SI units. Missing parameters have their default values. In addition, `definition`
+    contains `placed`. It is True if the location of the class is already known. Otherwise, this location is searched, which is slow. The
+    meshes and the B-rep are written to the store. Raises `StoreUnusable` if the store is not writable.
     """
     text = definition["text"]
     with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:
@@ -146,7 +148,7 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
 def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
     """Return the `file` and `line` of the author's class, or an empty dict if they are unknown.
 
-    This location is used for errors without a line.
+    This location is used for errors that have no line number.
     """
     import inspect
 
@@ -159,7 +161,7 @@ def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
 
 
 def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
-    """Convert Python warnings about lines of the author's code to part warnings. Warnings about lines of libraries are omitted."""
+    """Convert Python warnings about lines of the author's code to part warnings. Warnings about lines in libraries are omitted."""
     part_warnings = [PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)]
     return list(dict.fromkeys(part_warnings))
 
@@ -226,9 +228,9 @@ def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPa
 
 
 def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
-    """Return the mirror image of a part.
+    """Return the mirror image of a built part.
 
-    The mirror image has no order number, because the number in the bill of materials belongs to the original part.
+    The mirror image has no order number in the bill of materials, because this number belongs to the original part.
     """
     mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
     stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
@@ -307,7 +309,7 @@ def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[P
 
 
 def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
-    """Measure and mesh the solids of a part, put the files into the store and return the record."""
+    """Measure and mesh the solids of a part, write the files to the store, and return the part record."""
     measures: Measures | None = None
     meshes: dict[str, Mesh] = {}
     fits = {}
@@ -359,7 +361,9 @@ def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Sto
 
 
 def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
-    """Return the volumes [m^3] of the bodies of a part, the largest volume first. The result is empty for a connected part."""
+    """Return the volumes [m^3] of the bodies of a part, the largest volume first. The result is empty if all solids of the part are
+    connected.
+    """
     solids = solids_of(solid)
     bodies = bodies_of(solids) if len(solids) > 1 else []
     if len(bodies) < 2:
@@ -379,7 +383,7 @@ def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning
 def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
     """Return a warning if solids of a part overlap, because overlapping volume counts twice in the integrals.
 
-    The overlap of a thread with its hole is tolerated.
+    An overlap of a thread with its hole is not reported.
     """
     common, whole = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
     if common <= max(OVERLAP * whole, 1.0):
@@ -390,9 +394,11 @@ def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWa
 
 
 def solid_part(made: BuiltPart) -> TopoDS_Shape:
-    """Return the solids of a part: a single solid, or a compound of several solids. Raises `NoPart` if there are no solids.
+    """Return the solids of a part, as a single solid or as a compound of several solids. Raises `NoPart` if the geometry contains no
+    solids.
 
-    The result does not have its own location, because a location would add an assembly around each part in a STEP file.
+    The result has no location of its own, because the kernel would write an additional assembly for each part with a location to a STEP
+    file.
     """
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
@@ -447,7 +453,9 @@ def _triangles(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Trian
 
 
 def _meshes(shape: TopoDS_Shape, tessellation: Tessellation) -> list[meshing.Triangles]:
-    """Mesh each solid separately, so that touching solids do not share edges. Return the meshes, with outward faces."""
+    """Mesh each solid separately, so that touching solids do not share edges. Return one mesh for each solid, with faces that point
+    outwards.
+    """
     return [_triangles(solid, tessellation).outward() for solid in solids_of(shape)]
 
 

@@ -1,4 +1,4 @@
-"""Convert between the units of part code (mm, degrees) and of part records (SI). No other module converts these units."""
+"""Convert between the units of part code (mm, degrees) and of part records (SI). Only this module converts these units."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from OCP.gp import gp_Trsf
 
 MM = 1000.0
-"""Millimetres per metre. A division of a length by this number rounds only once: 72 mm is 0.072 to the last bit."""
+"""Number of millimetres in a metre. Dividing a length by this number causes only one rounding, so 72 mm becomes exactly the float 0.072."""
 
 _UNITS = {"length": "mm", "angle": "deg"}
 
 
 def to_si(kind: str, value: Any) -> Value:
-    """Convert a parameter's value from the units of part code to SI units; `kind` as in `ParameterSchema`.
+    """Convert a parameter's value from the units of part code to SI units. `kind` is a kind of `ParameterSchema`.
 
-    The result is rounded in the same way as a value in a document, so that a default equals the same value in a document.
+    The result is rounded in the same way as a value in a document. Therefore, a default is equal to the same value in a document.
     """
     if value is None or kind not in _UNITS or isinstance(value, bool):
         return value  # type: ignore[no-any-return]
@@ -32,7 +32,7 @@ def to_si(kind: str, value: Any) -> Value:
 
 
 def to_author(kind: str, value: Value) -> Value:
-    """Convert a canonical SI value to the units of part code, to 15 digits: 0.042000000000000003 m is 42 mm."""
+    """Convert a canonical SI value to the units of part code. The result has 15 digits, so 0.042000000000000003 m becomes 42 mm."""
     if isinstance(value, (bool, str)):
         return value
     if kind == "length":
@@ -70,7 +70,7 @@ def unit_inertia(rows: Sequence[Sequence[float]]) -> Matrix:
 
 
 def matrix(rows: Sequence[Sequence[float]]) -> Matrix:
-    """Convert 3 x 3 numbers to a matrix of floats, without changing the unit."""
+    """Convert a nested sequence of 3 x 3 numbers to a matrix of floats, without changing the unit."""
     a, b, c = (tuple(float(entry) for entry in row) for row in rows)
     return (a, b, c)  # type: ignore[return-value]
 
@@ -78,7 +78,7 @@ def matrix(rows: Sequence[Sequence[float]]) -> Matrix:
 def pose(transformation: gp_Trsf) -> Pose:
     """Convert a transformation of the CAD kernel, with its translation in mm, to a pose in metres.
 
-    The kernel's rounding errors are removed from the rotation: entries within 1e-15 of 0, 1 or -1 become exact.
+    Rounding errors of the kernel are removed from the rotation: entries within 1e-15 of 0, 1 or -1 become exact.
     """
     rows = [[_clean(transformation.Value(i, j)) for j in (1, 2, 3)] for i in (1, 2, 3)]
     x, y, z = (transformation.Value(i, 4) for i in (1, 2, 3))
@@ -93,7 +93,7 @@ def _clean(entry: float) -> float:
 def transformation(placement: Pose) -> gp_Trsf:
     """Convert a pose in metres to a transformation of the CAD kernel, with its translation in mm.
 
-    This function is the inverse of `pose`.
+    This function is the inverse of the function `pose`.
     """
     from OCP.gp import gp_Trsf
 

@@ -1,4 +1,4 @@
-"""Convex pieces of a part's mesh, for `collision: decompose`."""
+"""Decompose the mesh of a part into convex pieces, for `collision: decompose`."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
 from thingc.geometry.worker.kernel.part_files import surfaces
 
 CONVEX = 1e-4
-"""Largest relative excess volume of the hull of a convex surface. A convex surface becomes one piece."""
+"""A surface counts as convex if its convex hull has at most this relative excess volume. A convex surface becomes one piece."""
 
 
 def decompose(sha256: str, store: Store) -> list[Any]:
-    """Decompose a mesh in the store into convex pieces with CoACD. Return the pieces as JSON, in the unit of the mesh.
+    """Decompose a mesh in the store into convex pieces with CoACD. Return the pieces as a JSON value, in the unit of the mesh.
 
-    The result is deterministic.
+    The result is the same in every run.
 
     Surfaces that do not touch are decomposed separately.
     """
@@ -37,9 +37,10 @@ def decompose(sha256: str, store: Store) -> list[Any]:
 
 
 def _by_coacd(mesh: Triangles) -> list[Triangles]:
-    """Decompose a mesh with CoACD.
+    """Decompose a mesh with the package CoACD.
 
-    Wei et al., "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree search", 2022.
+    The algorithm is described in Wei et al., "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree
+    search", 2022.
     """
     import coacd
 

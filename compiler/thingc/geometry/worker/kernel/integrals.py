@@ -1,4 +1,4 @@
-"""Exact integrals over a B-rep, never over a mesh: volume, area, centre of mass and inertia. All lengths are in mm."""
+"""Compute volume, area, centre of mass and inertia as exact integrals over a B-rep, without a mesh. All lengths are in mm."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 ACCURACY = 1e-12
 """Relative error of the volume that the kernel's adaptive integration must reach."""
 AGREEMENT = 1e-9
-"""Largest relative difference of plain and adaptive integration for which the plain result is accepted."""
+"""Largest relative difference between fixed-order and adaptive integration for which the fixed-order result is accepted."""
 _ROUND = frozenset({GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere, GeomAbs_Torus})
 _ALONG = 1e-12
-"""Largest component across a surface parameter of a direction that counts as parallel to the parameter."""
+"""A direction counts as parallel to a surface parameter if its component across the parameter is at most this value."""
 
 
 class Measures(FrozenStruct):
@@ -59,7 +59,7 @@ class Measures(FrozenStruct):
 def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
     """Yield the subshapes of one kind, such as `TopAbs_FACE`, in the order in which the shape contains them.
 
-    A shared subshape is yielded twice.
+    A subshape that several faces share is yielded several times.
     """
     explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
@@ -73,11 +73,11 @@ def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
 
 
 TOUCHING = 1e-6
-"""Largest distance [mm] of solids that touch."""
+"""Largest distance [mm] at which two solids count as touching."""
 
 
 def bodies_of(solids: Sequence[TopoDS_Shape]) -> list[list[TopoDS_Shape]]:
-    """Group solids into bodies: two solids that touch, directly or through others, are in the same body."""
+    """Group solids into bodies. Two solids are in the same body if they touch, either directly or through other solids."""
     boxes = [bounding_box(solid) for solid in solids]
     waiting = list(range(len(solids)))
     bodies: list[list[TopoDS_Shape]] = []
@@ -99,11 +99,12 @@ def _boxes_touch(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> bo
 def measure(shape: TopoDS_Shape) -> Measures:
     """Compute the volume, area, centre of mass, inertia and bounding box of the solids in a shape.
 
-    The integrals use GProp of OCCT, which is Gauss quadrature on the faces. Fixed-order integration is exact to rounding on whole faces
-    of simple surfaces, but errs by 1e-5 on a cylinder with a cross hole. Adaptive integration stops when the volume is accurate, and
-    leaves 1e-11 in the inertia of a plain cylinder. Therefore both are computed, and the fixed-order result is used if they agree. On
-    planes bounded by lines and circles, and on round surfaces bounded by parameter lines (u or v constant), fixed-order integration is
-    always exact. Adaptive integration takes fifty times as long, and is skipped on these faces.
+    The integrals are computed with GProp of OCCT, which applies Gauss quadrature to the faces. On whole faces of simple surfaces,
+    fixed-order integration is exact except for rounding errors. On a cylinder with a cross hole, however, its error is 1e-5. Adaptive
+    integration stops when the volume is accurate. Its error in the inertia of a plain cylinder is 1e-11. Therefore, both methods are used,
+    and the fixed-order result is returned if the results agree. Fixed-order integration is always exact on planes bounded by lines and
+    circles, and on round surfaces bounded by parameter lines (u or v constant). On these faces, adaptive integration is skipped, because it
+    takes fifty times as long.
     """
     box = bounding_box(shape)
     apex = gp_Pnt(*((low + high) / 2.0 for low, high in zip(*box, strict=True)))
@@ -129,9 +130,9 @@ def measure(shape: TopoDS_Shape) -> Measures:
 
 
 def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GProps]:
-    """Compute integrals over the volume and over the surface of a solid. The faces of the solid may point inwards or outwards.
+    """Compute integrals over the volume and over the surface of a solid. The faces of the solid can point inwards or outwards.
 
-    `apex` is any point near the solid. Moments are summed about this point, because moments about a distant origin would lose digits.
+    `apex` can be any point near the solid. Moments are computed about this point, because moments about a distant origin would lose digits.
     """
     skin = _skin(solid)
     matter = _better(BRepGProp_Vinert, skin.flat, skin.extruded + skin.rest, apex)
@@ -142,14 +143,14 @@ def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GP
 
 
 _Faces: TypeAlias = "tuple[tuple[TopoDS_Face, bool], ...]"
-"""Faces, each with a flag that is True if plain integration is exact on the face."""
+"""Faces, each with a flag that is True if fixed-order integration is exact on the face."""
 
 
 class _Skin(FrozenStruct):
-    """The faces of a solid, grouped by the method that computes the integrals over a face.
+    """The faces of a solid, grouped by the integration method that they require.
 
-    `flat` contains planes bounded by lines and circles. `extruded` contains extruded curves, on which the kernel's adaptive area is wrong
-    (by 0.4 % for an ellipse of 8 by 4; the plain area is wrong by 3e-5). `rest` contains all other faces.
+    `flat` contains planes bounded by lines and circles. `extruded` contains extruded curves, for which the kernel's adaptive area is wrong:
+    by 0.4 % for an ellipse of 8 by 4. The fixed-order area is only wrong by 3e-5. `rest` contains all other faces.
     """
 
     flat: _Faces
@@ -179,7 +180,9 @@ def _within_lines_and_circles(face: TopoDS_Face) -> bool:
 
 
 def _within_own_lines(face: TopoDS_Face) -> bool:
-    """Return whether each edge of a face is a parameter line of the surface: one of the parameters u and v is constant along the edge."""
+    """Return whether each edge of a face is a parameter line of the surface. On a parameter line, one of the parameters u and v is
+    constant.
+    """
     curves = [BRepAdaptor_Curve2d(TopoDS.Edge(edge), face) for edge in explored(face, TopAbs_EDGE)]
     if any(curve.GetType() != GeomAbs_Line for curve in curves):
         return False
@@ -190,8 +193,8 @@ def _within_own_lines(face: TopoDS_Face) -> bool:
 def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp_GProps:
     """Compute an integral over faces in the same way as `BRepGProp` computes it for a shape.
 
-    `accuracy` applies to faces where plain integration is not exact. `kind` is the class that integrates over one face. The volume of a
-    face is the volume between the face and the `apex`.
+    `accuracy` applies to the faces on which fixed-order integration is not exact. `kind` is the class of the CAD kernel that integrates
+    over one face. For volumes, each face contributes the volume between the face and the point `apex`.
     """
     total = GProp_GProps(apex)
     for face, exact in faces:
@@ -206,9 +209,9 @@ def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp
 
 
 def _better(kind: Any, once: _Faces, twice: _Faces, apex: gp_Pnt) -> GProp_GProps:
-    """Compute an integral with and without adaptive integration on the faces of `twice`.
+    """Compute an integral over the faces `once` and `twice`. On the faces `twice`, fixed-order and adaptive integration are both used.
 
-    If the two results agree, return the result without adaptive integration. Otherwise, return the result with adaptive integration.
+    If both results agree, return the fixed-order result. Otherwise, return the adaptive result.
     """
     sure = _integral(kind, once, apex)
     plain = GProp_GProps(apex)
@@ -230,12 +233,14 @@ def _numbers(properties: GProp_GProps) -> list[float]:
 
 
 def _clean(value: float, size: float) -> float:
-    """Return zero in place of a number that is only a rounding error, up to 1e-14 of the part's size."""
+    """Return 0 if a number is only a rounding error (up to 1e-14 of the part's size). Otherwise, return the number."""
     return 0.0 if abs(value) <= 1e-14 * size else value
 
 
 def extent(shape: TopoDS_Shape) -> float:
-    """Return an approximate size [mm] of a shape: the diagonal of a loose bounding box. Computing the tight box takes far longer."""
+    """Return an approximate size [mm] of a shape: the diagonal of a loose bounding box. The tight bounding box is not used, because
+    computing it takes far longer.
+    """
     box = Bnd_Box()
     BRepBndLib.Add_s(shape, box, False)
     return math.sqrt(box.SquareExtent())

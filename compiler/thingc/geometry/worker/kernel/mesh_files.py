@@ -1,6 +1,7 @@
-"""Read parts from mesh files. trimesh reads STL, OBJ, PLY, OFF and glTF; this module reads 3MF.
+"""Read parts from mesh files. Files in the formats STL, OBJ, PLY, OFF and glTF are read with trimesh, and 3MF files are read by this
+module.
 
-For 3MF, trimesh needs lxml and silently drops referenced objects that are missing.
+The 3MF reader of trimesh is not used, because it needs lxml and silently drops references to missing objects.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ if TYPE_CHECKING:
 PLAIN = (".stl", ".obj", ".ply", ".off")
 """The suffixes of file formats that do not specify a unit."""
 GLTF = (".glb", ".gltf")
-"""The suffixes of file formats in metres whose y axis points up."""
+"""The suffixes of file formats that use metres and in which the y axis points up."""
 SUFFIXES = (*PLAIN, *GLTF, ".3mf")
 
 NEAR = 1e-6
-"""Largest distance, relative to the whole size, of corners that are merged to close an open surface."""
+"""Corners are merged if this closes an open surface and their distance, relative to the size of the mesh, is at most this value."""
 
 MOST = 1_000_000
-"""Maximum number of triangles of a part. The kernel needs about 3.5 kB of memory for each triangle."""
+"""Maximum number of triangles of a part. The limit exists because the CAD kernel needs about 3.5 kB of memory for each triangle."""
 
 FARTHEST = 1e9
-"""Largest coordinate [mm]. Larger coordinates are probably errors, and the kernel would create shapes with gaps between faces."""
+"""Largest allowed coordinate [mm]. Larger coordinates are probably errors, and the kernel would create shapes with gaps between faces."""
 
 _UNITS_3MF = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 _CORE_3MF = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
@@ -46,10 +47,10 @@ class BadPartFile(ValueError):
 
 
 def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str, ...]]:
-    """Read a mesh file. Return its closed surface [mm] and descriptions of the repairs that were made.
+    """Read a mesh file of a part. Return its closed surface as a mesh [mm], and descriptions of the repairs that were made.
 
-    `unit` [mm] is the unit of files that do not specify a unit. z is up in the result (y is up in glTF files). Raises `BadPartFile`, also
-    if the surface cannot be closed.
+    `unit` [mm] is the unit of files that do not specify a unit. In the result, the z axis points up, also for glTF files. Raises
+    `BadPartFile` if the file is not valid, or if the surface cannot be closed.
     """
     try:
         data = read_bounded(path, suffix, MOST)
@@ -95,7 +96,7 @@ def _from_trimesh(path: str, suffix: str, data: bytes) -> Triangles:
 def _welded(corners: NDArray[np.float64]) -> Triangles:
     """Create a triangle mesh from the corners of its triangles by merging equal corners into vertices.
 
-    `corners` has three rows for each triangle.
+    `corners` contains three rows for each triangle.
     """
     unique, inverse = np.unique(corners + 0.0, axis=0, return_inverse=True)
     return without_slivers(unique, np.asarray(inverse).reshape(-1, 3).astype(np.int64))
@@ -111,10 +112,11 @@ def _finite(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
-    """Remove duplicate triangles. Return the mesh and descriptions of what was removed.
+    """Remove duplicate triangles of a mesh. Return the mesh, and descriptions of the removed triangles.
 
-    A duplicated surface is closed, but has twice the volume. A pair of equal triangles with opposite orientation is not removed,
-    because such pairs occur between bodies that touch. If a mesh consists only of such pairs, the mesh is one surface with two sides.
+    If all triangles occurred twice, the surface would be closed, but its volume would be doubled. Two equal triangles with opposite
+    orientation are not duplicates, because such pairs occur between bodies that touch. A mesh that consists only of such pairs is one
+    surface with two sides, so one triangle of each pair is removed.
     """
     mended: list[str] = []
     turns = (np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)) % 3
@@ -132,7 +134,7 @@ def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
 def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     """Repair the open surface of a mesh with trimesh. Return the closed mesh and descriptions of the repairs.
 
-    Raises `BadPartFile` if the surface stays open.
+    Raises `BadPartFile` if the surface is still open after the repair.
     """
     import trimesh
 
@@ -185,7 +187,7 @@ def open_edges(mesh: Triangles) -> int:
 class _Object3mf:
     """An object of a 3MF file.
 
-    It contains vertex coordinates, the vertex indices of its triangles, and its component objects with their transforms.
+    The object contains vertex coordinates, triangles as vertex indices, and references to component objects with their transforms.
     """
 
     def __init__(self) -> None:
@@ -216,9 +218,9 @@ def _from_3mf(data: bytes) -> Triangles:
 
 
 def _read_3mf(model: bytes) -> tuple[str, dict[str, _Object3mf]]:
-    """Parse the XML of a 3MF model. Return its unit and its objects by id.
+    """Parse the XML of a 3MF model. Return the unit of the model, and its objects by id.
 
-    `_BUILD` is an additional object with the items to build.
+    The additional object `_BUILD` refers to the objects that the file lists for printing.
     """
     unit, last = "millimeter", _Object3mf()
     objects: dict[str, _Object3mf] = {_BUILD: last}

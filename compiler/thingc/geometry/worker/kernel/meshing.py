@@ -1,4 +1,4 @@
-"""Represent triangle meshes, and convert them to files."""
+"""Represent triangle meshes, and convert them to the bytes of mesh files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ class Triangles(FrozenStruct, kw_only=False):
 
     @property
     def closed(self) -> bool:
-        """Whether every edge occurs equally often in both directions: the surface has no border and a consistent orientation."""
+        """Return whether every edge occurs equally often in both directions. The surface then has no border and a consistent
+        orientation.
+        """
         if len(self.faces) == 0:
             return False
         a = self.faces.ravel()
@@ -33,7 +35,7 @@ class Triangles(FrozenStruct, kw_only=False):
 
     @property
     def volume(self) -> float:
-        """The enclosed volume by the divergence theorem. The volume is negative if the triangles face inwards."""
+        """Return the enclosed volume, computed by the divergence theorem. The volume is negative if the triangles face inwards."""
         if len(self.faces) == 0:
             return 0.0
         middle = self.vertices.mean(axis=0)
@@ -42,7 +44,7 @@ class Triangles(FrozenStruct, kw_only=False):
 
     @property
     def flat(self) -> bool:
-        """Whether the enclosed volume is negligible: less than 1e-9 of the cube of the diagonal."""
+        """Return whether the enclosed volume is negligible, which means less than 1e-9 of the cube of the diagonal."""
         if len(self.vertices) == 0:
             return True
         diagonal = float(np.linalg.norm(self.vertices.max(axis=0) - self.vertices.min(axis=0)))
@@ -67,7 +69,7 @@ def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
 
 
 def together(meshes: list[Triangles]) -> Triangles:
-    """Combine several triangle meshes into one mesh. Vertices are not merged."""
+    """Combine several triangle meshes into one mesh. Vertices at the same position are not merged."""
     if len(meshes) == 1:
         return meshes[0]
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -80,7 +82,7 @@ def together(meshes: list[Triangles]) -> Triangles:
 
 
 def counted_twice(meshes: Sequence[Triangles]) -> float:
-    """Return the difference between the sum of the volumes of closed meshes and the volume of their union (manifold3d)."""
+    """Return the difference between the sum of the volumes of closed meshes and the volume of their union, which manifold3d computes."""
     from manifold3d import Manifold, Mesh64, OpType
 
     solids = [Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64))) for mesh in meshes]
@@ -88,7 +90,7 @@ def counted_twice(meshes: Sequence[Triangles]) -> float:
 
 
 def hull(points: NDArray[np.float64]) -> Triangles | None:
-    """Return the convex hull of points (manifold3d), or None if they are in a plane."""
+    """Return the convex hull of points, computed by manifold3d. Return None if all points are in a plane."""
     from manifold3d import Manifold
 
     mesh = Manifold.hull_points(np.ascontiguousarray(points, dtype=np.float64)).to_mesh64()
@@ -106,9 +108,9 @@ _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u
 
 
 def merge_vertices(mesh: Triangles, decimals: int | None = None) -> Triangles:
-    """Merge vertices that are equal as 32-bit floats, as in STL files and simulators.
+    """Merge the vertices of a mesh that are equal as 32-bit floats. STL files and simulators also use 32-bit floats.
 
-    The coordinates of the result are 32-bit floats. With `decimals`, they are rounded to this number of decimals instead.
+    The coordinates of the result are 32-bit floats. If `decimals` is given, coordinates are instead rounded to this number of decimals.
     """
     single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
     firsts, numbers = _once(single)
@@ -116,9 +118,10 @@ def merge_vertices(mesh: Triangles, decimals: int | None = None) -> Triangles:
 
 
 def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Find equal points `(n, 3)`, and number the distinct points.
+    """Find equal points (n, 3), and number the distinct points.
 
-    Return the index of the first point of each group, sorted by x, y, z, and the number of the group of each point `(n,)`.
+    Return two arrays: the index of the first point in each group of equal points, sorted by x, y, z, and the number of the group of each
+    point (n,).
     """
     order = np.lexsort(points.T[::-1])  # stable: the first of several equal points comes first
     begins = np.ones(len(order), dtype=bool)
@@ -142,19 +145,19 @@ def stl(mesh: Triangles) -> bytes:
 
 
 def obj(mesh: Triangles) -> bytes:
-    """Convert a mesh to the bytes of a Wavefront OBJ file. Coordinates have 9 significant digits, and normals are omitted."""
+    """Convert a mesh to the bytes of a Wavefront OBJ file. Coordinates are written with 9 significant digits, and normals are omitted."""
     vertices = ("v %.9g %.9g %.9g\n" * len(mesh.vertices)) % tuple((mesh.vertices + 0.0).ravel().tolist())
     faces = ("f %d %d %d\n" * len(mesh.faces)) % tuple((mesh.faces + 1).ravel().tolist())
     return (vertices + faces).encode()
 
 
 def double(mesh: Triangles) -> bytes:
-    """Convert a mesh to bytes in 64-bit floats: the number of vertices, the vertices, and the triangles."""
+    """Convert a mesh to bytes: the number of vertices, the vertices as 64-bit floats, and the triangles."""
     return len(mesh.vertices).to_bytes(8, "little") + mesh.vertices.astype("<f8").tobytes() + mesh.faces.astype("<u4").tobytes()
 
 
 def read_double(data: bytes) -> Triangles:
-    """Convert bytes in 64-bit floats to a mesh. This function is the inverse of `double`."""
+    """Convert the bytes that `double` returns to a mesh. This function is the inverse of the function `double`."""
     count = int.from_bytes(data[:8], "little")
     faces = np.frombuffer(data, dtype="<u4", offset=8 + 24 * count).astype(np.int64)
     return Triangles(np.frombuffer(data, dtype="<f8", count=3 * count, offset=8).reshape(-1, 3), faces.reshape(-1, 3))

@@ -1,4 +1,4 @@
-"""Create mirror images of parts in a child of the worker. Lengths are in mm, except that poses are in metres."""
+"""Create mirror images of parts in a child process of the worker. Lengths are in mm, but poses are in metres."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 SAME = 1e-4
-"""Tolerance for the integrals of two mirrored faces, relative to the area of a face and the size of the part.
+"""Tolerance for comparing the integrals of two mirrored faces, relative to the area of a face and the size of the part.
 
-The error of plain integration is 1e-5 on a cylinder with a cross hole.
+The tolerance is larger than the error of fixed-order integration, which is 1e-5 on a cylinder with a cross hole.
 """
 SAME_PLACE = 1e-9
-"""Tolerance for the place [m] and the z axis [rad] of a mount that is its own image."""
+"""Tolerance for the position [m] and the z axis [rad] of a mount that is its own mirror image."""
 
 
 class SolidMirror(Mirror):
-    """A mirror plane that can also reflect solids of the CAD kernel."""
+    """A mirror plane that can reflect poses, and also shapes of the CAD kernel."""
 
     def keeps(self, pose: Pose) -> bool:
         """Return whether the mirror image of a mount has the same position and the same z axis as the mount."""
@@ -43,10 +43,11 @@ class SolidMirror(Mirror):
         return BRepBuilderAPI_Transform(shape, reflection, True).Shape()
 
     def is_image_of_itself(self, solid: TopoDS_Shape) -> bool:
-        """Return whether a solid is its own mirror image: the image of each face has the area, centroid and second moments of some face.
+        """Return whether a solid is its own mirror image. For each face, some face must have the area, the centroid and the second moments
+        of its mirror image.
 
-        A solid with a thread is not its own mirror image: the image of the thread has the opposite hand, which changes the products of
-        moments.
+        A solid with a thread is not its own mirror image. The mirror image of the thread has the opposite hand, which changes the products
+        of moments.
         """
         size = extent(solid)
         faces = _integrals(solid, size)
@@ -62,7 +63,7 @@ class SolidMirror(Mirror):
 
 
 def _integrals(solid: TopoDS_Shape, size: float) -> NDArray[np.float64]:
-    """Return ten integrals over each face of a solid about the origin, in units of the part's size, as `(faces, 10)`.
+    """Return ten integrals over each face of a solid about the origin, as an array (faces, 10). The unit of length is the size of the part.
 
     The columns are the area, three first moments and six second moments (xx, yy, zz, xy, xz, yz).
     """

@@ -1,4 +1,5 @@
-"""Read parts that are files, and part colours. STEP and BREP shapes are unchanged; meshes become solids with flat facets.
+"""Read parts that are CAD files or mesh files, and convert colours of parts. STEP and BREP shapes are not changed. Meshes are converted to
+solids with flat facets.
 
 Lengths are in mm.
 """
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tuple[str, ...]]:
-    """Read a CAD file or mesh file. Return its shapes, their colours (`#rrggbb`), and descriptions of the repairs.
+    """Read a part from a CAD file or a mesh file. Return its shapes, the colours of the shapes (`#rrggbb`), and descriptions of the
+    repairs.
 
     `unit` [mm] is the unit of a file that does not specify a unit. Raises `BadPartFile` if the file cannot be used as a part.
     """
@@ -35,7 +37,7 @@ def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tup
 
 
 def unusable(fault: BaseException) -> BadPartFile:
-    """Create the error for a part file that the CAD kernel cannot process after reading a part of it."""
+    """Create the error for a part file that the CAD kernel cannot process, although it could read the file."""
     reason = BadPartFile("the file is damaged, or contains a shape that the CAD kernel cannot use")
     reason.__cause__ = fault
     return reason
@@ -112,7 +114,7 @@ def solids_from(mesh: Triangles) -> list[TopoDS_Shape]:
 
 
 def surfaces(mesh: Triangles) -> list[NDArray[np.int64]]:
-    """Split a mesh into connected surfaces. Return the indices of the faces of each surface."""
+    """Split a mesh into connected surfaces. Return an array of triangle indices for each connected surface."""
     parent = list(range(len(mesh.vertices)))
 
     def root(index: int) -> int:
@@ -182,7 +184,7 @@ def hexadecimal(color: Any) -> str:
 
 
 def named(text: str) -> str:
-    """Convert a CSS name or `#rrggbb` to `#rrggbb`. Raises `ValueError` for a name that is not a colour."""
+    """Convert a CSS colour name or `#rrggbb` to `#rrggbb`. Raises `ValueError` if the text is not a colour."""
     from build123d import Color
 
     return hexadecimal(Color(text))

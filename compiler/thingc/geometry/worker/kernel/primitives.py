@@ -1,9 +1,10 @@
 """Recognise solids that are exactly a box, a cylinder, a capsule or a sphere, by the surfaces of their B-rep.
 
-Only the surfaces of the faces matter, not the number of faces, because the kernel may split faces (the side of a cylinder is one face or
-two faces). Three perpendicular pairs of planes enclose exactly one bounded region, a box. Similarly, a cylinder with two planes across its
-axis encloses exactly one bounded region, and so does a sphere. A cylinder and two spheres of its radius on its axis enclose regions that
-together make up a capsule. A solid with the same volume and area as the primitive fills the primitive.
+Only the surfaces of the faces are compared. The number of faces does not matter, because the kernel may split a face, such as the side of a
+cylinder. Three perpendicular pairs of planes enclose exactly one bounded region, which is a box. Similarly, a cylinder with two planes
+across its axis encloses exactly one bounded region, and so does a sphere. A cylinder and two spheres with the same radius on its axis
+enclose regions that together form a capsule. Therefore, if a solid has the same volume and area as the primitive, it is equal to the
+primitive.
 """
 
 from __future__ import annotations
@@ -30,24 +31,25 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 SAME = 1e-7
-"""Tolerance for directions [rad], and for lengths relative to the size of the solid."""
+"""Tolerance for directions [rad], and relative tolerance for lengths (relative to the size of the solid)."""
 AGREEMENT = 1e-9
-"""Relative tolerance for volume and area of the solid and of the primitive."""
+"""Relative tolerance for comparing volume and area of a solid with those of a primitive."""
 ROUNDING = 1e-12
 """Components of directions up to this size are set to zero, because rotated solids have rounding errors of this size."""
 DECIMALS = 12
-"""Number of decimals for rounding lengths [mm]: 2.5 could be 2.499999999999999."""
+"""Number of decimals to which lengths [mm] are rounded, because 2.5 could be 2.499999999999999."""
 
 _Line = tuple[Vector, Vector]
-"""A point [mm] and a unit direction: a plane with its normal, or an axis."""
+"""A point [mm] and a unit direction. They define a plane with its normal, or an axis."""
 
 
 def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
-    """Return the primitive [m] that exactly equals a solid [mm], or None.
+    """Return the primitive [m] that exactly equals a solid [mm]. Return None if there is no such primitive.
 
     The pose of the primitive does not depend on the order of faces in the CAD kernel. A box gets the smallest possible rotation, which
-    is zero for a box along the axes of the part. The axis of a cylinder or capsule has a positive z component. If the z component is
-    zero, the y component is positive. If both are zero, the x component is positive. The rotation to this axis is the smallest one.
+    is zero for a box along the axes of the part. The axis of a cylinder or a capsule has a positive z component. If its z component is
+    zero, its y component is positive. If both components are zero, its x component is positive. The rotation of the primitive is the
+    smallest rotation to this axis.
     """
     planes: list[_Line] = []
     cylinders: list[tuple[_Line, float]] = []
@@ -81,7 +83,7 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
 
 
 def _filled(primitive: Primitive, solid: TopoDS_Shape) -> bool:
-    """Return whether a solid has the volume and the area of a primitive, for either orientation of its faces."""
+    """Return whether a solid has the volume and the area of a primitive. The faces of the solid can point inwards or outwards."""
     matter, surface = integrals(solid, gp_Pnt(*(coordinate * convert.MM for coordinate in primitive.pose.translation)))
     volume, area = convert.volume(matter.Mass()), convert.area(surface.Mass())
     return (
@@ -152,7 +154,9 @@ def _sphere(spheres: list[tuple[Vector, float]], size: float) -> Primitive | Non
 
 
 def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, float] | None:
-    """Return the common axis of all cylinders, pointing up, and the common radius. Return None if the cylinders differ."""
+    """Return the common axis of all cylinders, which points up, and their common radius. Return None if the cylinders do not have the same
+    axis and radius.
+    """
     (point, axis), radius = cylinders[0]
     for (other, direction), length in cylinders:
         if abs(length - radius) > SAME * size or not _parallel(direction, axis) or _beside(other, point, axis) > SAME * size:
@@ -162,9 +166,9 @@ def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, flo
 
 
 def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
-    """Merge equal positions on a line, and return the lower and the upper of the two positions that remain.
+    """Merge equal positions on a line. If two positions remain, return the lower and the upper position.
 
-    Return None unless exactly two remain.
+    Otherwise, return None.
     """
     ordered = sorted(places)
     low, high = ordered[0], ordered[-1]
@@ -173,7 +177,7 @@ def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
 
 
 def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, centre: Vector) -> Primitive:
-    """Create a primitive in metres from lengths in mm."""
+    """Create a primitive in metres. The arguments are in mm."""
     x, y, z = (round(coordinate, DECIMALS) for coordinate in centre)
     return Primitive(
         shape=shape, size=tuple(convert.length(round(length, DECIMALS)) for length in size),
@@ -184,7 +188,8 @@ def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, cent
 def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
     """Return the smallest rotation whose columns are the given axes in any order and with any sign.
 
-    Also return the index of the axis in each column. `axes` contains the axes as rows. The smallest rotation has the largest trace.
+    Also return the index of the given axis in each column. The rows of `axes` are the given axes. The result is the rotation with the
+    largest trace.
     """
     rotations: list[tuple[Matrix, tuple[int, ...]]] = []
     for order in itertools.permutations(range(3)):
@@ -198,7 +203,7 @@ def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
 
 
 def _shortest_turn(axis: Vector) -> Matrix:
-    """Return the smallest rotation that rotates the z axis to the unit vector `axis`, whose z component is not negative."""
+    """Return the smallest rotation from the z axis to the unit vector `axis`. The z component of `axis` must not be negative."""
     x, y, z = axis
     k = 1.0 / (1.0 + z)
     return ((1.0 - x * x * k, -x * y * k + 0.0, x), (-x * y * k + 0.0, 1.0 - y * y * k, y), (-x + 0.0, -y + 0.0, z))
@@ -218,7 +223,9 @@ def _scaled(a: Vector, factor: float) -> Vector:
 
 
 def _unit(a: Vector) -> Vector:
-    """Return the unit vector in the direction of a vector. Rounding errors of rotations are removed, so that coordinate axes are exact."""
+    """Return the unit vector in the direction of a vector. Components that are only rounding errors of a rotation are set to zero, so that
+    coordinate axes are exact.
+    """
     length = hypot(*a)
     x, y, z = (0.0 if abs(component) <= ROUNDING * length else component for component in a)
     return _scaled((x, y, z), 1.0 / hypot(x, y, z))

@@ -1,8 +1,9 @@
 """Simplify meshes for simulators and measure the deviation, for parts whose document limits the number of triangles (`faces`).
 
 trimesh collapses the edges that change the shape least (Garland and Heckbert, "Surface simplification using quadric error metrics", 1997;
-the package fast_simplification), which is best for scans. But trimesh tears flat regions and stops at long thin triangles. Therefore
-manifold3d, which moves surfaces by at most a tolerance, first merges flat regions. If trimesh fails, only manifold3d simplifies the mesh.
+the package fast_simplification), which is best for scans. However, trimesh tears flat regions, and stops at long thin triangles. Therefore,
+manifold3d first merges flat regions, and moves surfaces by at most a tolerance. If trimesh fails, the mesh is simplified only by
+manifold3d.
 """
 
 from __future__ import annotations
@@ -18,20 +19,24 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIZE = 100.0
-"""Longest side of the meshes passed to trimesh. In trimesh, the cost of a collapse depends on the size of the mesh."""
+"""Length of the longest side of the meshes that are passed to trimesh. Meshes are scaled to this size because in trimesh, the cost of a
+collapse depends on the size of the mesh.
+"""
 
 FLAT = 1e-6
 """Distance, relative to the longest side, by which a surface may move while coplanar triangles are merged."""
 
 SAMPLES = 100_000
-"""Number of sample points on a surface, in addition to triangle centres, for finding the triangles near a point."""
+"""Number of sample points on a surface, in addition to the centres of triangles. They are used to find the triangles near a point."""
 
 FEW, MANY, AGAIN = 4, 64, 4000
-"""Number of nearest triangles to test for every point, number to test for the farthest points, and number of farthest points."""
+"""Number of nearest triangles that are tested for every point, number that is tested for the farthest points, and number of farthest
+points.
+"""
 
 
 def simplified(mesh: Triangles, faces: int) -> Triangles:
-    """Simplify a closed mesh to at most `faces` triangles. If every edge has two triangles, so does every edge of the result.
+    """Simplify a closed mesh to at most `faces` triangles. If every edge of the mesh has two triangles, this is also true for the result.
 
     Raises `NoPart` if the mesh cannot be simplified to `faces` triangles.
     """
@@ -53,7 +58,7 @@ def simplified(mesh: Triangles, faces: int) -> Triangles:
 
 
 def deviation(one: Triangles, other: Triangles) -> float:
-    """Compute the deviation between two meshes: the largest distance from a vertex of one mesh to the surface of the other mesh.
+    """Compute the deviation between two meshes. It is the largest distance from a vertex of one mesh to the surface of the other mesh.
 
     The distance is in the unit of the meshes.
     """
@@ -68,7 +73,7 @@ def _by_quadrics(mesh: Triangles, faces: int) -> Triangles:
 
 
 def _by_tolerance(solid: Any, faces: int) -> Triangles:
-    """Simplify a mesh with manifold3d. The tolerance is doubled until the mesh has at most `faces` triangles."""
+    """Simplify a mesh with the tolerance of manifold3d. The tolerance is doubled until the mesh has at most `faces` triangles."""
     tolerance = FLAT * SIZE
     fewer = solid
     while fewer.num_tri() > faces and tolerance < SIZE:
@@ -78,7 +83,7 @@ def _by_tolerance(solid: Any, faces: int) -> Triangles:
 
 
 def _sound(mesh: Triangles, whole: bool) -> bool:
-    """Return whether a mesh encloses a volume, has no border and, if `whole`, has two triangles at each edge."""
+    """Return whether a mesh encloses a volume and has no border. If `whole` is True, each edge must also have exactly two triangles."""
     return mesh.closed and not mesh.flat and mesh.volume > 0.0 and (not whole or _solid(mesh).num_tri() == len(mesh.faces))
 
 
@@ -95,9 +100,9 @@ def _triangles(solid: Any) -> Triangles:
 
 
 def _farthest(points: NDArray[np.float64], surface: Triangles) -> float:
-    """Return the largest distance of points from a surface, measured to the nearest of a few triangles around each point.
+    """Return the largest distance of points from a surface. Each distance is measured to the nearest of a few triangles around the point.
 
-    For the farthest points, a second measurement uses more triangles.
+    For the farthest points, the measurement is repeated with more triangles.
     """
     import trimesh
     from scipy.spatial import cKDTree

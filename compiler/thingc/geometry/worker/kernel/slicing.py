@@ -1,19 +1,20 @@
-"""Slice a part into printed layers and sum the material of the layers, in a child of the worker. Lengths are in mm.
+"""Slice a part into printed layers, and sum the material of the layers, in a child process of the worker. Lengths are in mm.
 
-The module implements the method of PrusaSlicer 2.5, with regions instead of paths. Names of PrusaSlicer are in brackets. If a document does
-not set a key, the default of PrusaSlicer applies.
+The module implements the method of PrusaSlicer 2.5, with regions instead of paths. Names of PrusaSlicer's settings and functions are in
+brackets. If a document does not set a value, the default of PrusaSlicer applies.
 
-1. A line of width w in a layer of height h has a cross section of s h with s = w - h (1 - pi/4): a rectangle with semicircular ends [Flow].
-   Lines of infill have the spacing s.
-2. The walls are the given number of lines inside the outline. The region inside them is the core if it is at least one line wide; narrower
-   regions are added to the walls [perimeter_generator = arachne].
-3. The core is filled, with some overlap into the walls [infill_overlap]. Regions that are open above or below are solid, with a margin of
-   3 mm. Pieces of a layer with less than 70 mm^2 are also solid [solid_infill_below_area].
-4. Regions within `top` layers below an opening or within `bottom` layers above one are also solid [discover_horizontal_shells]; pieces too
-   narrow to print (under 6 lines) are widened. The rest is sparse.
-5. Material over air or over sparse infill is a bridge: round strands as thick as the nozzle, 0.05 mm apart [thick_bridges]. Wall lines that
-   extend beyond the layer below by half a nozzle are overhangs [overhangs].
-6. Lines of sparse infill end half a line from its border and are connected along it (see `JOINED`).
+A line of width w in a layer of height h is a rectangle with semicircular ends. Its cross section is s h, with s = w - h (1 - pi/4) [Flow].
+Infill lines have the spacing s. The walls are the given number of lines inside the outline. The region inside the walls is called the core
+if it is at least one line wide. Narrower regions are added to the walls [perimeter_generator = arachne].
+
+The core is filled, and the infill overlaps the walls [infill_overlap]. Regions that are open above or below are solid, with a margin of 3
+mm. Pieces of a layer with less than 70 mm^2 are also solid [solid_infill_below_area]. Regions are also solid if an opening is at most `top`
+layers above them or at most `bottom` layers below them [discover_horizontal_shells]. Pieces of these regions that are narrower than 6 lines
+are widened. The remaining regions of the core are sparse.
+
+Material over air or over sparse infill is printed as a bridge. A bridge consists of round strands that are as thick as the nozzle, with
+gaps of 0.05 mm [thick_bridges]. Wall lines that extend beyond the layer below by half a nozzle are overhangs [overhangs]. Lines of sparse
+infill end half a line from the border of the sparse region, and are connected along this border (see `JOINED`).
 """
 
 from __future__ import annotations
@@ -35,39 +36,43 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_LAYERS = 20_000
-"""Maximum number of layers. If a part has more layers, the unit of the layer height is probably wrong."""
+"""Maximum number of layers of a part. If a part has more layers, the unit of the layer height is probably wrong."""
 
 NOZZLE = 1.0 / 1.125
-"""Default diameter of the nozzle, relative to the width of a line [auto_extrusion_width]."""
+"""Default diameter of the nozzle, relative to the width of a line (PrusaSlicer: `auto_extrusion_width`)."""
 SOLID_BELOW = 70.0
-"""Largest area [mm^2] of a piece of infill that is always solid [solid_infill_below_area]."""
+"""Pieces of infill with at most this area [mm^2] are always solid (PrusaSlicer: `solid_infill_below_area`)."""
 AROUND = 3.0
-"""Margin [mm] around open surfaces that is filled solid [EXTERNAL_INFILL_MARGIN]."""
+"""Width [mm] of the solid margin around open surfaces (PrusaSlicer: `EXTERNAL_INFILL_MARGIN`)."""
 STRAND_GAP = 0.05
-"""Gap between two strands of a bridge [mm] [BRIDGE_EXTRA_SPACING]."""
+"""Gap [mm] between two strands of a bridge (PrusaSlicer: `BRIDGE_EXTRA_SPACING`)."""
 FILLABLE = 0.6
-"""Smallest width of a core for infill, relative to the line spacing [INSET_OVERLAP_TOLERANCE]."""
+"""Smallest width of a core that gets infill, relative to the line spacing (PrusaSlicer: `INSET_OVERLAP_TOLERANCE`)."""
 ANCHOR = 3.0
-"""Half the smallest width of a bridge over sparse infill, relative to the strand [bridge_over_infill]."""
+"""Half of the smallest width of a bridge over sparse infill, relative to the width of a strand (PrusaSlicer: `bridge_over_infill`)."""
 SAFETY = 1e-5
-"""Extra width [mm] of regions that are removed, because slivers from rounding would be widened [ClipperSafetyOffset]."""
+"""Additional width [mm] of regions that are removed, because slivers that result from rounding would be widened (PrusaSlicer:
+`ClipperSafetyOffset`).
+"""
 
 JOINED = 0.32
-"""Fraction of the border of sparse infill along which lines are connected.
+"""Fraction of the border of sparse infill along which infill lines are connected.
 
-Three families of parallel lines end at the border [fill_pattern = stars]. PrusaSlicer closes the gaps between neighbouring ends one after
-the other, the shortest gap first, if both ends are still free [connect_infill]. This value is the mean fraction over all directions of the
-border (`benchmarks/prints/joined.py`).
+Three families of parallel infill lines end at the border (PrusaSlicer: `fill_pattern = stars`). If the ends of two neighbouring lines are
+both free, PrusaSlicer connects them, the shortest gap first (`connect_infill`). The value is the mean over all directions of the border,
+computed by `benchmarks/prints/joined.py`.
 """
 
 _UPRIGHT = 1e-6
-"""Largest z component of the unit normal of a wall that counts as upright."""
+"""A wall counts as vertical if the z component of its unit normal is at most this value."""
 _EXACT = 1e-5
-"""Heights that differ by less than this value [mm] count as equal."""
+"""Heights count as equal if they differ by less than this value [mm]."""
 _JUST_BELOW = 1e-3
-"""Offset of a cut, relative to the layer. A surface exactly in the cutting plane then belongs to the part above it."""
+"""Offset of a cutting plane, relative to the height of a layer. With this offset, a surface exactly in the cutting plane belongs to the
+part above the plane.
+"""
 _SIMPLE = 1e-3
-"""Largest deviation [mm] of an outline from the cut of the mesh."""
+"""Largest deviation [mm] of a simplified outline from the cut through the mesh."""
 
 Region: TypeAlias = CrossSection
 NOTHING = CrossSection()
@@ -78,7 +83,7 @@ class NotSliced(Exception):
 
 
 def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
-    """Slice a mesh file of the store (64-bit floats, mm). Return a `SliceResult` or a `SliceFailure` as JSON."""
+    """Slice a mesh in the store, whose coordinates are 64-bit floats [mm]. Return a `SliceResult` or a `SliceFailure` as a JSON value."""
     try:
         result: SliceResult | SliceFailure = slice_part(read_double(store.read(sha256)), how)
     except NotSliced as fault:
@@ -102,7 +107,7 @@ def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
 
 
 def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Return a rotation `(3, 3)` that rotates `up` to z. The result is the identity if `up` is z."""
+    """Return a rotation `(3, 3)` that rotates `up` to z. If `up` is already z, the result is the identity."""
     z = np.array(up, dtype=np.float64)
     z /= np.linalg.norm(z)
     least = np.eye(3)[int(np.argmin(np.abs(z)))]
@@ -115,9 +120,10 @@ def _turned_up(up: tuple[float, float, float]) -> NDArray[np.float64]:
 
 
 def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: float) -> tuple[list[Region], NDArray[np.float64]]:
-    """Cut a mesh in the middle of each layer, from the print bed upwards. Return the outlines and the heights `(n,)` of the cuts.
+    """Cut a mesh with a plane in the middle of each layer, from the print bed upwards. Return the outlines of the cuts, and the heights
+    (n,) of the cutting planes.
 
-    Equal cuts between upright walls are the same object.
+    Equal cuts between vertical walls are represented by the same object.
     """
     solid = Manifold(Mesh64(vertices, np.ascontiguousarray(faces, dtype=np.uint64)))
     if solid.status() != Error.NoError or solid.is_empty():
@@ -140,9 +146,9 @@ def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: fl
 
 
 def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Assign a number to each cut through the mesh, so that cuts with equal outlines have the same number.
+    """Assign a number to each cut through the mesh. Cuts with the same number have equal outlines.
 
-    Cuts with the same number are equal: all walls between these cuts are upright, and no surface begins between them.
+    Two cuts are equal if all walls between them are vertical and no surface begins between them.
     """
     corners = vertices[faces]
     heights = np.round(corners[:, :, 2] / _EXACT) * _EXACT
@@ -166,7 +172,7 @@ def _slabs(vertices: NDArray[np.float64], faces: NDArray[np.int64], cuts: NDArra
 class _Lengths:
     """The lengths [mm] that the print settings define, such as line widths.
 
-    `bridge` (for infill) and `overhang` (for walls) are the amounts of material of bridges, relative to the region that the bridges cover.
+    `bridge` (for infill) and `overhang` (for walls) are the amounts of material of a bridge, relative to the region that it covers.
     """
 
     def __init__(self, how: Slicing) -> None:
@@ -185,7 +191,9 @@ class _Lengths:
 
 
 class _Slicer:
-    """Computes the material of layers from outlines. All methods are pure functions of regions, and equal layers are computed once."""
+    """Computes the material of layers from the outlines of the layers. All methods are pure functions of regions. If layers are equal,
+    their material is computed only once.
+    """
 
     def __init__(self, how: Slicing, lengths: _Lengths) -> None:
         self.how = how
@@ -223,30 +231,30 @@ class _Slicer:
         ]
 
     def core(self, outline: Region) -> Region:
-        """Return the region of a layer inside its walls. Parts of the region that are too narrow for a line are removed."""
+        """Return the region inside the walls of a layer. Parts of this region that are narrower than a line are removed."""
         lengths = self.lengths
         left = _grown(outline, -(lengths.rounding + self.how.walls * lengths.spacing))
         return _opened(left, lengths.spacing / 2.0)
 
     def walls(self, outline: Region, core: Region) -> Region:
-        """Return the region of the walls, which is smaller than the outline, because lines have round corners."""
+        """Return the region that the walls cover. It is smaller than the outline, because lines have round corners."""
         return _without(_grown(outline, -self.lengths.rounding), core)
 
     def filled(self, core: Region) -> Region:
-        """Return the region that infill may cover: the wide parts of the core, with the overlap."""
+        """Return the region that infill may cover: the parts of the core that are wide enough, with the overlap into the walls."""
         half = FILLABLE / 2.0 * self.lengths.spacing
         return _grown(_grown(core, -half), half + self.how.overlap * self.lengths.spacing)
 
     def opening(self, outline: Region, other: Region) -> Region:
-        """Return the part of this layer that another layer does not cover. Very narrow pieces are removed."""
+        """Return the part of a layer that another layer does not cover. Very narrow pieces of this part are removed."""
         return _opened(_without(outline, other), self.lengths.width / 10.0)
 
     def uncovered(self, outline: Region, above: Region, bottom: Region) -> Region:
-        """Return the region of a layer that the layer above does not cover. A region that is also open below counts as bottom."""
+        """Return the region of a layer that the layer above does not cover. A region that is open above and below counts as bottom."""
         return _without(self.opening(outline, above), bottom)
 
     def kinds(self, filled: Region, top: Region, bottom: Region) -> _Kinds:
-        """Return the infill regions of a layer by kind."""
+        """Return the infill regions of a layer, grouped by kind."""
         within = _without(_without(filled, top), bottom)
         wide_bottom = self.around(bottom, filled)
         wide_top = _without(self.around(top, filled), wide_bottom)
@@ -258,7 +266,7 @@ class _Slicer:
         )
 
     def around(self, opening: Region, filled: Region) -> Region:
-        """Return the region that is solid because of an opening: the opening and a margin around it."""
+        """Return the region that is solid because of an opening. It consists of the opening and a margin around it."""
         there = _both(opening, filled)
         if there.is_empty():
             return NOTHING
@@ -270,16 +278,18 @@ class _Slicer:
         return _either(there, _both(_grown(_both(there, near), AROUND, JoinType.Square), filled))  # growing the whole layer is slow
 
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
-        """Return the part of the inside of a layer that is printed solid: small pieces, and the regions below or above the lids."""
+        """Return the inner region of a layer that is printed solid. It consists of small pieces, and of the regions below or above the
+        lids.
+        """
         regions = [small]
         for lid in lids:
             regions += self.once(self.shell, inside, lid)
         return CrossSection.batch_boolean(regions, OpType.Add) if len(regions) > 1 else small
 
     def shell(self, inside: Region, lid: Region) -> tuple[Region, Region]:
-        """Return the part of the inside below or above a lid.
+        """Return the part of the inner region that is below or above a lid.
 
-        Also return the region that was added because this part is too narrow to print.
+        If this part is too narrow to print, it is widened. Also return the region that was added.
         """
         new = _both(lid, inside)
         if new.is_empty():
@@ -289,9 +299,9 @@ class _Slicer:
         return new, _both(_grown(narrow, margin, JoinType.Round), inside)
 
     def bridge(self, solid: Region, *below: Region) -> Region:
-        """Return the region of a layer that is printed as a bridge: the solid inside above sparse infill.
+        """Return the region of a layer that is printed as a bridge: the solid inner region above sparse infill.
 
-        All layers that the strands of the bridge pass through must be sparse there.
+        In this region, all layers through which the strands of the bridge pass must be sparse.
         """
         over = solid
         for sparse in below:
@@ -305,8 +315,8 @@ class _Slicer:
     def laid(self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region) -> _Laid:
         """Return the printed material of a layer.
 
-        `below` is the outline of the layer below (None: the bed). `spanned` are the sparse regions of the layers that the strands of a
-        bridge pass through.
+        `below` is the outline of the layer below, or None above the print bed. `spanned` contains the sparse regions of the layers through
+        which the strands of a bridge pass.
         """
         once, lengths = self.once, self.lengths
         lines = _grown(sparse, -lengths.spacing / 2.0)  # the region of the lines of sparse infill
@@ -320,7 +330,9 @@ class _Slicer:
 
 
 class _Kinds:
-    """The infill regions of a layer by kind: open above, open below (both with their margins), inside, and small pieces of the inside."""
+    """The infill regions of a layer by kind. They are the regions that are open above or below (with their margins), the inner region, and
+    its small pieces.
+    """
 
     __slots__ = ("bottom", "inside", "small", "top")
 
@@ -332,9 +344,10 @@ class _Kinds:
 
 
 class _Laid(FrozenStruct):
-    """The printed material of a layer.
+    """The printed material of one layer.
 
-    `solid` contains regions, each with its amount of material relative to a full region. `lines` is the region of sparse infill.
+    `solid` contains regions, each with the amount of material relative to a region that is completely filled. `lines` is the region that
+    contains sparse infill lines.
     """
 
     solid: tuple[tuple[float, Region], ...]
@@ -342,7 +355,9 @@ class _Laid(FrozenStruct):
 
 
 class _Once:
-    """A cache of pure functions by the identity of their arguments. The cache keeps references to the arguments."""
+    """A cache for pure functions. The cache keys are the identities of the arguments. The cache also stores references to the arguments, so
+    that their identities remain valid.
+    """
 
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], tuple[tuple[Any, ...], Any]] = {}
@@ -358,7 +373,9 @@ class _Once:
 
 
 def _some(region: Region) -> Region:
-    """Return a region unchanged. For an empty region, always return the same object, so that results for the region are cached."""
+    """Return a region unchanged, except for an empty region. For every empty region, return the same object, so that results for empty
+    regions are cached.
+    """
     return NOTHING if region.is_empty() else region
 
 
@@ -374,7 +391,7 @@ def _grown(region: Region, by: float, join: JoinType = JoinType.Miter, miter: fl
 
 
 def _opened(region: Region, by: float, miter: float = 2.0) -> Region:
-    """Remove parts of a region that are narrower than twice `by`."""
+    """Remove the parts of a region that are narrower than twice `by`."""
     return _grown(_grown(region, -by, miter=miter), by, miter=miter)
 
 
@@ -395,19 +412,22 @@ def _without(a: Region, b: Region) -> Region:
 # --- moments ----------------------------------------------------------------------------------------------------------
 
 _RAISED = (0, 1, 2, 0, 3, 4, 5, 1, 2, 0)
-"""Index of the plane moment for each moment of a layer (see `_raised`)."""
+"""Index of the moment of a plane region for each moment of a layer (see `_raised`)."""
 _ROUNDING = 1e-12
-"""Size of rounding errors relative to the part's size."""
+"""Numbers up to this value, relative to the size of the part, count as rounding errors."""
 
 
 _Integrals: TypeAlias = "dict[int, NDArray[np.float64]]"
-"""The integrals of 1, x, y, xx, xy, yy `(6,)` over regions, by identity. A missing entry is zero."""
+"""A cache of integrals over regions. For each region (by identity), it contains the integrals of 1, x, y, xx, xy and yy as an array (6,).
+If a region is missing, its integrals are zero.
+"""
 
 
 def _flat(layers: list[_Laid], joined: float) -> NDArray[np.float64]:
-    """Compute the area integrals of 1, x, y, xx, xy and yy over the material of each layer, as an array `(n, 3, 6)`.
+    """Compute the integrals of 1, x, y, xx, xy and yy over the material of each layer, as an array (n, 3, 6).
 
-    The second axis is solid material, joins (`joined` [mm] wide along the border of the lines), and sparse lines at 100 %.
+    The second axis contains solid material, joins and sparse lines at 100 % infill. Joins are `joined` [mm] wide, along the border of the
+    lines.
     """
     every = [region for layer in layers for region in (layer.lines, *(region for _, region in layer.solid))]
     over, along = _integrals(every, border=False), _integrals([layer.lines for layer in layers], border=True)
@@ -422,9 +442,9 @@ def _flat(layers: list[_Laid], joined: float) -> NDArray[np.float64]:
 
 
 def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
-    """Compute area integrals over regions, or line integrals along their boundaries if `border` is True.
+    """Compute integrals over the areas of regions. If `border` is True, compute line integrals along their boundaries instead.
 
-    All regions are computed at once by Green's theorem along their edges.
+    The integrals of all regions are computed at once, by applying Green's theorem to their edges.
     """
     whole = [region for region in {id(region): region for region in regions}.values() if not region.is_empty()]
     if not whole:
@@ -445,9 +465,9 @@ def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
 
 
 def _raised(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: float) -> NDArray[np.float64]:
-    """Compute the volume integrals of 1, x, y, z, xx, xy, yy, xz, yz and zz over layers, as an array `(n, 3, 10)`.
+    """Compute the volume integrals of 1, x, y, z, xx, xy, yy, xz, yz and zz over each layer, as an array (n, 3, 10).
 
-    `flat` contains the integrals over the planes of the layers `(n, 3, 6)`, and `middles` their heights `(n,)`.
+    `flat` contains the area integrals of the layers (n, 3, 6), and `middles` contains the heights of their middle planes (n,).
     """
     factors = np.ones((len(middles), 1, len(_RAISED)))
     factors[:, 0, (3, 7, 8)] = middles[:, None]
@@ -456,7 +476,7 @@ def _raised(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: floa
 
 
 def _moments(sums: NDArray[np.float64], turn: NDArray[np.float64]) -> Moments:
-    """Convert integrals in mm to moments in metres, in the frame of the part. Rounding errors are set to zero."""
+    """Convert integrals in mm to moments in metres, expressed in the frame of the part. Rounding errors are set to zero."""
     one, x, y, z, xx, xy, yy, xz, yz, zz = sums
     first = turn.T @ np.array([x, y, z])
     second = turn.T @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn

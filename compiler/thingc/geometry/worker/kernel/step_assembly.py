@@ -1,7 +1,7 @@
-"""Write the STEP file of an assembly. The module uses only OCP: neither build123d nor part code is loaded.
+"""Write the STEP file of an assembly in the worker process. The module uses only OCP. It loads neither build123d nor part code.
 
-The file contains one shape for each part definition, and all instances of the definition refer to this shape. Groups of instances are
-sub-assemblies. Each instance has its own colour. The file does not contain the time, the name of the machine or the author.
+The file contains one shape for each part definition, and all instances of the definition refer to this shape. Groups of instances become
+sub-assemblies. Each instance can have its own colour. The file does not contain the time, the name of the machine or the author.
 """
 
 from __future__ import annotations
@@ -23,9 +23,11 @@ STAMP = "2000-01-01T00:00:00"
 
 
 def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[str, Any]:
-    """Write the STEP file (AP242, mm) of `instances`, each `{"path", "definition", "brep", "pose", "color"}` with its pose in SI units.
+    """Write the STEP file (AP242, mm) of `instances`. Each instance has the form `{"path", "definition", "brep", "pose", "color"}`, with
+    its pose in SI units.
 
-    Return `{"sha256", "size"}` of the file in the store. Raises `BlobMissing` for a missing B-rep.
+    Return the digest and the size of the file in the store, as `{"sha256", "size"}`. Raises `BlobMissing` if a B-rep is missing in the
+    store.
     """
     from OCP.Interface import Interface_Static
     from OCP.STEPCAFControl import STEPCAFControl_Writer
@@ -156,7 +158,7 @@ def _neutral(data: bytes, name: str) -> bytes:
 def _escaped(text: str) -> str:
     """Encode a string for a STEP file (ISO 10303-21, 6.4.3.3).
 
-    Each character becomes four hexadecimal digits, or eight for characters beyond the basic multilingual plane.
+    Each character is written as four hexadecimal digits, or as eight digits if it is outside of the basic multilingual plane.
     """
     if max(text) > "\uffff":
         return f"\\X4\\{text.encode('utf-32-be').hex().upper()}\\X0\\"

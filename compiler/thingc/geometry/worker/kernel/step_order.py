@@ -1,11 +1,11 @@
 """Make STEP files reproducible: sort their styles and remove noise from their numbers.
 
-The kernel writes one group of styles per instance, in the order of memory addresses. Two runs therefore differ in the order of the groups
-and in the numbers of their entities. This module sorts all entities after the first style by content and renumbers them. The geometry
-before the first style is unchanged.
+The CAD kernel writes one group of styles per instance. The order of the groups depends on memory addresses. Therefore, the order of the
+groups and the numbers of their entities can differ between two runs. This module sorts all entities after the first style by content, and
+renumbers them. The entities before the first style, which describe the geometry, are not changed.
 
-If a boolean operation merges two edges, the kernel keeps the edge with the lower memory address. A coordinate may be 0 in one run and 2e-31
-in another run.
+If a boolean operation merges two edges, the kernel keeps the edge with the lower memory address. Therefore, a coordinate can be 0 in one
+run and 2e-31 in another run.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LIST = re.compile(rb"\(((?:#\d+,?\s*)+)\)")
 
 
 def without_noise(data: bytes) -> bytes:
-    """Replace every number below 1e-14 [mm, or component of a direction] in a STEP file by 0."""
+    """Replace every number below 1e-14 in a STEP file by 0. The numbers are coordinates [mm] or components of directions."""
     texts = data.split(b"'")
     for index in range(0, len(texts), 2):  # every second piece is a quoted string; a quote in a string is doubled
         *before, rest = _NOISE.split(texts[index])
@@ -31,7 +31,7 @@ def without_noise(data: bytes) -> bytes:
 
 
 def settled(data: bytes) -> bytes:
-    """Return a STEP file with its styles in canonical order. A file without styles is returned unchanged."""
+    """Return a STEP file with its styles in canonical order. If the file has no styles, return it unchanged."""
     begin = data.find(_STYLES)
     end = data.rfind(b"ENDSEC;")
     if begin < 0 or end < begin:
@@ -59,7 +59,9 @@ class _Order:
         self.entities = {number: self._sorted(body) for number, body in entities.items()}
 
     def key(self, number: int) -> bytes:
-        """Return a digest of an entity and of all entities that it refers to, independent of their numbers."""
+        """Return a digest of an entity and of all entities to which it refers. The digest does not depend on the numbers of the
+        entities.
+        """
         if number not in self.keys:
             self.keys[number] = b""  # STEP files do not have cycles; this line would end the recursion for a cycle
             body = self.entities[number]
@@ -77,7 +79,7 @@ class _Order:
         return [self.key(int(one)) if int(one) in self.entities else b"#" + one for one in _numbers(references)]
 
     def _sorted(self, body: bytes) -> bytes:
-        """Return a group of styles with its items sorted by content."""
+        """Return the text of a group of styles, with its items sorted by content."""
         if not body.startswith(_STYLES):
             return body
 
@@ -89,7 +91,9 @@ class _Order:
         return _LIST.sub(arranged, body, count=1)
 
     def text(self, first: int) -> bytes:
-        """Return all entities, numbered from `first`. The order is depth first from the entities without references to them."""
+        """Return the text of all entities. Their numbers begin at `first`. The entities are listed depth first, beginning with the entities
+        to which no other entity refers.
+        """
         named = {int(one) for body in self.entities.values() for one in _numbers(body)}
         roots = sorted((number for number in self.entities if number not in named), key=lambda number: self.keys[number])
         numbers: dict[int, int] = {}

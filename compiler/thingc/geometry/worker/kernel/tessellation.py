@@ -1,10 +1,10 @@
-"""Tessellate a B-rep into one watertight mesh per shape.
+"""Tessellate each shape of a B-rep into one watertight mesh.
 
-Vertices are merged along the kernel's own edges, not by distance. The two faces at an edge are cut at the same parameters, but the points
-may differ by a tolerance.
+Vertices are merged along the edges of the CAD kernel, and not by distance. At a common edge, the points of two faces have the same
+parameters, but their positions may differ by a tolerance.
 
-The kernel meshes curved faces. manifold3d fills a plane face with triangles between the points of its boundary, which gives the same
-surface and is several times as fast as the kernel.
+The kernel meshes curved faces. manifold3d fills plane faces with triangles between the points of their boundaries. The surface is the same,
+and manifold3d is several times as fast as the kernel.
 """
 
 from __future__ import annotations
@@ -37,17 +37,20 @@ if TYPE_CHECKING:
 
 
 _THIN = 1e-12
-"""Threshold for collinear corners of a triangle: twice its area, relative to the square of its longest side."""
+"""The corners of a triangle count as collinear if twice its area, relative to the square of its longest side, is at most this value."""
 _ROUND_ANGLES = 1e-6
-"""Increase of angular tolerances. Without it, rounding errors decide whether an arc of 180 deg has 18 or 19 facets of 10 deg."""
+"""Relative increase of the angular tolerance. Without this increase, rounding errors would decide whether an arc of 180 deg has 18 or 19
+facets of 10 deg.
+"""
 
 
 def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
     """Tessellate a shape [mm] into one watertight mesh.
 
-    Triangles deviate by at most `linear` [mm] from the surface, and by at most `angular` [rad] from neighbouring triangles.
+    The distance of triangles from the surface is at most `linear` [mm]. The angle between neighbouring triangles is at most `angular`
+    [rad].
 
-    An earlier mesh of the shape does not affect the result and is removed.
+    An earlier mesh of the shape is removed and does not affect the result.
     """
     numbers = ShapeMap()
     faces = [_face(TopoDS.Face(face), numbers) for face in explored(shape, TopAbs_FACE)]
@@ -66,9 +69,10 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
 
 
 class _Face(FrozenStruct, kw_only=False):
-    """A face of a shape.
+    """A face of a shape that is tessellated.
 
-    `edges` contains its edges, each with a number that is equal for a shared edge. `plane` is True if the face is flat.
+    `edges` contains the edges of the face, each with a number. A shared edge has the same number in both faces. `plane` is True if the
+    surface of the face is a plane.
     """
 
     face: TopoDS_Face
@@ -90,7 +94,7 @@ def _straight(edge: TopoDS_Edge) -> bool:
 def _meshed(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float) -> Triangles | None:
     """Tessellate a shape and return its triangles. manifold3d fills the faces in `filled`, and the kernel meshes the other faces.
 
-    Return None if a face cannot be filled.
+    Return None if a face in `filled` cannot be filled.
     """
     BRepTools.Clean_s(shape)  # otherwise, the kernel would keep an existing finer mesh
     points = _Points()
@@ -120,9 +124,10 @@ def _compound(faces: Iterable[TopoDS_Face]) -> TopoDS_Compound:
 
 
 class _Points:
-    """The points of a mesh under construction.
+    """The points of a mesh that is being constructed.
 
-    `places` contains their positions [mm]. The points with the numbers `ones[i]` and `others[i]` are the same vertex.
+    `places` contains the positions of the points [mm]. The points with the numbers `ones[i]` and `others[i]` are the same vertex of the
+    mesh.
     """
 
     def __init__(self) -> None:
@@ -135,7 +140,7 @@ class _Points:
         self._corners: dict[int, int] = {}
 
     def of_kernel(self, face: _Face) -> NDArray[np.int64]:
-        """Add the points of a face that the CAD kernel has meshed. Return the triangles of the face as point numbers `(n, 3)`."""
+        """Add the points of a face that the CAD kernel has meshed. Return the triangles of this face as point numbers (n, 3)."""
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face.face, location)
         if mesh is None:
@@ -158,9 +163,9 @@ class _Points:
         return np.asarray(corners.reshape(-1, 3)[:, (0, 2, 1) if turned else (0, 1, 2)] + offset)
 
     def rings(self, face: _Face) -> list[list[int]] | None:
-        """Return the boundary of a plane face, and of its holes, as lists of point numbers.
+        """Return the boundaries of a plane face and of its holes, as lists of point numbers.
 
-        Seen from outside, the face is to the left of its boundary. Return None if the order of its edges is ambiguous.
+        Seen from outside, the face is to the left of each boundary. Return None if the order of the edges is ambiguous.
         """
         chains: dict[int, tuple[list[int], int]] = {}
         for edge, number in zip(face.edges, face.numbers, strict=True):
@@ -190,7 +195,7 @@ class _Points:
         return [ring[::-1] for ring in rings] if mirrored else rings
 
     def _corner(self, edge: TopoDS_Edge, first: bool) -> int:
-        """Return the number of the point at the start of an edge (if `first`) or at its end."""
+        """Return the number of the point at an end of an edge: the start if `first` is True, otherwise the end."""
         vertex = TopExp.FirstVertex_s(edge) if first else TopExp.LastVertex_s(edge)
         number = self._vertices.Add(vertex)
         if number not in self._corners:
@@ -200,9 +205,9 @@ class _Points:
 
 
 def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Fill a plane face with triangles `(n, 3)` between the points of its boundaries.
+    """Fill a plane face with triangles (n, 3) between the points of its boundaries.
 
-    Return None if the boundaries cross or all points are collinear.
+    Return None if the boundaries cross, or if all points are collinear.
     """
     plane = BRepAdaptor_Surface(face, False).Plane()
     across = np.array([_direction(axis.Direction()) for axis in (plane.XAxis(), plane.YAxis())])
@@ -221,12 +226,12 @@ def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDAr
 
 
 def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
-    """Replace triangles `(n, 3)` of points `(m, 2)` by triangles that cover the same area and do not have collinear corners.
+    """Replace triangles (n, 3) of plane points (m, 2) by triangles that cover the same area and have no collinear corners.
 
-    Rows of holes can cause collinear corners.
+    Collinear corners occur, for example, at rows of holes.
 
-    The method flips the diagonal between a collinear triangle and its neighbour at the longest side. Return None if a triangle without area
-    or with the wrong orientation remains.
+    For each collinear triangle, the function flips the diagonal to the neighbour at its longest side. Return None if a triangle without
+    area or with the wrong orientation remains.
     """
     areas, sides = _areas(triangles, flat)
     thin = np.flatnonzero(areas <= _THIN * sides.max(axis=1) ** 2).tolist()
@@ -254,10 +259,10 @@ def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray
 
 
 def _areas(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Compute the areas and the side lengths of triangles with corners in a plane.
+    """Compute the areas and the side lengths of triangles in a plane.
 
-    Return twice the area of each triangle `(n,)`, negative for a clockwise triangle, and the lengths of its sides `(n, 3)`. Column k
-    contains the length of the side from corner k to the next corner.
+    Return twice the area of each triangle (n,), and the lengths of its sides (n, 3). The area of a clockwise triangle is negative. Column k
+    of the lengths is the side from corner k to the next corner.
     """
     corners = flat[triangles]
     along = corners[:, (1, 2, 0)] - corners
@@ -271,13 +276,14 @@ def _direction(direction: gp_Dir) -> tuple[float, float, float]:
 def _across(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the cross products `(n,)` of pairs of plane vectors `(n, 2)`.
 
-    The product is positive if the second vector is to the left of the first.
+    The product is positive if the second vector is to the left of the first vector.
     """
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def joined(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np.int64]:
-    """Merge vertices of a mesh. Return an array `(count,)` that maps each vertex to the lowest index of its merged vertices.
+    """Merge pairs of vertices of a mesh. Return an array (count,) that maps each vertex to the lowest index among the vertices that are
+    merged with it.
 
     The vertices `ones[i]` and `others[i]` are merged.
     """
