@@ -1,4 +1,4 @@
-"""Let the robot walk in MuJoCo. The angles of hips and ankles are sines with a phase difference of a quarter of a period.
+"""Simulate the walking robot in MuJoCo. The angles of hips and ankles are sine waves with a phase difference of a quarter of a period.
 
     thingc build my_robot.yaml
     python walk.py                  (--show opens MuJoCo's viewer; macOS: mjpython walk.py --show)
@@ -15,19 +15,22 @@ FOLDER = Path(__file__).parent / "build" / "my_robot" / "mjcf"
 PERIOD = 1.0
 """Duration of two steps [s]."""
 LEAN, SWING = radians(18), radians(20)
-"""Amplitudes of the ankles, which tilt the robot to one side, and of the hips [rad]."""
+"""Amplitude [rad] of the ankle angles, which tilt the robot to one side, and amplitude of the hip angles."""
 SECONDS = 10
 
 
 def gait(t: float) -> dict[str, float]:
-    """Return the target of each joint [rad] at a time [s]. The robot tilts to one foot and turns on it, so the other foot moves ahead."""
+    """Return the target angle of each joint [rad] at a time [s].
+
+    The robot leans on one foot and turns about it, so the other foot moves forwards.
+    """
     phase, slowly = 2 * pi * t / PERIOD, min(t / PERIOD, 1.0)
     lean, swing = slowly * LEAN * sin(phase), -slowly * SWING * cos(phase)
     return {"left/ankle": lean, "right/ankle": lean, "left/hip": swing, "right/hip": swing}
 
 
 def main() -> None:
-    """Simulate ten seconds, and print the walked distance."""
+    """Simulate `SECONDS` seconds, and print the distance that the robot walked."""
     model = mujoco.MjModel.from_xml_path(str(FOLDER / "scene_walking.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)

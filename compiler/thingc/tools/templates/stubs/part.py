@@ -8,7 +8,7 @@ from thingc import Length, MountPoint, Thing
 class MyPart(Thing):
     """A block. Describe the purpose of the part here.
 
-    The origin is in the middle of the underside; z is up.
+    The origin is at the centre of the underside. The z axis points up.
 
     Args:
         length: length along x
@@ -24,9 +24,9 @@ class MyPart(Thing):
         self.body = fillet(block.edges().filter_by(Axis.Z), min(length, width) / 10)
 
     def result(self):
-        """The block."""
+        """Return the block."""
         return self.body
 
     def collision(self):
-        """Convex solids that collide in simulators, if a document sets `collision: part`."""
+        """Return convex solids, which are the collision shapes in simulators if a document sets `collision: part`."""
         return [self.body]

@@ -1,4 +1,4 @@
-"""The printed parts of the arm. Each part places the servo that it holds, and derives its own faces and holes from the servo."""
+"""The printed parts of the arm. Each part that contains a servo derives its faces and holes from the geometry of the servo."""
 
 from typing import Annotated
 
@@ -9,15 +9,15 @@ from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
 
 STANDING = (Align.CENTER, Align.CENTER, Align.MIN)
-"""Alignment of a solid on top of the plane z = 0."""
+"""Alignment that places a solid on top of the plane z = 0."""
 PLAY = 0.1
-"""Clearance on each side of a component in a printed part [mm]."""
+"""Clearance [mm] on each side of a component that is inserted in a printed part."""
 
 
 class Base(Thing):
-    """A round foot that contains the yaw servo, horn up.
+    """A round foot that contains the yaw servo, with the horn at the top.
 
-    The origin is on the yaw axis in the underside; z is up, and x is the forward direction of the arm.
+    The origin is on the yaw axis, in the plane of the underside. The z axis points up, and the x axis points forwards.
 
     Args:
         diameter: diameter of the foot
@@ -53,18 +53,19 @@ class Base(Thing):
         ]
 
     def result(self):
-        """The foot with its pocket, windows and holes."""
+        """Return the foot with a pocket for the servo, windows and holes."""
         return self.body
 
     def collision(self):
-        """The foot without holes."""
+        """Return the foot without holes."""
         return self.pieces
 
 
 class Turret(Thing):
     """A turntable on the horn of the yaw servo, with a cradle for the shoulder servo.
 
-    The origin is on the yaw axis in the horn's face; z is up. The shoulder axis is along y, and positive angles lower the arm.
+    The origin is on the yaw axis, in the plane of the horn's face. The z axis points up. The shoulder axis is along y, and positive angles
+    lower the arm.
 
     Args:
         diameter: diameter of the turntable
@@ -80,7 +81,7 @@ class Turret(Thing):
         above = Location(Plane((0, 0, thickness - servo.bottom.location.position.Y), x_dir=(-1, 0, 0), z_dir=(0, 1, 0)))
         self.servo_seat = MountPoint(above * servo.bottom.location * MATE, interface="x430-bottom")
         self.servo = self.servo_seat.align(servo.bottom)
-        # the heads of the screws to the horn end below the shoulder servo
+        # the heads of the horn screws must not extend into the shoulder servo
         self.horn_screws = [hole(thickness - hole(1).head_height - 4 * PLAY) for hole in self.yaw_servo.screws_horn[::2]]
         held = (self.servo.screws_left[2:], self.servo.screws_right[2:])
         self.screws = [hole(PLAY + wall) for side in held for hole in side]
@@ -96,18 +97,18 @@ class Turret(Thing):
         self.body = table + self.walls - [roomy.boss_hull(2 * thickness), *holes]
 
     def result(self):
-        """The turntable with its cradle and holes."""
+        """Return the turntable with the cradle and the holes."""
         return self.body
 
     def collision(self):
-        """The turntable and the two walls."""
+        """Return the turntable and both walls of the cradle."""
         return [Cylinder(self.p.diameter / 2, 6, align=STANDING), *self.walls]
 
 
 class Link(Thing):
-    """A fork on the horn and idler of one servo that carries the next servo at its bottom.
+    """A fork that is screwed to the horn and the idler of one servo, and carries the next servo.
 
-    The origin is on the axis of the servo that turns it; y points to the next axis, and z out of the horn.
+    The origin is on the axis of the first servo. The y axis points to the axis of the next servo, and the z axis points out of the horn.
 
     Args:
         length: distance between the axes
@@ -127,18 +128,18 @@ class Link(Thing):
         self.pieces = fork_pieces(self.turning, end, thickness)
 
     def result(self):
-        """The fork with its holes."""
+        """Return the fork with the holes."""
         return self.body
 
     def collision(self):
-        """Both sides of the fork, and the web between them."""
+        """Return both sides of the fork, and the web between the sides."""
         return self.pieces
 
 
 class Beak(Thing):
     """The last link: a fork with a pointed end.
 
-    The origin is on the axis of the servo that turns it; y points to the tip.
+    The origin is on the axis of the servo that turns the link. The y axis points to the tip.
 
     Args:
         length: distance from the axis to the tip
@@ -160,16 +161,16 @@ class Beak(Thing):
         self.pieces = [*fork_pieces(self.turning, end, thickness), cone]
 
     def result(self):
-        """The fork with its pointed end."""
+        """Return the fork with the pointed end."""
         return self.body
 
     def collision(self):
-        """Both sides of the fork, the web between them, and the pointed end."""
+        """Return both sides of the fork, the web between the sides, and the pointed end."""
         return self.pieces
 
 
 def fork(servo: XM430, end: float, thickness: float):
-    """Return a fork from the horn and idler of `servo` to y = `end`, with the holes for the horn [mm]."""
+    """Return a fork with holes for the horn, which extends from the horn and the idler of `servo` to y = `end` [mm]."""
     inner, width = servo.horn_z, 26
     outer = inner + thickness
     plan = extrude(Pos(0, end / 2, 0) * Rot(0, 0, 90) * SlotCenterToCenter(end, width), outer, both=True)

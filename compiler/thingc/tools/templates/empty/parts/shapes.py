@@ -1,4 +1,4 @@
-"""The parts of the robot, one class each."""
+"""The parts of the robot. Each class is a part."""
 
 from typing import Annotated
 
@@ -9,9 +9,9 @@ from thingc_stock.fasteners import Screw
 
 
 class Post(Thing):
-    """A post on a foot, with a pin at its top that carries another part.
+    """A post on a foot, with a pin at the top that carries another part.
 
-    The origin is in the underside; z is up, and x points along the pin.
+    The origin is in the plane of the underside. The z axis points up, and the x axis points along the pin.
 
     Args:
         height: height of the pin above the ground
@@ -30,14 +30,15 @@ class Post(Thing):
         self.body = foot + post + pin - [mount.location * Screw("M4", 12).clearance_hull for mount in self.table]
 
     def result(self):
-        """The foot with its holes, and the post with its pin."""
+        """Return the foot with holes, and the post with the pin."""
         return self.body
 
 
 class Boom(Thing):
     """A beam that turns on a pin.
 
-    The origin is on the axis of the pin, in the face on the post; z points away from the post, and x to the tip.
+    The origin is on the axis of the pin, in the face that touches the post. The z axis points away from the post, and the x axis points to
+    the tip.
 
     Args:
         length: distance from the pin to the tip
@@ -53,5 +54,5 @@ class Boom(Thing):
         self.body = beam - Cylinder(4.2, 40)
 
     def result(self):
-        """The beam with its hole."""
+        """Return the beam with the hole for the pin."""
         return self.body

@@ -1,6 +1,6 @@
 """The printed parts of the gripper.
 
-The servo turns a gear with a lever, which drives an equal second gear. Each lever moves a finger, and a rod next to the lever keeps the
+The servo turns a gear with a lever, which drives a second gear of equal size. Each lever moves a finger. A rod next to the lever keeps the
 finger parallel to the other finger.
 """
 
@@ -30,23 +30,24 @@ from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
 
 STANDING = (Align.CENTER, Align.CENTER, Align.MIN)
-"""Alignment of a solid on top of the plane z = 0."""
+"""Alignment that places a solid on top of the plane z = 0."""
 HANGING = (Align.CENTER, Align.CENTER, Align.MAX)
-"""Alignment of a solid below the plane z = 0."""
+"""Alignment that places a solid below the plane z = 0."""
 PLAY = 0.1
-"""Clearance on each side of a component in a printed part [mm]."""
+"""Clearance [mm] on each side of a component that is inserted in a printed part."""
 MODULE = 2
-"""Module of the gears: diameter of the pitch circle divided by the number of teeth [mm]."""
+"""Module of the gears [mm]: the diameter of the pitch circle, divided by the number of teeth."""
 ROD = (15, 30)
-"""Position of the rod's pins relative to the lever's pins: towards the other finger, and forwards [mm]."""
+"""Distances [mm] from the pins of a lever to the pins of the rod: towards the other finger, and forwards."""
 PIN = Screw("M4")
-"""The screws that are pins of fingers and rods."""
+"""The screws that serve as pins of the fingers and rods."""
 
 
 class Palm(Thing):
-    """A plate on the front of the servo, with the axle of the second gear, and a flange behind.
+    """A plate on the front of the servo, with the axle of the second gear, and a flange at the back.
 
-    The origin is halfway between both gears, in the face on the servo; z points to the side of the fingers, and y forwards.
+    The origin is halfway between both gears, in the face that touches the servo. The z axis points to the side of the fingers, and the y
+    axis points forwards.
 
     Args:
         teeth: number of teeth of each gear
@@ -86,18 +87,18 @@ class Palm(Thing):
         self.body = self.plate + [self.back, *bosses] - holes + axle - [pivot.location * PIN.tapped_hull for pivot in self.pivot]
 
     def result(self):
-        """The plate with its flange, axle and holes."""
+        """Return the plate with the flange, the axle and the holes."""
         return self.body
 
     def collision(self):
-        """The plate and the flange."""
+        """Return the plate and the flange."""
         return [self.plate, self.back]
 
 
 class Lever(Thing):
     """A gear with a lever, on the horn of a servo or on an axle of the same size.
 
-    The origin is on the axis in the face on the horn; z points away from the horn, and y to the pin.
+    The origin is on the axis, in the face that touches the horn. The z axis points away from the horn, and the y axis points to the pin.
 
     Args:
         teeth: number of teeth, which must be odd, so that two equal gears mesh when their levers are parallel
@@ -130,18 +131,19 @@ class Lever(Thing):
         self.body = hub + [Pos(0, 0, self.low) * gear, self.arm] - [*holes, *(screw.clearance_hull for screw in screws)]
 
     def result(self):
-        """The gear and the lever with their holes."""
+        """Return the gear and the lever with their holes."""
         return self.body
 
     def collision(self):
-        """The disc within the pitch circle, and the lever."""
+        """Return a disc with the diameter of the pitch circle, and the lever."""
         return [self.disc, self.arm]
 
 
 class Rod(Thing):
     """A rod from the palm to the finger, parallel to a lever.
 
-    The origin is in the middle of one pin in the underside; z points to the side of the fingers, and y to the other pin.
+    The origin is at the centre of one pin, in the plane of the underside. The z axis points to the side of the fingers, and the y axis
+    points to the other pin.
 
     Args:
         length: distance between the pins
@@ -157,18 +159,18 @@ class Rod(Thing):
         self.body = self.bar - [mount.location * PIN.clearance_hull for mount in (self.screw, self.far)]
 
     def result(self):
-        """The rod with its holes."""
+        """Return the rod with the holes."""
         return self.body
 
     def collision(self):
-        """The rod without holes."""
+        """Return the rod without holes."""
         return [self.bar]
 
 
 class Finger(Thing):
-    """The left finger, with a flat inner face. The right finger is its mirror image.
+    """The left finger, with a flat inner face. The right finger is the mirror image of the left finger.
 
-    The origin is on the lever's pin in the underside; y points forwards, and x to the other finger.
+    The origin is on the lever's pin, in the plane of the underside. The y axis points forwards, and the x axis points to the other finger.
 
     Args:
         length: distance from the lever's pin to the tip
@@ -192,14 +194,14 @@ class Finger(Thing):
         self.body = self.strap + [self.blade, self.grip] - [*grooves, *(mount.location * PIN.clearance_hull for mount in self.screw)]
 
     def result(self):
-        """The finger with its grooves and holes."""
+        """Return the finger with grooves and holes."""
         return self.body
 
     def collision(self):
-        """The web between both pins, the blade and the grip."""
+        """Return the web between both pins, the blade, and the grip."""
         return [self.strap, self.blade, self.grip]
 
 
 def hull(circles):
-    """Return the convex hull of circles (x, y and radius) as a face [mm]."""
+    """Return the convex hull of circles as a face. Each circle is given by x, y and radius [mm]."""
     return make_hull([edge for x, y, radius in circles for edge in (Pos(x, y, 0) * Circle(radius)).edges()])

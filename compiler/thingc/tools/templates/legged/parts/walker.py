@@ -1,4 +1,4 @@
-"""The printed parts of the walker. Each part places the servo that it holds, and derives its own faces and holes from the servo."""
+"""The printed parts of the walker. Each part that contains a servo derives its faces and holes from the geometry of the servo."""
 
 from typing import Annotated
 
@@ -24,24 +24,24 @@ from thingc import MATE, Length, MountPoint, Range, Thing
 from thingc_stock.dynamixel import XM430
 
 STANDING = (Align.CENTER, Align.CENTER, Align.MIN)
-"""Alignment of a solid on top of the plane z = 0."""
+"""Alignment that places a solid on top of the plane z = 0."""
 HANGING = (Align.CENTER, Align.CENTER, Align.MAX)
-"""Alignment of a solid below the plane z = 0."""
+"""Alignment that places a solid below the plane z = 0."""
 PLAY = 0.1
-"""Clearance on each side of a component in a printed part [mm]."""
+"""Clearance [mm] on each side of a component that is inserted in a printed part."""
 CORNER = 14
-"""Radius of the vertical edges of the body [mm]."""
+"""Radius of the rounded vertical edges of the body [mm]."""
 
 
 def ahead(x: float, y: float, z: float) -> Location:
-    """Return the frame at this position [mm] with z forwards and x to the left."""
+    """Return a frame at the given position [mm]. The z axis points forwards, and the x axis points to the left."""
     return Location(Plane((x, y, z), x_dir=(0, 1, 0), z_dir=(1, 0, 0)))
 
 
 class Body(Thing):
-    """A head with two eyes that is open at the top. It contains both hip servos, with their horns down.
+    """A head with two eyes, which is open at the top and contains both hip servos. The horns of the servos are at the bottom.
 
-    The origin is halfway between the hips in the underside; x points forwards, and z up.
+    The origin is halfway between the hips, in the plane of the underside. The x axis points forwards, and the z axis points up.
 
     Args:
         hips: distance between the axes of the hips
@@ -73,18 +73,18 @@ class Body(Thing):
         self.body = self.block + rims - [inside, *horns, *sockets, mouth, *(screw.clearance_hull for screw in self.screws)]
 
     def result(self):
-        """The head with its eyes, mouth and holes."""
+        """Return the head with eyes, mouth and holes."""
         return self.body
 
     def collision(self):
-        """The head without cavities."""
+        """Return the head without cavities."""
         return [self.block]
 
 
 class Eye(Thing):
     """A dome that is pressed into the body.
 
-    The origin is in the middle, in the face of the body; z points outwards.
+    The origin is at the centre of the dome, in the face of the body. The z axis points outwards.
 
     Args:
         diameter: diameter of the dome
@@ -96,14 +96,14 @@ class Eye(Thing):
         self.body = Pos(0, 0, -3) * Cylinder(diameter / 2, 5, align=STANDING) + Pos(0, 0, 2) * scale(Sphere(diameter / 2), (1, 1, 0.35))
 
     def result(self):
-        """The dome."""
+        """Return the dome."""
         return self.body
 
 
 class Lid(Thing):
     """A lid for the body, with an antenna.
 
-    The origin is in the underside; x points forwards, and z up.
+    The origin is in the plane of the underside. The x axis points forwards, and the z axis points up.
 
     Args:
         width: width of the body
@@ -123,18 +123,18 @@ class Lid(Thing):
         self.body = self.plate + [lip, rod, ball]
 
     def result(self):
-        """The plate with its lip and the antenna."""
+        """Return the plate with a lip and the antenna."""
         return self.body
 
     def collision(self):
-        """The plate."""
+        """Return the plate."""
         return [self.plate]
 
 
 class Leg(Thing):
-    """A cage on the horn of the hip servo that carries the ankle servo.
+    """A cage that is screwed to the horn of the hip servo, and carries the ankle servo.
 
-    The origin is on the hip axis in the horn's face; z is up, and x is the direction of the toes at 0.
+    The origin is on the hip axis, in the plane of the horn's face. The z axis points up. With the hip at 0, the x axis points to the toes.
 
     Args:
         length: distance from the horn down to the axis of the ankle
@@ -150,7 +150,7 @@ class Leg(Thing):
         hung = Location(Plane((0, 0, -length), x_dir=(0, -1, 0), z_dir=(1, 0, 0)))
         self.servo_seat = MountPoint(hung * servo.left.location * MATE, interface="x430-left")
         self.servo = self.servo_seat.align(servo.left)
-        # the heads of the screws to the horn end in the plate, because in a short leg the servo is directly below it
+        # the heads of the horn screws must not extend below the plate, because in a short leg the ankle servo is directly below
         sunk = [hole(hub + plate - hole(1).head_height - 4 * PLAY) for hole in self.hip_servo.screws_horn[::2]]
         self.screws = [hole(PLAY + wall) for hole in (*self.servo.screws_left, *self.servo.screws_right)]
 
@@ -168,18 +168,18 @@ class Leg(Thing):
         self.body = disc + self.pieces[1:] - holes
 
     def result(self):
-        """The cage with its holes."""
+        """Return the cage with the holes."""
         return self.body
 
     def collision(self):
-        """The disc, the plate and both sides."""
+        """Return the disc, the plate, and both sides of the cage."""
         return self.pieces
 
 
 class Foot(Thing):
-    """A sole on the horn and idler of the ankle servo.
+    """A sole that is screwed to the horn and the idler of the ankle servo.
 
-    The origin is on the ankle axis at half the depth of the servo; x points to the toes, and z up.
+    The origin is on the ankle axis, at half the depth of the servo. The x axis points to the toes, and the z axis points up.
 
     Args:
         length: length of the sole
@@ -213,9 +213,9 @@ class Foot(Thing):
         self.body = self.plate + self.uprights - holes
 
     def result(self):
-        """The sole with its uprights and holes."""
+        """Return the sole with the uprights and the holes."""
         return self.body
 
     def collision(self):
-        """The sole and both uprights, without holes."""
+        """Return the sole and both uprights, without holes."""
         return [self.plate, *self.uprights]
