@@ -1,4 +1,4 @@
-"""Create the joint edges of the mate graph, including effort, velocity and armature values that come from the drives of joints."""
+"""Create the joint edges of the mate graph. The drives of joints determine missing values for effort, velocity and armature."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.types import Drive, Joint
 
 _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`drive: {kind: position, kp: 200 N/m}`"}
-"""Example of an inline drive, by kind of joint."""
+"""Example of an inline drive in a document, by type of motion."""
 
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
-    """Return the edge of a joint with only the values that the document specifies. Values of the joint's drive are not included."""
+    """Create the joint edge of a joint from the values that the document specifies. Values of the drive of the joint are not included."""
     mimic = None if joint.mimic is None else replace(joint.mimic, joint=_named(instance, joint.mimic.joint))
     return JointEdge(
         name=_named(instance, joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
@@ -34,9 +34,9 @@ def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
 
 
 def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: LinkReport) -> JointEdge:
-    """Return the edge of a joint.
+    """Create the joint edge of a joint, including the values of its drive.
 
-    The drive of the joint provides effort limit, velocity limit and armature that the document does not specify.
+    If the document does not specify the effort limit, velocity limit or armature of the joint, the value of the drive is used.
     """
     origin = joint.origin + instance.origin
     path = instance.within(joint.path)
@@ -79,7 +79,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
 
 
 def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: Drive, findings: LinkReport) -> Drive | None:
-    """Complete the drive of a joint with the values of its Thing's actuator. Values that the document specifies take precedence.
+    """Fill in missing values of the drive of a joint from the actuator of a Thing. Values that the document specifies take precedence.
 
     Return None if the drive is invalid or the properties of the part are not known exactly.
     """
@@ -99,7 +99,7 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: D
 
 
 def _drive_notes(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
-    """Return a note with the location of a drive's Thing, or no notes for an inline drive."""
+    """Return a note with the location of the Thing that drives a joint, or no notes for an inline drive."""
     named = tree.component(instance, drive.component) if drive.component is not None else None
     if named is None or named.part is None or named.part.record is None:
         return ()

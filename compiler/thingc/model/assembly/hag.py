@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph (HAG), which contains the definitions of a robot and their components."""
+"""The hierarchical assembly graph (HAG): the definitions of assemblies and parts in a robot, and the components that use them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
-"""Kind of a node of the HAG."""
+"""Kind of a node of the hierarchical assembly graph (HAG)."""
 
 
 class Definition(OneLineRepr, FrozenStruct):
     """A node of the hierarchical assembly graph: a definition of a part, a link or an assembly.
 
-    `text` represents the definition exactly. Together with `reference` (`module:Class`, a file, or the path of a document in the
-    workspace), it identifies the node. `label` is the display name. For a mirror image, `mirror` is the axis and `plain` is the original
-    definition.
+    `text` and `reference` together identify the definition. `reference` is `module:Class`, a file, or the path of a document in the
+    workspace. `label` is the display name. For a mirror image, `mirror` is the mirror axis, and `plain` is the original definition.
     """
 
     text: str
@@ -49,8 +48,7 @@ class Definition(OneLineRepr, FrozenStruct):
 
 
 class DefinitionEdge(OneLineRepr, FrozenStruct):
-    """An edge of the hierarchical assembly graph: the definition `parent` has a component named `component`, which uses the definition
-    `child`.
+    """An edge of the hierarchical assembly graph: the definition `parent` has a component `component` with the definition `child`.
 
     `parent` and `child` are the texts of the two definitions. `mounts` describes how the component is placed (`back -> plate.servo_seat`).
     `joint` is the name of the joint that places the component, if any.
@@ -64,7 +62,7 @@ class DefinitionEdge(OneLineRepr, FrozenStruct):
 
 
 class Hag(OneLineRepr, FrozenStruct):
-    """The hierarchical assembly graph of a robot. The graph is acyclic and has one node per distinct definition, in depth-first order."""
+    """The hierarchical assembly graph of a robot. The graph is acyclic. Its nodes are distinct definitions in depth-first order."""
 
     root: str
     definitions: tuple[Definition, ...]
@@ -72,17 +70,18 @@ class Hag(OneLineRepr, FrozenStruct):
 
     @property
     def label(self) -> str:
-        """The name of the robot for display."""
+        """The display name of the robot."""
         return self.definitions[0].label
 
 
 FRAME = Definition(text="frame", label="frame", reference="frame", kind="frame")
-"""The node that all components without geometry share."""
+"""The node for all components without geometry."""
 
 
 def hag_of(model: AssemblyDefinition) -> Hag:
-    """Build the hierarchical assembly graph of a model, with one node per distinct definition, in depth-first order from the top
-    document.
+    """Build the hierarchical assembly graph of a model.
+
+    Each distinct definition is one node. The nodes are in depth-first order, beginning with the top document.
     """
     names = _Names()
     edges: list[DefinitionEdge] = []
@@ -114,8 +113,8 @@ def hag_of(model: AssemblyDefinition) -> Hag:
 class _Names:
     """Assigns a node of the hierarchical assembly graph to each definition, and makes the texts of the nodes unique.
 
-    Edges of the graph refer to a definition by its text. If two definitions have the same text (two documents, or an assembly and a frame),
-    the reference is appended in brackets to the text of the later definition.
+    Edges of the graph refer to a definition by its text. If a later definition has the same text as an earlier definition, the reference of
+    the later definition is appended to its text in brackets.
     """
 
     def __init__(self) -> None:
@@ -123,7 +122,7 @@ class _Names:
         self._taken: set[str] = set()
 
     def of(self, made: PartDefinition | LinkDefinition | AssemblyDefinition | None) -> Definition:
-        """Return the graph node of a definition: an assembly, a part, a link, or None for a frame."""
+        """Return the graph node of an assembly, a part or a link, or the node of a frame for None."""
         node = Definition.of(made) if made is not None else FRAME
         key = (node.kind, node.reference, node.text)
         if key not in self._given:
@@ -134,7 +133,7 @@ class _Names:
 
 
 def _mounts(component: Component, joint: Joint | None) -> str:
-    """Describe how a component is placed: `back -> plate.servo_seat`, `in bracket.board` for `at`, or "" for the base."""
+    """Return a description of the placement of a component: `back -> plate.servo_seat`, `in bracket.board` for `at`, or "" for the base."""
     placement = component.placement
     if isinstance(placement, Attach):
         return f"{_own(component, placement.mount)} -> {_reference_text(placement.to)}"
@@ -144,7 +143,7 @@ def _mounts(component: Component, joint: Joint | None) -> str:
 
 
 def _own(component: Component, reference: Reference) -> str:
-    """Format a reference to a mount of the component itself, without the component's name."""
+    """Format a reference to a mount of a component without the name of the component."""
     shown = _reference_text(reference)
     return shown.removeprefix(f"{component.name}.")
 

@@ -1,4 +1,4 @@
-"""Detect non-deterministic parts: compare two records of the same definition and report the differences."""
+"""Detect parts whose code is not deterministic: build each part twice, compare the two records, and report the differences."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from thingc.model.assembly.report import written_at
 from thingc.model.assembly.types import Assembly
 
 OTHER_SEED = 1
-"""The hash seed of Python for the second build of each part. The seed is fixed, so that a part that depends on the seed is always detected.
+"""The hash seed of Python for the second build of each part. The seed is not random, so that a part that depends on the seed is detected in
+every run.
 """
 
 _HELP = (
@@ -22,12 +23,13 @@ _HELP = (
 )
 
 Show = Callable[[Any, int], str]
-"""Formats a value with a number of significant digits."""
+"""Function that formats a value with the given number of significant digits."""
 
 
 class RecordDifference(FrozenStruct, kw_only=False):
-    """A difference between two geometry records of the same part: the property (`volume`) and a description (`its volume is 1.2 cm^3 and
-    1.3 cm^3`).
+    """A difference between two geometry records of the same part.
+
+    It contains the property (`volume`) and a description (`its volume is 1.2 cm^3 and 1.3 cm^3`).
     """
 
     name: str
@@ -51,13 +53,19 @@ def _text(value: Any, digits: int) -> str:
 
 
 class _Field(FrozenStruct, kw_only=False):
-    """Display name and formatter of a field of a record. If `show` is None, messages about the field do not include values."""
+    """The display name of a field of a geometry record, and a function that formats its values.
+
+    If `show` is None, messages about the field do not contain values.
+    """
 
     name: str
     show: Show | None = None
 
     def difference(self, first: Any, second: Any) -> RecordDifference | None:
-        """Describe how two values differ, including differences in the order of items. Return None if they are equal."""
+        """Return a description of the difference between two values.
+
+        A different order of items is also a difference. Return None if the values are equal.
+        """
         if isinstance(first, DeclaredValue) and isinstance(second, DeclaredValue) and first.source == second.source:
             first, second = first.value, second.value
         if isinstance(first, Mapping):
@@ -97,12 +105,12 @@ FIELDS: Mapping[str, _Field] = {
     "up": _Field("print orientation"), "apart": _Field("number or volume of its solids"),
     "meshes": _Field("meshes"), "pieces": _Field("collision geometry"), "fits": _Field("smallest enclosing shapes"),
 }
-"""The compared fields of a record, most informative first."""
+"""The fields of a geometry record that are compared. The most informative field comes first."""
 
 LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices", "exact", "brep"})
-"""Fields that are not compared, because they do not affect the part or are derived from its meshes.
+"""Fields that are not compared, because they do not affect the part or are computed from its meshes.
 
-The B-rep contains numerical noise of the kernel (see `build_part.DECIMALS`).
+The B-rep is not compared, because it contains numerical noise of the CAD kernel (see `build_part.DECIMALS`).
 """
 
 
@@ -119,9 +127,9 @@ def definitions_of(assembly: Assembly) -> tuple[PartDefinition, ...]:
 
 
 def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], report: Report) -> None:
-    """Compare the geometry records of an assembly's parts with those of a second build.
+    """Compare the geometry records of all parts of an assembly with the records of a second build.
 
-    Report each difference at the part's first occurrence.
+    Each difference is reported at the first component that uses the part.
     """
     waiting = dict(again)
     for occurrence in assembly.occurrences:

@@ -20,9 +20,9 @@ _ROOM = 1e-9
 
 
 def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
-    """Report unphysical inertias in documents and return the indices of their occurrences.
+    """Report inertias in documents that no rigid body can have. Return the indices of the occurrences with such an inertia.
 
-    An unphysical inertia is accepted if the inertia of the whole link is physical, which is common for `fixed` joints of URDF. A zero
+    Such an inertia is accepted if the inertia of the whole link is physical. This is common in URDF files with `fixed` joints. A zero
     inertia is always an error.
     """
     faulty = []
@@ -46,11 +46,11 @@ def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
 
 
 def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport) -> None:
-    """Report each link that moves in some mode but has no valid mass and inertia.
+    """Report each link that can move in a mode but does not have a valid mass and inertia.
 
-    A link moves in a mode unless it is the root and the base is `fixed` or `held`. Massless intermediate links (`between` two joints) need
-    a mass only in modes that use them as the root. Links with an occurrence in `faulty` (already reported) are skipped. If a definition is
-    used several times, its links are reported once.
+    The root of a mode with a `fixed` or `held` base does not move. All other links move. A massless intermediate link (`between` two
+    joints) needs a mass only in modes in which it is the root. A link is skipped if one of its occurrences is in `faulty`, because its
+    error has been reported. Links of a definition that is used several times are reported once.
     """
     said: set[Span] = set()
     modes, link_of = robot.modes, robot.link_of
@@ -92,7 +92,10 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
 
 
 def _light(mass: float, least: float) -> str | None:
-    """Describe why MuJoCo would reject the small mass or principal moment [kg m^2] of a moving link. Return None for accepted values."""
+    """Return the reason why MuJoCo would reject the mass or the smallest principal moment [kg m^2] of a moving link.
+
+    Return None if MuJoCo accepts the values.
+    """
     if mass <= LEAST_MASS:
         return f"its mass is {mass_words(mass)}, but must be more than {mass_words(LEAST_MASS)}"
     if least < LEAST_MOMENT * (1.0 + _ROOM):
@@ -101,13 +104,13 @@ def _light(mass: float, least: float) -> str | None:
 
 
 def _measured(one: Occurrence) -> str:
-    """Describe size and mass, for example: `arm`, `foot.stl`, measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
+    """Describe the size and mass of an occurrence: `arm`, `foot.stl`, measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
     size = f" measures {measures(one.box)} and" if one.box is not None else ""
     return f"`{one.path}`, `{one.definition.label}`,{size} weighs {mass_words(one.properties.mass)}"
 
 
 def _cause(one: Occurrence) -> str:
-    """Return a likely cause of a light link: the unit or density of its heaviest component, otherwise a general hint."""
+    """Return the likely reason why a link is too light: the unit or density of its heaviest component, otherwise a general hint."""
     record = one.record
     if record is not None and record.box is not None:
         longest = numeric.maximum(above - below for below, above in zip(*record.box))
@@ -120,5 +123,5 @@ def _cause(one: Occurrence) -> str:
 
 
 def _format_members(members: Sequence[Occurrence]) -> str:
-    """Format names: `components a, b and 3 more`."""
+    """Format the names of components for a message: `components a, b and 3 more`."""
     return f"component{'' if len(members) == 1 else 's'} {quoted([one.path for one in members], 6)}"

@@ -1,6 +1,6 @@
-"""The tree of all instances of definitions in a robot, with methods that find the target of a reference.
+"""The tree of all instances of definitions in a robot, with methods that find the element to which a reference refers.
 
-An instance is one use of a definition in the robot. An instance of a part or a frame is called an occurrence.
+An instance is one use of a definition in the robot. An instance of a part, a link or a frame is called an occurrence.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, R
 
 @dataclass(slots=True, eq=False)
 class Instance:
-    """One use of a definition in the robot, at a path such as `hand/cap`. The path of the top document is empty.
+    """One use of the definition of an assembly, a part, a link or a frame in the robot, at a path such as `hand/cap`.
 
-    `origin` is the chain of spans in documents that created the instance.
+    The path of the top document is empty. `origin` contains the spans in documents that created the instance.
 
-    For an assembly, `assembly` is set. For a part, a link or a frame, `part` is set. If the component is invalid (already reported),
-    neither is set. `index` is the number of an occurrence in document order. For an assembly, `index` is the number of its `base`, the
-    component that is not placed, or None if there is no base.
+    `assembly` is set for an assembly, and `part` is set for a part, a link or a frame. For an invalid component, which has been reported,
+    both are None. `index` is the index of an occurrence in document order. For an assembly, `index` is the index of its `base`, which is
+    the component that is not placed. The index is None if there is no base.
     """
 
     path: str
@@ -41,13 +41,13 @@ class Instance:
     base: Instance | None = None
 
     def within(self, name: str) -> str:
-        """Return the path in the robot of an element of this assembly: `hand/tip` for the element `tip` of the assembly at `hand`."""
+        """Return the path of an element of this assembly in the robot: `hand/tip` for the element `tip` of the assembly at `hand`."""
         return f"{self.path}/{name}" if self.path else name
 
     def occurrences(self) -> Iterator[Instance]:
         """Yield all parts, links and frames in this instance, in document order.
 
-        If the instance is a part, a link or a frame, yield the instance.
+        If the instance is itself a part, a link or a frame, yield only this instance.
         """
         waiting = [self]
         while waiting:
@@ -58,13 +58,13 @@ class Instance:
 
 
 class FoundMount(MountAt):
-    """The result of looking up a mount: its occurrence, its name, and its pose in the frame of the occurrence."""
+    """The result of finding a mount: its occurrence, its name, and its pose in the frame of the occurrence."""
 
     pose: Pose
 
 
 class _Fault(FrozenStruct):
-    """The reason why a name could not be resolved. If `silent` is True, another diagnostic already reports the cause."""
+    """The reason why the target of a reference was not found. If `silent` is True, the cause has already been reported."""
 
     code: Code = Code.INCOMPLETE
     message: str = ""
@@ -77,7 +77,10 @@ _SILENT = _Fault(silent=True)
 
 
 def unplaced(definition: AssemblyDefinition) -> list[str]:
-    """Return the names of an assembly's components that are not placed. A valid assembly has exactly one such component, its base."""
+    """Return the names of an assembly's components that are not placed.
+
+    A valid assembly has exactly one such component, which is its base.
+    """
     placed = {joint.child.path[0] for joint in definition.joints if joint.child.path and not joint.loop}
     return [c.name for c in definition.components if c.placement is None and c.name not in placed]
 
@@ -86,7 +89,8 @@ class Tree:
     """The tree of all instances of assemblies, parts, links and frames in a robot.
 
     `assemblies` contains parent assemblies before the assemblies nested in them. `occurrences` contains the occurrences of the whole robot
-    in document order. `added` contains the mounts that documents add to nested assemblies, keyed by the occurrence of the assembly's base.
+    in document order. `added` contains the mounts that documents add to nested assemblies, keyed by the base occurrence of the nested
+    assembly.
     """
 
     def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: LinkReport) -> None:
@@ -150,7 +154,10 @@ class Tree:
                     self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = frame
 
     def find(self, instance: Instance, reference: Reference) -> FoundMount | None:
-        """Find the mount to which a reference in the document of `instance` refers. Report an invalid reference and return None."""
+        """Find the mount to which a reference in the document of `instance` refers.
+
+        If the reference is invalid, report an error and return None.
+        """
         place: FoundMount | Instance | _Fault = self._walk(instance, reference.path)
         if isinstance(place, Instance):
             place = self._mount(place, reference.mount or "origin", ".".join(reference.path), instance)
@@ -160,14 +167,14 @@ class Tree:
         return None
 
     def shown(self, instance: Instance, name: str) -> FoundMount | None:
-        """Return the mount `name` of a part, or the mount that an assembly exports as `name`. Return None if there is no such mount."""
+        """Return the mount `name` of a part, or the mount that an assembly exports as `name`. Return None if the mount does not exist."""
         mount = self._mount(instance, name, "", self.top)
         return mount if isinstance(mount, FoundMount) else None
 
     def component(self, instance: Instance, reference: Reference) -> Instance | None:
         """Find the component to which a reference refers.
 
-        A mount in the reference is ignored. Report an invalid reference and return None.
+        If the reference is to a mount, its component is returned. If the reference is invalid, report an error and return None.
         """
         place = self._walk(instance, reference.path)
         if isinstance(place, Instance):
@@ -201,10 +208,10 @@ class Tree:
         return instance
 
     def _mount(self, instance: Instance, name: str, shown: str, document: Instance) -> FoundMount | _Fault:
-        """Find a mount by name: a mount of a part, an exported or added mount of an assembly, or `origin`.
+        """Find a mount of an instance by name: a mount of a part, an exported or added mount of an assembly, or `origin`.
 
-        `shown` is the name of the instance in `document`, for messages. An invalid exported mount is reported at the location of the
-        export, not at its uses.
+        `shown` is the name of the instance in `document`, for messages. If an exported mount is invalid, the error is reported at the
+        export, and not at each reference to the mount.
         """
         met: set[tuple[str, str]] = set()
         exported, within = False, document.assembly
@@ -259,9 +266,10 @@ def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> 
 
 
 def _mount_help(name: str, mounts: Collection[str], document: Instance) -> Hint:
-    """Suggest a fix for an unknown mount.
+    """Return a hint for the name of an unknown mount.
 
-    Suggest the valid indices of a list, the most similar name, the existing mounts, or the only other component with such a mount.
+    The hint contains the valid indices of a list, the most similar name, the existing mounts, or the only other component with such a
+    mount.
     """
     numbers = sorted(int(one[len(name) + 1 :]) for one in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", one))
     if numbers:
@@ -273,28 +281,28 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> Hint:
 
 
 def _may_be_there(name: str, mounts: Collection[str]) -> bool:
-    """Return whether a part may have a mount with this name although its geometry is not known completely.
+    """Return whether a part whose geometry is only partly known can have a mount with this name.
 
-    If no mounts of the part are known, the result is True. The result is also True if `name` is an element of a list (`hip_7` if `hip_0`
-    exists), because the length of the list may depend on any parameter.
+    If no mounts of the part are known, the result is True. The result is also True for an element of a list (`hip_7` if `hip_0` exists),
+    because parameters can change the length of the list.
     """
     stem, _, index = name.rpartition("_")
     return not mounts or index.isdigit() and f"{stem}_0" in mounts
 
 
 def _counted(reference: Reference) -> tuple[Note, ...]:
-    """Return a note with the location of the `repeat` of an indexed reference, or no notes if both are on the same line."""
+    """Return a note with the location of the `repeat` whose index a reference uses. If both are on the same line, return no notes."""
     here, there = reference.repeat_origin[:1], reference.origin[:1]
     return noted(COUNTED, here) if here and there and here[0].line != there[0].line else ()
 
 
 def _owner(instance: Instance, shown: str) -> str:
-    """Format the name of an instance in the referring document, and its definition: `hand.cap` (`arm:Cap`)."""
+    """Format the name of an instance in the document with the reference, followed by its definition: `hand.cap` (`arm:Cap`)."""
     label = instance.assembly.label if instance.assembly is not None else instance.part.definition.label if instance.part else ""
     return f"`{shown}` (`{label}`)" if shown and label else f"`{shown or label}`"
 
 
 def _shown_by(definition: AssemblyDefinition) -> tuple[Note, ...]:
-    """Return a note with the location of the section `mounts` of an assembly's document."""
+    """Return a note with the location of the section `mounts` in the document of an assembly."""
     places = [reference.origin[0] for reference in definition.mounts.values() if reference.origin] or list(definition.origin[:1])
     return (Note(message=f"`{definition.label}` exports its mounts here", span=places[0]),) if places else ()

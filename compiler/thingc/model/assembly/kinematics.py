@@ -1,4 +1,4 @@
-"""Compute forward kinematics over the mate graph, starting from any occurrence."""
+"""Compute forward kinematics over the mate graph, starting from any placed component."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from thingc.model.assembly.types import Assembly, JointEdge, Mate
 
 
 def joints_of(assembly: Assembly) -> tuple[JointEdge, ...]:
-    """Return the coordinates of all joints of the assembly. The joints of a document precede the joints of its nested documents."""
+    """Return the coordinates of all joints of the assembly. Joints of a document precede joints of its nested documents."""
     return tuple(joint for mate in assembly.mates for joint in mate.joints)
 
 
 def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dict[str, float]:
-    """Return the position q [rad or m] of every joint by path. Positions that `values` does not contain follow from mimics, or are 0.
+    """Return the positions q [rad or m] of all joints by path. Positions that `values` does not contain are computed from mimics, or are 0.
 
-    If joints mimic each other in a cycle, all of them are at 0. The resolver reports such cycles.
+    If joints mimic each other in a cycle, which the pass `resolve` reports, all of these joints are at 0.
     """
     by_path = {joint.path: joint for joint in joints}
     known: dict[str, float] = {}
@@ -41,11 +41,12 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
 
 
 def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -> dict[str, tuple[str, float, float]]:
-    """Return the leader, multiplier and offset [rad or m] of each joint. A joint that does not mimic another is its own leader.
+    """For each joint, return its leader, which is the joint that it mimics, and the multiplier and offset [rad or m].
 
-    q = offset + multiplier q(leader). For a chain of mimics, the leader is the last joint of the chain. The result is keyed by path, in the
-    order of `joints`. Polynomials are linearized at `q`, which maps the paths of all joints to coordinates [rad or m]. By default,
-    polynomials are linearized at the positions that follow if all leaders are at 0.
+    A joint that does not mimic another joint is its own leader. The position of a joint is q = offset + multiplier q(leader). For a chain
+    of mimics, the leader is the last joint of the chain. The result is keyed by path, in the order of `joints`. Polynomials are linearized
+    at `q`, which maps the paths of all joints to positions [rad or m]. By default, polynomials are linearized at the positions for which
+    all leaders are at 0.
     """
     by_path = {joint.path: joint for joint in joints}
     if q is None:
@@ -66,14 +67,17 @@ def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -
 
 
 def bent(joints: Iterable[JointEdge]) -> bool:
-    """Return whether any joint mimics another joint by a nonlinear polynomial. If so, the result of `leaders` depends on q."""
+    """Return whether any joint mimics another joint by a nonlinear polynomial.
+
+    If so, the result of `leaders` depends on its argument `q`.
+    """
     return any(joint.mimic is not None and joint.mimic.higher for joint in joints)
 
 
 def across(mate: Mate, q: Mapping[str, float]) -> Pose:
     """Compute the pose of a mate's child occurrence in the frame of its parent occurrence.
 
-    `q` maps joint paths to positions [rad or m], by default 0.
+    `q` maps joint paths to positions [rad or m]. Positions that are missing in `q` are 0.
     """
     if not mate.joints:
         return mate.X_PJ @ mate.X_JC
@@ -88,9 +92,9 @@ def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:
 
 
 def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> dict[str, float]:
-    """Clamp the rotation of every ball joint to half a turn and to the cone limit of the joint.
+    """Limit the rotation angle of every ball joint to half a turn and to the cone limit of the joint.
 
-    Return the coordinates [rad] of ball joints by path.
+    Return the changed coordinates [rad] of ball joints by path.
     """
     angles: dict[str, float] = {}
     for ball in balls:
@@ -102,7 +106,7 @@ def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> 
 
 
 def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
-    """Return the indices of the mates of each occurrence. Mates that close loops are omitted, so the remaining mates form a tree."""
+    """Return the indices of the mates of each placed component. Mates that close loops are omitted, so the remaining mates form a tree."""
     neighbours: list[list[int]] = [[] for _ in range(count)]
     for number, mate in enumerate(mates):
         if mate.loop is not None:
@@ -114,7 +118,7 @@ def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
 
 
 def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
-    """Return the paths of all joints on loops, including the joints that close them."""
+    """Return the paths of all joints on kinematic loops, including the joints that close the loops."""
     closing = [mate for mate in mates if mate.loop is not None]
     if not closing:
         return frozenset()
@@ -150,10 +154,10 @@ def forward_kinematics(
     mates: Sequence[Mate], neighbours: Sequence[Sequence[int]], start: int, base: Pose, q: Mapping[str, float], *,
     rigid: bool = False,
 ) -> dict[int, Pose]:
-    """Return the poses of all occurrences connected to `start`, which has the pose `base`.
+    """Return the poses of all occurrences that are connected to the occurrence `start`, whose pose is `base`.
 
-    `q` [rad or m] is by joint path (default 0). If `rigid`, the search uses only mates without a joint. The resulting poses are in the same
-    reference frame as `base`. The time is linear in the number of connected occurrences.
+    `q` maps joint paths to positions [rad or m]. Positions that are missing in `q` are 0. If `rigid` is True, the search skips mates with a
+    joint. The results are in the same reference frame as `base`. The time is linear in the number of connected occurrences.
     """
     at = {start: base}
     waiting = [start]
@@ -171,7 +175,7 @@ def forward_kinematics(
 
 
 def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> tuple[Pose, ...]:
-    """Return the pose of every occurrence, in document order, with the assembly's base occurrence at `base`.
+    """Return the poses of all occurrences in document order, given the pose `base` of the assembly's base occurrence.
 
     `q` maps joint paths to positions [rad or m]. Positions of joints that are not in `q` are computed from mimics, or are 0.
     """

@@ -1,4 +1,4 @@
-"""The pass `link`, which builds an assembly from the resolved model and the part records.
+"""The pass `link`, which builds the `Assembly` from the resolved model and the part records.
 
 The result does not depend on the root of a mode.
 """
@@ -33,13 +33,13 @@ ABSENT = {
     "decompose": "it has no convex decomposition", "part": "its part class has no `collision()`", "hull": "it has no hull",
     "mesh": "it has no mesh",
 }
-"""Reasons for a missing collision shape, by the value of `collision`."""
+"""Reasons for a missing collision shape, by the value of the key `collision`."""
 
 
 def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Report each part that has no geometry of the type that its `collision` setting requires.
+    """Report each part that does not have the geometry that its setting `collision` requires.
 
-    Parts with unknown geometry, such as those read from a lock file, are skipped.
+    Parts whose geometry is unknown, for example because they were read from a lock file, are skipped.
     """
     for one in occurrences:
         choice = one.overrides.collision
@@ -58,12 +58,12 @@ def link(
 ) -> Assembly | None:
     """Build the linked assembly from the resolved model and the geometry records of its parts.
 
-    Add errors to `report` and return None for an invalid model.
+    Errors are added to `report`. For an invalid model, return None.
 
     `records` contains the geometry record of every part in `model`, keyed by the text of the part's definition. With `unmodelled`, parts
-    are not built: `link` reports only errors of the documents and returns None. `meshes` are the known records of mesh files of links.
-    Elements that depend on invalid elements are skipped without another message. The time is linear in the number of occurrences. `memo`
-    caches intermediate results.
+    have not been built: only errors of documents are reported, and the result is None. `meshes` contains the records of mesh files of
+    links. Elements that depend on invalid elements are skipped without a further message. The time is linear in the number of occurrences.
+    `memo` caches intermediate results.
     """
     memo = memo or Memo()
     findings = LinkReport(report)
@@ -98,7 +98,7 @@ def link(
 
 
 def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], findings: LinkReport, memo: Memo) -> Connected:
-    """Return the occurrences, their links, and the modes, sensors, tendons and adhesions of the robot."""
+    """Return the linked robot with its occurrences, links, modes, sensors, tendons and magnets."""
     exported = exported_of(tree, findings)
     occurrences = tuple(
         memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.occurrences)
@@ -115,7 +115,7 @@ def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], f
 
 
 def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
-    """Report errors in parts and links."""
+    """Report errors in the parts and links of a robot."""
     check_contacts(robot.occurrences, findings)
     faulty = check_stated(robot, findings)
     if not findings.incomplete:
@@ -126,7 +126,7 @@ def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> Non
 
 
 def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: LinkReport) -> None:
-    """Report a component that has no connection to the base and no `at`, unless a previous error explains the missing connection."""
+    """Report each component that is not connected to the base and is not placed by `at`, unless a previous error is the reason."""
     if findings.failed or findings.earlier:
         return
     alone = next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)

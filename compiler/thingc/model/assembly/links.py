@@ -1,4 +1,4 @@
-"""Links, which are sets of rigidly connected occurrences: names, frames, mass properties and neighbours."""
+"""Compute the links of a robot, which are sets of rigidly connected occurrences: names, frames, mass properties and neighbours."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from thingc.model.assembly.types import Adhesion, Assembly, Link, LinkedMode, Ma
 
 
 def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
-    """Find the sets of rigidly connected occurrences, which are the links of the robot. Return the link number of each occurrence.
+    """Find the sets of rigidly connected occurrences, which are the links of the robot. For each occurrence, return the index of its link.
 
     Links are numbered by their first occurrence in document order. The method is union-find with path halving over the mates without a
     joint.
@@ -32,7 +32,7 @@ def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
 
 
 class _Naming(FrozenStruct, kw_only=False):
-    """An entry of `links:`: the name of a link, and the occurrence that defines its frame."""
+    """An entry of the section `links:`, with the name of a link and the occurrence that defines its frame."""
 
     name: str
     occurrence: int
@@ -44,8 +44,8 @@ class _Naming(FrozenStruct, kw_only=False):
 def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
     """Return the links of the robot, in document order.
 
-    The key `links:` of a document specifies names and frames of links. If several documents name the same link, the outermost document
-    takes precedence. By default, a link has the name and the frame of its first occurrence.
+    The section `links:` of a document specifies the names and frames of links. If several documents name the same link, the outermost
+    document takes precedence. By default, a link has the name and the frame of its first occurrence.
     """
     link_of = connected_components(len(occurrences), mates)
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]
@@ -82,15 +82,15 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
 def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
     """Compute the total mass, the common centre of mass and the total inertia of several bodies.
 
-    The properties of each body are in its own frame, and `poses` contains the poses of these frames.
+    The mass properties of each body are in the frame of the body, and `poses` contains the poses of these frames.
     """
     return total(own.seen_from(pose) for own, pose in zip(properties, poses, strict=True))
 
 
 def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[int, _Naming]:
-    """Return the entry of the section `links:` that names each link.
+    """For each link, return the entry of the section `links:` that specifies its name.
 
-    If several entries name a link, the first entry in the outermost document is used.
+    If there are several entries for a link, the first entry in the outermost document is used.
     """
     chosen: dict[int, _Naming] = {}
     for instance, definition in tree.assemblies:
@@ -118,7 +118,10 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[i
 
 
 def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Report two links with the same name: one link has its name from `links:`, the other link from its first occurrence."""
+    """Report two links with the same name.
+
+    The section `links:` specifies the name of one link, and the other link has the name of its first occurrence.
+    """
     written, called = (link, other) if named else (other, link)
     first = occurrences[called.members[0]]
     findings.error(
@@ -134,8 +137,8 @@ def links_between(
 ) -> frozenset[int]:
     """Return the indices of massless intermediate links.
 
-    An intermediate link has no mass, inertia, geometry, hold, foot or adhesion. It has exactly two joints, which are neither ball joints
-    nor on loops.
+    Intermediate links do not have mass, geometry, holds, feet or magnets. An intermediate link has exactly two joints. These are neither
+    ball joints nor part of a loop.
     """
     ends: dict[int, list[Mate]] = {link.index: [] for link in links if link.properties.mass == 0.0 and link.properties.inertia == ZERO}
     busy = [mount.occurrence for mount in adhesions]
@@ -157,9 +160,9 @@ def links_between(
 
 
 def neighbouring_links(assembly: Assembly, root: int) -> Iterator[tuple[int, int]]:
-    """Yield the two links that every joint connects, in the order of the joints.
+    """For each joint, yield the two links that the joint connects.
 
-    Massless intermediate links other than `root` are skipped.
+    A massless intermediate link is replaced by the next link, unless it is the `root`.
     """
     ends = [
         (assembly.link_of[mate.parent], assembly.link_of[mate.child]) for mate in assembly.mates if mate.joints or mate.loop is not None
@@ -174,7 +177,7 @@ def neighbouring_links(assembly: Assembly, root: int) -> Iterator[tuple[int, int
 
 
 def _beyond(between: Collection[int], at: dict[int, list[tuple[int, int]]], link: int, pair: tuple[int, int]) -> int:
-    """Search from `link` away from the joint `pair`, and return the first link that is not an intermediate link."""
+    """Beginning at `link`, follow the joints away from the joint `pair`, and return the first link that is not an intermediate link."""
     while link in between:
         pair = next(other for other in at[link] if other != pair)
         link = pair[0] if pair[1] == link else pair[1]

@@ -1,7 +1,7 @@
 """Compute the mass, the centre of mass and the inertia of one component.
 
-In order of precedence: overrides of the component, the Thing's `mass()` and `matrix_of_inertia()`, and density times volume. For a part
-with infill, the volume is the estimated printed volume.
+The first available source is used: overrides of the component, the methods `mass()` and `matrix_of_inertia()` of the Thing, or density
+times volume. For a part with infill, the printed volume is estimated.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ NOTHING = MassProperties(mass=0.0)
 
 
 class Density(FrozenStruct):
-    """A density [kg/m^3] of a part. With `estimated`, every mass that is computed from this density is also marked as an estimate."""
+    """A density [kg/m^3] of a part. If `estimated` is True, masses that are computed from this density are marked as estimates."""
 
     value: float
     estimated: bool = False
@@ -29,7 +29,7 @@ class Density(FrozenStruct):
 class MassResult(FrozenStruct):
     """The mass properties of a component in its own frame, and their source (`measured | vendor | stated | derived | estimated`).
 
-    `estimate` is the method (`layers | skin`) for a part with infill, otherwise None.
+    `estimate` is the method of estimation (`layers | skin`) for a part with infill, otherwise None.
     """
 
     properties: MassProperties
@@ -38,7 +38,7 @@ class MassResult(FrozenStruct):
 
 
 def merged(over: Process | None, under: Process | None) -> Process | None:
-    """Merge the settings of two manufacturing processes. Settings of `over` take precedence over settings of `under`."""
+    """Merge the settings of two manufacturing processes. If both contain a setting, the value in `over` is used."""
     if over is None or under is None:
         return over if over is not None else under
     stated = {name: value for name in Process.__struct_fields__ if (value := getattr(over, name)) is not None}
@@ -50,21 +50,21 @@ _NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "l
 
 
 def estimate_of(process: Process | None) -> str | None:
-    """Return the estimation method for the printed volume, `layers` or `skin`. Return None for a solid part."""
+    """Return the method for estimating the printed volume of a part, `layers` or `skin`. Return None for a solid part."""
     if process is None or process.infill is None or process.infill >= 1.0:
         return None
     return process.estimate or ("layers" if process.kind == "fdm" else "skin")
 
 
 def missing_keys(process: Process | None) -> tuple[str, ...]:
-    """Return the process settings that are missing for an estimate of the part's mass, such as `("walls",)`."""
+    """Return the missing process settings without which the mass of a part cannot be estimated, such as `("walls",)`."""
     return tuple(key for key in _NEEDED.get(estimate_of(process) or "", ()) if getattr(process, key) is None)
 
 
 def unsaid_keys(process: Process | None) -> tuple[str, ...]:
     """Return the missing process settings that must be reported to the user.
 
-    Invalid settings are omitted, because they have already been reported. The result is empty if `kind` or `estimate` is invalid.
+    Invalid settings are omitted, because they have already been reported. If `kind` or `estimate` is invalid, the result is empty.
     """
     if process is None or not process.wrong.isdisjoint(("kind", "estimate")):
         return ()
@@ -79,7 +79,7 @@ def layers_too_high(process: Process) -> bool:
 def slicing_of(process: Process | None, overrides: Overrides, record: PartRecord) -> Slicing | None:
     """Return the slicing settings of a part whose mass is estimated from its printed layers.
 
-    Return None for other parts, and if settings are missing.
+    Return None if the mass is not estimated from layers, or if settings are missing.
     """
     return layers_of(process, overrides.up or record.up) if record.volume > 0.0 else None
 
@@ -99,11 +99,11 @@ def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
 
 
 def component_mass(record: PartRecord | None, density: Density | None, process: Process | None, overrides: Overrides) -> MassResult | None:
-    """Compute mass, centre of mass and inertia of a component in its own frame. Return None if the mass is not specified.
+    """Compute the mass, the centre of mass and the inertia of a component in its own frame. Return None if the mass cannot be determined.
 
-    `record` is the geometry record of the part (None for a frame). `density` comes from the Thing or from the material, if any. If only the
-    mass is overridden, the inertia is scaled. If only the centre is overridden, the inertia is unchanged. All inertias are about the centre
-    of mass of the component.
+    `record` is the geometry record of the part (None for a frame). `density` is the density of the Thing or of the material, if any. If the
+    document overrides only the mass, the inertia is scaled. If the document overrides only the centre of mass, the inertia is unchanged.
+    All inertias are about the centre of mass of the component.
     """
     matter, estimate = _matter(record, process, overrides)
     natural = _natural(matter, density, estimate)
@@ -136,7 +136,9 @@ def component_mass(record: PartRecord | None, density: Density | None, process: 
 
 
 def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
-    """Compute the mass properties of a link from the values in the document, or from `matter`, the mass properties of the link's shapes.
+    """Compute the mass properties of a link from the values in the document.
+
+    Missing values come from `matter`, the mass properties of the link's shapes.
 
     If the document specifies only the mass, `matter` is scaled to this mass.
     """
@@ -146,14 +148,15 @@ def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
 
 
 def is_fully_stated(overrides: Overrides) -> bool:
-    """Return whether the document specifies mass, centre of mass and inertia of a component, so that nothing must be computed from its
-    geometry.
+    """Return whether the document specifies mass, centre of mass and inertia of a component.
+
+    If so, its mass properties need not be computed from its geometry.
     """
     return overrides.mass is not None and overrides.com is not None and overrides.inertia is not None
 
 
 def _with_overrides(properties: MassProperties, overrides: Overrides) -> MassProperties:
-    """Apply the centre of mass and the inertia specified in the document."""
+    """Replace the centre of mass and the inertia by the values in the document, if specified."""
     if overrides.com is not None:
         x, y, z = overrides.com.value
         properties = replace(properties, centre=(x, y, z))
@@ -163,15 +166,15 @@ def _with_overrides(properties: MassProperties, overrides: Overrides) -> MassPro
 
 
 def stated_inertia(six: tuple[float, ...]) -> Matrix:
-    """Return the symmetric inertia matrix (3 x 3) with the elements `ixx iyy izz ixy ixz iyz` [kg m^2]."""
+    """Create a symmetric inertia matrix (3 x 3) from its elements `ixx iyy izz ixy ixz iyz` [kg m^2]."""
     xx, yy, zz, xy, xz, yz = six
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
 
 
 def _matter(record: PartRecord | None, process: Process | None, overrides: Overrides) -> tuple[MassProperties, str | None]:
-    """Return the mass properties of a part at density 1 (volume [m^3], centre [m], inertia [m^5]) and the estimation method.
+    """Return the mass properties of a part at density 1 (volume [m^3], centre [m], inertia [m^5]), and the method of estimation.
 
-    For a part without infill, the properties are exact. The method `layers` computes the properties from the sliced layers of the part. The
+    The properties of a part without infill are exact. The method `layers` computes the properties from the sliced layers of the part. The
     method `skin` uses `V_s + infill * (V - V_s)` for a solid with volume V and area A, where `V_s = min(V, A * walls * line_width)`.
     """
     if record is None or record.volume <= 0.0:
@@ -188,7 +191,10 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
 
 
 def _natural(matter: MassProperties, density: Density | None, estimate: str | None) -> MassResult | None:
-    """Return the mass properties for a density. The result is zero for a part without volume, and None without a density."""
+    """Return the mass properties of a part for a given density.
+
+    For a part without volume, the mass is 0. Without a density, return None.
+    """
     if matter.mass <= 0.0:
         return MassResult(properties=NOTHING, source="derived")
     if density is None:

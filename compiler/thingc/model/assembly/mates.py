@@ -1,9 +1,9 @@
-"""The edges of the mate graph, created from `attach`, `at` and joints. The mount B of the child C is mated to the mount A of the parent P:
+"""Create the edges of the mate graph from `attach`, `at` and joints. The mount B of the child C is mated to the mount A of the parent P:
 
     X_PC = X_PA @ Rz(turn) @ Tz(gap) @ X_J(q + offset) @ MATE @ inv(X_CB)
 
 For a mirrored joint, X_J is between two half turns about x. For a joint with an `axis`, Rz, Tz and X_J are about this axis, and MATE is
-omitted. `at` places a component's frame directly: `X_PC = X_P,in @ X(xyz, rpy)`.
+omitted. The key `at` places the frame of a component directly: `X_PC = X_P,in @ X(xyz, rpy)`.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from thingc.model.assembly.types import JointEdge, Link, Mate
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 UPSIDE_DOWN = turned_x(math.pi)
-"""The motion frame of a mirrored joint relative to its mounts. This rotation is its own inverse."""
+"""The rotation from a mount to the frame in which a mirrored joint moves. The rotation is its own inverse."""
 
 
 def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
     """Return all mates of the robot, which are the edges of the mate graph.
 
-    Also return the indices of mates from `at`, which do not connect mounts.
+    Also return the indices of the mates that `at` creates, which do not connect mounts.
 
-    In each assembly, mates from `attach` and `at` come first, in component order. Mates of joints follow, in the order of the document, and
-    then mates of nested assemblies. Mates with an invalid reference are omitted, because the reference has been reported.
+    For each assembly, mates from `attach` and `at` come first, in the order of the components. Then come mates of joints, in the order of
+    the document, and then mates of nested assemblies. Mates with an invalid reference, which has been reported, are omitted.
     """
     mates: list[Mate] = []
     laid: set[int] = set()
@@ -74,7 +74,10 @@ def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Me
 
 
 def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findings: LinkReport, memo: Memo) -> Iterator[Mate]:
-    """Yield the mate of a joint, with one joint edge per coordinate. The mate of a `fixed` joint has no joint edges."""
+    """Yield the mate of a joint, which contains a `JointEdge` for each coordinate of the joint.
+
+    The mate of a `fixed` joint does not contain joint edges.
+    """
     joint = coordinates[0]
     child, parent = tree.find(instance, joint.child), tree.find(instance, joint.parent)
     if child is None or parent is None:
@@ -95,9 +98,9 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
 
 
 def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
-    """Return the given joints and the joints whose mounts are on parts with unknown geometry.
+    """Return the given joints, and all joints whose mounts are on parts with unknown geometry.
 
-    The limits of all these joints are known from documents.
+    For all these joints, the limits are known from the documents.
     """
     edges = {joint.path: joint for joint in joints}
     for instance, definition in tree.assemblies:
@@ -148,7 +151,7 @@ def _laid_on(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin) 
 
 
 def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
-    """Map each component to its parent component and the location of the placement."""
+    """Return a mapping from each component to its parent component and the location of its placement."""
     names = {component.name for component in definition.components}
     stands: dict[str, tuple[str, Origin]] = {}
     for component in definition.components:
@@ -161,9 +164,9 @@ def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
 
 
 def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
-    """Report each cycle of components that are placed on each other, starting at its first component.
+    """Report each cycle of components that are placed relative to each other.
 
-    If there is no base, the resolver has already reported the missing base.
+    If an earlier pass has reported that the assembly has no base, the cycle is not reported.
     """
     if findings.earlier and not unplaced(definition):
         findings.leave_out()
@@ -187,7 +190,10 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
 
 
 def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
-    """Report a second component that is not placed. In a complete document, the resolver reports such a component before this check."""
+    """Report an assembly with two or more components that are not placed.
+
+    For most documents, the pass `resolve` has already reported such components.
+    """
     bases = unplaced(definition)
     if len(bases) < 2 or findings.earlier:
         return

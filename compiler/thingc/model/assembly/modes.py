@@ -1,4 +1,4 @@
-"""Resolve the references of modes, poses, tests, exported mounts and raw attributes of the top document."""
+"""Resolve the references in modes, poses, tests, exported mounts and raw attributes of the top document."""
 
 from __future__ import annotations
 
@@ -30,13 +30,15 @@ from thingc.model.resolve.raw_protected import NAMING
 from thingc.model.resolve.types import AssemblyDefinition, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference, Test
 
 _ROUNDING = 1e-9
-"""Relative tolerance for poses at joint limits. Both values may be results of expressions."""
+"""Relative tolerance for joint positions at the limits of joints. The tolerance is needed because positions and limits can be results of
+expressions.
+"""
 
 
 SLIDE = 1.0
-"""Default sliding friction of MuJoCo. MuJoCo uses the larger friction of the two sides of a contact.
+"""Default sliding friction of MuJoCo. For a contact of two surfaces, MuJoCo uses the larger friction.
 
-The friction of a material takes precedence over the friction of the floor, because it is written to the model with a priority.
+The friction of a material takes precedence over the friction of the floor, because models contain a priority for it.
 """
 
 
@@ -54,7 +56,7 @@ def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
 
 
 def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedMode, ...]:
-    """Return the modes that have a valid root, with resolved references. Excluded collision pairs within one link are omitted."""
+    """Return all modes with a valid root. References are resolved. Pairs in `exclude` whose components are on the same link are omitted."""
     linked = (_mode(tree, mode, link_of, findings) for mode in model.modes)
     return tuple(mode for mode in linked if mode is not None)
 
@@ -81,7 +83,10 @@ def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: LinkReport) 
 
 
 def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]:
-    """Yield the holds of the mode. Report mounts that the mode holds twice, for example under their own name and under an exported name."""
+    """Yield the resolved holds of a mode.
+
+    A mount that the mode holds twice, for example under its own name and under an exported name, is reported.
+    """
     met: dict[tuple[int, str], LinkedHold] = {}
     for hold in mode.holds:
         choice = mount_of(tree, tree.top, hold.mount)
@@ -99,7 +104,7 @@ def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]
 
 
 def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
-    """Yield the contact mounts of a mode without duplicates. Report mounts that are also held."""
+    """Yield the mounts on which the robot stands in a mode, without duplicates. A mount that the mode also holds is reported."""
     if mode.standing is None:
         return
     held = {(choice.occurrence, choice.mount): hold for hold in mode.holds if (choice := mount_of(tree, tree.top, hold.mount)) is not None}
@@ -124,7 +129,7 @@ def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
 
 
 def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
-    """Return the sensors of all documents. Sensors of an assembly precede sensors of its nested assemblies."""
+    """Return the sensors of all documents. Sensors of a document precede sensors of its nested documents."""
     sensors: list[LinkedSensor] = []
     for instance, definition in tree.assemblies:
         for one in definition.sensors:
@@ -143,7 +148,7 @@ def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
 
 
 def mount_of(tree: Tree, instance: Instance, reference: Reference) -> LinkedMount | None:
-    """Resolve a reference in the document of `instance` to a mount. Report an invalid reference and return None."""
+    """Resolve a reference in the document of `instance` to a mount. If the reference is invalid, report an error and return None."""
     mount = tree.find(instance, reference)
     if mount is None:
         return None
@@ -155,9 +160,9 @@ def _path(reference: Reference) -> str:
 
 
 def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], within: Instance | None = None) -> Iterator[int]:
-    """Yield the links of a component in the document `within` (by default the top).
+    """Yield the indices of the links to which a reference in the document `within` (default: the top document) refers.
 
-    For a reference to an assembly, yield all links of the assembly. For a reference to a mount, yield only the link of the mount.
+    For a reference to a nested assembly, yield all links of the assembly. For a reference to a mount, yield only the link of the mount.
     """
     document = within or tree.top
     if reference.mount is not None:
@@ -170,9 +175,9 @@ def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], withi
 
 
 def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
-    """Return the magnets that any mode uses, in the order of their first use.
+    """Return all magnets that the modes use, in the order of their first use.
 
-    Each magnet has the largest force [N] that a mode specifies.
+    The force of a magnet is the largest force [N] that any mode specifies.
     """
     largest: dict[str, Adhesion] = {}
     for mode in model.modes:
@@ -203,7 +208,7 @@ def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
 
 
 def added_of(tree: Tree) -> tuple[RawElement, ...]:
-    """Return the raw elements of all documents, with names and references converted to paths in the robot."""
+    """Return the raw MuJoCo elements of all documents. Names and references are converted to paths in the robot."""
 
     def within(instance: Instance, element: RawElement) -> RawElement:
         attributes = {
@@ -220,10 +225,10 @@ def check_poses(
     poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: LinkReport,
     loops: Collection[str] = (), *, unset: bool,
 ) -> None:
-    """Report every value of a named pose that is outside the limits of its joint.
+    """Report every value in a named pose that is outside the limits of its joint.
 
-    If `unset` (no joints were omitted), poses that modes use are also checked for joints that mimic others and joints that are 0 by
-    default. A joint in `loops` is checked only if the pose sets the joint.
+    With `unset`, which requires that no joints were omitted, joints that are not in the pose are also checked in poses that modes use.
+    Joints in `loops` are checked only if the pose contains the joint.
     """
     used = {name for mode in modes for name in mode.poses}
     names = {pose.name for pose in poses}
@@ -250,7 +255,10 @@ def check_poses(
 
 
 def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkReport) -> None:
-    """Check that a ball joint is within its cone in a pose. A joint that the pose does not set is at 0, which is always inside."""
+    """Report an error if a ball joint is outside its cone limit in a pose.
+
+    A joint that the pose does not contain is at 0, which is within every cone limit.
+    """
     joint, cone = ball[0], ball[0].limit.cone
     angle = hypot(*(pose.values.get(one.path, 0.0) for one in ball))
     if cone is not None and angle > cone * (1.0 + _ROUNDING):
@@ -299,7 +307,7 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
 
 
 def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], findings: LinkReport) -> tuple[LinkedTest, ...]:
-    """Return the tests whose mounts and components are valid. Report all other tests."""
+    """Return the tests whose mounts and components are valid. All other tests are reported."""
     by_path = {joint.path: joint for joint in joints}
     linked: list[LinkedTest] = []
     for test in tests:

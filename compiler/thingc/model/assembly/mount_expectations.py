@@ -1,4 +1,4 @@
-"""Warn of mounts that carry a different component from the one that the part was designed for."""
+"""Warn of mounts of parts to which another component is attached than the part class expects."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
 def check_expectations(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
     """Warn of each mount at which a component other than the expected one is attached.
 
-    `laid` are the indices of mates from `at`, which do not connect mounts. Empty mounts are accepted if the top document exports them,
-    because a parent assembly may use them.
+    `laid` contains the indices of mates from `at`, which do not connect mounts. An empty mount is accepted if the top document exports the
+    mount, because a parent assembly may use it.
     """
     occurrences = robot.occurrences
     open_mounts = {(mount.occurrence, mount.mount) for mount in robot.exported if "/" not in mount.path}
@@ -42,9 +42,9 @@ def check_expectations(robot: Connected, laid: Collection[int], findings: LinkRe
 
 
 def _is(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> bool:
-    """Return whether the attached component `other` is the part that the mount is designed for.
+    """Return whether `other` is the part that the part class expects at the mount.
 
-    On a mirrored part, the mirror image of the expected part is required. A symmetric part equals its own mirror image.
+    On a mirrored part, the mirror image of the expected part is required. For a symmetric part, the mirror image is the part itself.
     """
     plain = other.definition.plain if owner.definition.mirror is not None else None
     texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)
@@ -52,7 +52,7 @@ def _is(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> boo
 
 
 def _rounded(definition: str) -> str:
-    """Round the numbers of a definition to 12 digits, because conversion to millimetres may change the last digits."""
+    """Round the numbers in the text of a definition to 12 digits, because the conversion to millimetres can change the last digits."""
     return _NUMBER.sub(lambda number: f"{float(number[0]):.12g}", definition)
 
 

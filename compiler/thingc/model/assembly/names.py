@@ -1,4 +1,4 @@
-"""The names of elements in output files that documents specify under `names`."""
+"""Collect the names of elements in output files, which documents specify in their section `names`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from thingc.model.assembly.types import Connected, FileNames, JointEdge, LinkedT
 from thingc.model.resolve.types import NamedKind, NamedPose, NameInFiles, Reference
 
 Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
-"""Names in files and their locations, by the kind and path of the element."""
+"""Names in output files and their locations in documents, by the kind and path of the element."""
 
 
 def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings: LinkReport) -> FileNames | None:
     """Return the names of elements in output files that documents specify.
 
-    Return None if documents specify no names. Report duplicate names.
+    Return None if documents do not specify names. Duplicate names are reported.
     """
     named: Named = {}
     for instance, definition in tree.assemblies:
@@ -54,7 +54,10 @@ def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings:
 
 
 def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurrence]) -> str | None:
-    """Return the path of an element in the document of an instance. For a nested assembly, return the path of its base."""
+    """Return the path in the robot of an element in the document at `path`.
+
+    For a nested assembly, return the path of its base component.
+    """
     if one.kind != "components":
         return path
     place = tree.component(tree.top, Reference(path=tuple(path.split("/")), mount=None, origin=one.origin))
@@ -62,7 +65,7 @@ def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurren
 
 
 def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, Origin]], findings: LinkReport) -> None:
-    """Report elements of the same type (two joints, two links) that have the same name in output files."""
+    """Report two elements of the same type, such as two joints or two links, that would have the same name in output files."""
     owners: dict[str, tuple[str, Origin]] = {}
     for path, origin in things:
         name, where = given.get(path, (path, origin))

@@ -1,4 +1,4 @@
-"""Create the instances of parts and frames, once for each component of a definition."""
+"""Create the instances of parts, links and frames. Each component of a definition is processed once."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
     "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and commit `parts.lock.json`"),
     "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and commit `parts.lock.json`"),
 }
-"""Diagnostic code, phrase after the part's name, and help, by the kind of failure."""
+"""For each kind of failure: the diagnostic code, the end of the message after the name of the part, and the help text."""
 _INSTEAD: Mapping[ImpureInputs, str] = {
     ImpureInputs.ENVIRONMENT: "pass the value as a parameter, or in a file that the part reads with `asset(...)`",
     ImpureInputs.CLOCK: "pass the value as a parameter",
@@ -60,16 +60,16 @@ _INSTEAD: Mapping[ImpureInputs, str] = {
     ImpureInputs.NETWORK: "download the data to a file beforehand, and read the file with `asset(...)`",
     ImpureInputs.LEFT: "wait for processes that the part starts: use `subprocess.run(...)`, or a pool in a `with` block",
 }
-"""Replacements for impure inputs of parts."""
+"""Help texts that suggest replacements for impure inputs of parts."""
 _SHOWN_PLACES = 8
 
 
 class PartInstances:
     """Creates the instances of parts, links and frames, and caches them by component.
 
-    If an assembly is used twice, its parts are computed once.
+    If an assembly is used several times, the properties of its parts are computed once.
 
-    `unknown` is set if the properties of a part are not known exactly (see `PartRecord.exact`). The caller reports the parts in `unknown`.
+    `unknown` contains the parts whose properties are not known exactly (see `PartRecord.exact`). The caller must report these parts.
     """
 
     def __init__(self, records: Mapping[str, PartRecord | PartFailure], meshes: Meshes, findings: LinkReport, memo: Memo) -> None:
@@ -87,7 +87,7 @@ class PartInstances:
     def of(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
         """Return the part instance of a component of the assembly `scope`.
 
-        `path` is its first use in the robot. Return None if the part could not be built.
+        `path` is the path of the first use of the part in the robot. Return None if the part could not be built.
         """
         key = id(component)
         if key not in self._known:
@@ -95,7 +95,10 @@ class PartInstances:
         return self._known[key]
 
     def _remembered(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
-        """Return the cached instance, or compute it. An instance with diagnostics, including suppressed ones, is not cached."""
+        """Return the cached instance, or create it.
+
+        An instance is not cached if diagnostics, including suppressed diagnostics, were reported for it.
+        """
         record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
         material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
         files = mesh_files_of(component.definition)
@@ -110,9 +113,9 @@ class PartInstances:
         return instance
 
     def report_materials(self) -> None:
-        """Report each default material that a document does not define.
+        """Report each default material of a part class that the document does not define.
 
-        The error is at the first component that needs the material, with notes for further components.
+        The error is reported at the first component that needs the material, and notes show further components.
         """
         for (_, name, needed), users in self._unknown.items():
             component, record, scope, path, origin = users[0]
@@ -137,7 +140,7 @@ class PartInstances:
     def report_failures(self) -> None:
         """Report each part that could not be built.
 
-        The error is at the first component that uses the part, with notes for further components.
+        The error is reported at the first component that uses the part, and notes show further components.
         """
         for text, users in self._failures.items():
             failure = self._records[text]
@@ -231,7 +234,7 @@ class PartInstances:
                 self._warned.add(key)
 
     def _warn_mirrored(self, component: Component, record: PartRecord, material: Material | None, path: str, origin: Origin) -> None:
-        """Warn once per mirrored part that equals its mirror image, or that is bought."""
+        """Warn of a mirrored part that equals its mirror image, or that is a bought part. Each part is reported once."""
         plain = component.definition.plain if isinstance(component.definition, PartDefinition) else None
         if plain is None or not record.exact:
             return
@@ -317,7 +320,7 @@ class PartInstances:
     def _doubt(
         self, component: Component, record: PartRecord, material: Material | None, weighed: MassResult, path: str, origin: Origin,
     ) -> None:
-        """Warn of an implausible density, or of an implausible mass for this volume, at its location in the document."""
+        """Warn of a density that is implausible, or of a mass that is implausible for the volume, at the location in the document."""
         stated, warn = component.overrides.mass, self._findings.warn
         if record.volume <= 0.0 or stated is not None and stated.stand_in:
             return
@@ -339,7 +342,7 @@ class PartInstances:
                 )
 
     def _doubt_thing(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
-        """Warn of an implausible density or mass of a Thing, at its first component."""
+        """Warn of a density or mass of a Thing that is implausible, at the first component that uses the Thing."""
         key = (record.text, Code.DENSITY.code)
         method, unit, doubt = "mass", "kg", None
         if record.mass is not None:
@@ -353,7 +356,10 @@ class PartInstances:
             self._warned.add(key)
 
     def _high_layers(self, component: Component, material: Material | None, process: Process, path: str, origin: Origin) -> None:
-        """Report a layer height above the line width, once per material that specifies it, otherwise once per component."""
+        """Report a layer height above the line width.
+
+        If a material specifies both, the error is reported once per material, otherwise once per component.
+        """
         of_material = material is not None and material.process is not None and layers_too_high(material.process)
         self._findings.error(
             Code.HIGH_LAYERS, f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only "
@@ -365,7 +371,7 @@ class PartInstances:
         )
 
     def _unsliced(self, component: Component, record: PartRecord | None, process: Process, path: str, origin: Origin) -> None:
-        """Report why the mass of a part cannot be estimated from its layers, once per part."""
+        """Report the reason why the mass of a part cannot be estimated from its layers. Each part is reported once."""
         slicing = slicing_of(process, component.overrides, record) if record is not None else None
         slices = record.slices.get(slicing) if record is not None and slicing is not None else None
         if record is None or not isinstance(slices, SliceFailure) or (record.text, slices) in self._told:
@@ -377,7 +383,10 @@ class PartInstances:
         )
 
     def _incomplete(self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin) -> None:
-        """Report the keys that the estimate requires but a process does not have, once per material, otherwise once per component."""
+        """Report the process settings that are missing for the estimate of the mass.
+
+        If the process belongs to a material, the error is reported once per material, otherwise once per component.
+        """
         of_material = material.process if material is not None and unsaid_keys(material.process) else None
         keys = unsaid_keys(of_material) or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
@@ -396,10 +405,9 @@ class PartInstances:
         )
 
     def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
-        """Return whether the inertia specified by the Thing is physical. Report an unphysical one.
+        """Return whether a rigid body can have the inertia that the Thing specifies. If not, report an error.
 
-        The function `check_stated` checks inertias that the document specifies. An inertia that is computed from geometry is always
-        physical.
+        Inertias in documents are checked by the function `check_stated`. Inertias that are computed from geometry need no check.
         """
         if component.overrides.inertia is not None:
             return True
@@ -415,7 +423,7 @@ class PartInstances:
         return True
 
     def _mounts(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> dict[str, MountFrame]:
-        """Return the mounts of a component: `origin`, then the mounts of the part, then the mounts that the document adds."""
+        """Return the mounts of a component: first `origin`, then the mounts of the part, then the mounts that the document adds."""
         mounts = {"origin": MountFrame(pose=NO_POSE)}
         if record is not None:
             mirror = Mirror(component.mounts_mirrored) if component.mounts_mirrored is not None else None
@@ -435,12 +443,12 @@ class PartInstances:
 
 
 def doubted(help: Hint | None) -> str:
-    """Return the help text for a warning about an implausible density. `help` suggests the density that was probably intended, if known."""
+    """Return the help text for a warning about an implausible density. `help` suggests the intended density, if known."""
     return f"{help}; {allow_hint(Code.DENSITY)}" if help is not None else allow_hint(Code.DENSITY)
 
 
 def _bom(component: Component, record: PartRecord | None) -> BomEntry:
-    """Return the entry of a component in the bill of materials. Values in the document take precedence over values of the Thing."""
+    """Return the entry of a component in the bill of materials. Values in the document take precedence over values in the part class."""
     if record is None:
         return component.bom
     names = set(BomEntry.__struct_fields__)
@@ -450,7 +458,7 @@ def _bom(component: Component, record: PartRecord | None) -> BomEntry:
 
 
 def _density(record: PartRecord | None, material: Material | None) -> Density | None:
-    """Return the density of a Thing or, if the Thing has no density, of its material."""
+    """Return the density of a part class or, if the class does not specify a density, of the material."""
     if record is not None and record.density is not None:
         return Density(value=float(record.density.value), estimated=record.density.source == "estimated")
     return Density(value=material.density) if material is not None and material.density is not None else None

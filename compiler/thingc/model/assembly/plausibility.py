@@ -1,6 +1,6 @@
-"""Warn of suspicious values in documents. Each warning shows the value and its likely cause.
+"""Warn of suspicious values in documents. Each warning contains the value and its likely cause.
 
-These checks need only numbers, so the command `check` runs them. The command `build` also checks the geometry of parts.
+The command `check` runs these checks, because they need only numbers. The command `build` also checks the geometry of parts.
 """
 
 from __future__ import annotations
@@ -35,13 +35,11 @@ from thingc.model.resolve.plausibility import (
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Joint, StatedValue
 
 CLOSE = 1e-6
-"""Tolerance for equal entries of rotations, and for equal positions [m]."""
+"""Tolerance for comparing entries of rotation matrices, and for comparing positions [m]."""
 
 
 def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
-    """Warn of each part that would mirror its counterpart on the opposite side of the robot, except for a turn of 90 or 180 deg about its
-    mount.
-    """
+    """Warn of a part that must be turned by 90 or 180 deg to be the mirror image of the same part on the opposite side of the robot."""
     groups: dict[object, list[Mate]] = {}
     for mate in assembly.mates:
         definition = assembly.occurrences[mate.child].definition
@@ -61,10 +59,10 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
 
 
 def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
-    """Return the angle [deg] of a turn about the mount's z axis after which the children of two mates are mirror images of each other at q
-    = 0.
+    """Return the angle [deg] about the z axis of a mount by which the child of one mate must be turned.
 
-    Return 0 if this turn does not exist, if the children are already mirror images, or if the mounts are not mirror images of each other.
+    With this turn, the children of both mates are mirror images of each other at q = 0. Return 0 if there is no such angle, if the children
+    are already mirror images, or if the mounts are not mirror images of each other.
     """
     axes = [axis for mate in (one, other) if (axis := assembly.occurrences[mate.child].definition.mirror) is not None]
     if len(axes) != 1 or dist(one.X_PJ.translation, other.X_PJ.translation) < CLOSE:
@@ -83,19 +81,22 @@ def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
 
 
 TURNS = 2.0
-"""Threshold for hinge limits, in turns. Joints without limits are `continuous`."""
+"""Largest plausible limit of a hinge, in turns. Joints without limits have the type `continuous`."""
 FAR = 10.0
-"""Threshold for offsets and travels relative to the diagonal of the largest part, and for roots relative to the robot's reach."""
+"""Largest plausible offset and travel of a joint relative to the diagonal of the largest part, and largest plausible distance of a root
+relative to the robot's reach.
+"""
 FEATHER, ELEPHANT = 1e-3, 1e4
-"""Range of plausible masses of robots [kg]."""
+"""Plausible range for the mass of a robot [kg]."""
 DRAG = 0.5
-"""Threshold for the dry friction of a joint, relative to the effort of its drive. Typical gears have about 0.1."""
+"""Largest plausible dry friction of a joint, relative to the effort of its drive. Typical gears have a friction of about 0.1 of the effort.
+"""
 SLOW = 0.05
-"""Threshold for the speed of a damped joint, relative to the no-load speed of its drive. A lower speed is suspicious."""
+"""Smallest plausible top speed of a joint with damping, relative to the no-load speed of its drive."""
 SPREAD, COMPACT = 3.0, 200.0
-"""Plausible radii of gyration: at most `SPREAD` times the diagonal of the part, and at least the diagonal divided by `COMPACT`."""
+"""Plausible range for the radius of gyration: from the diagonal of the part divided by `COMPACT` to the diagonal times `SPREAD`."""
 BURDEN = 10.0
-"""Threshold for the mass of a component without a shape, relative to the mass of the rest of the robot."""
+"""Largest plausible mass of a component without a shape, relative to the mass of the rest of the robot."""
 _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 
@@ -134,7 +135,7 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> Non
 
 
 def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> bool:
-    """Warn of each part with an implausible size, at its first component. Return whether any part has an implausible size."""
+    """Warn of each part with an implausible size, at its first component. Return whether there are such parts."""
     warned: set[str] = set()
     for one in occurrences:
         if one.box is None or one.record is not None and not one.record.exact or one.definition.text in warned:
@@ -173,9 +174,9 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
 
 
 def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None:
-    """Compare the specified mass properties with the shape of the part.
+    """Compare the mass properties that a document or a Thing specifies with the shape of the part.
 
-    Return a wrong value (None if the Thing specifies it), the message and the help, or None.
+    If a value is implausible, return the value (None if the Thing specifies it), the message and the help text. Otherwise, return None.
     """
     mass = one.properties.mass
     if one.box is None or one.record is not None and not one.record.exact or mass <= 0.0:
@@ -196,9 +197,9 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
 
 
 def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
-    """Warn of implausible densities of materials that no part uses for its mass.
+    """Warn of an implausible density of a material if no part computes its mass from this density.
 
-    Densities of materials that parts use are checked together with the parts.
+    All other densities are checked together with the parts.
     """
     weighing = {
         one.material.density_origin for one in occurrences
@@ -218,7 +219,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Li
 
 
 def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
-    """Warn of an implausible total mass. A robot whose mass is 0 is not checked."""
+    """Warn of an implausible mass of the whole robot. A robot whose mass is 0 is not checked."""
     definition = top.assembly
     if definition is None or mass <= 0.0 or FEATHER <= mass <= ELEPHANT:
         return
@@ -232,7 +233,7 @@ def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
 
 
 def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> None:
-    """Warn of the limits of a hinge if they exceed several turns, or if one limit is in rad and the other in deg."""
+    """Warn of limits of a hinge that exceed several turns, and of limits with different units (rad and deg)."""
     twist = joint.twist
     if twist is None or not twist.turns:
         return
@@ -262,9 +263,9 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
 
 
 def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
-    """Return the text of a joint limit in the document, its number, and its unit.
+    """Return the text of a joint limit in the document, and the number and the unit in this text.
 
-    Number and unit are empty if the text is not a number with a unit.
+    If the text is not a number with a unit, the number and the unit are empty.
     """
     text = joint.written.get(f"limit.{key}", "").strip()
     plain = _PLAIN.fullmatch(text)
@@ -278,13 +279,13 @@ def _origin_of(joint: Joint, key: str, here: Origin) -> Origin:
 
 
 def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
-    """Return a note with the location of the joint. Return no notes if the reported value is on the same line as the joint."""
+    """Return a note with the location of the joint, or no notes if the reported value is on the same line as the joint."""
     span = joint.spans.get(key)
     return noted(f"joint `{joint.name}` is defined here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
 
 
 def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findings: LinkReport) -> None:
-    """Warn of friction or damping that largely or completely cancels the effort of the drive."""
+    """Warn of friction or damping that is so large that the drive of the joint can hardly move the joint."""
     if edge is None or edge.actuator is None or not edge.actuator.effort:
         return
     effort, fastest = edge.actuator.effort, edge.actuator.velocity
@@ -317,8 +318,8 @@ def _check_actuators(
 ) -> None:
     """Warn of parts with an unused actuator.
 
-    Parts in `shown` are skipped, because the top document exports their mounts and a parent assembly may use the actuator. Parts on a joint
-    with an inline drive are also skipped.
+    Parts in `shown` are skipped: the top document exports their mounts, so a parent assembly may use the actuator. Parts on a joint with an
+    inline drive are also skipped.
     """
     driving: set[int] = set()
     inline: set[str] = set()
@@ -353,7 +354,7 @@ def _check_actuators(
 
 
 def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> None:
-    """Warn of exported mounts that have the name of another mount of the same component, unless a mate uses that mount."""
+    """Warn of an exported mount that has the name of another mount of the same component, unless a mate uses the other mount."""
     used = {(end, mount) for mate in mates for end, mount in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))}
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
@@ -376,7 +377,10 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> No
 
 
 class _Offset(FrozenStruct):
-    """A suspiciously long offset between components: its length [m], its location in the document, and texts for the warning."""
+    """A suspiciously long offset between components.
+
+    It contains the length [m], the location in the document, and texts for the warning.
+    """
 
     words: str
     length: float
@@ -387,7 +391,7 @@ class _Offset(FrozenStruct):
 
 
 def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: LinkReport) -> None:
-    """Warn of offsets and joint travels that are large relative to `size` [m], the diagonal of the largest part."""
+    """Warn of offsets and joint travels that are large in comparison with `size` [m], the diagonal of the largest part."""
     for instance, definition in tree.assemblies:
         for offset in _offsets(definition, FAR * size):
             times = abs(offset.length) / size
@@ -400,7 +404,7 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: LinkR
 
 
 def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
-    """Yield the suspicious offsets and joint travels of a document. Lengths above `bound` [m] are suspicious."""
+    """Yield the offsets between components and the joint travels of a document that are longer than `bound` [m]."""
     for component in definition.components:
         name, placement = component.name, component.placement
         if isinstance(placement, At):
@@ -414,7 +418,7 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
 
 
 def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
-    """Yield the suspicious lengths of a joint: its offset at q = 0, and its travel if the joint translates.
+    """Yield the suspicious lengths of a joint: its offset at q = 0 and, for a translation, its travel.
 
     For a screw with a lead above `bound` [m], yield the lead instead of the travel.
     """
@@ -438,7 +442,10 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
 
 
 def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport) -> None:
-    """Warn of roots far from the world origin, compared with `reach` [m], the sum over links of the diagonal of their largest part."""
+    """Warn of modes whose root is far from the world origin in comparison with `reach` [m].
+
+    `reach` is the sum of the diagonals of the largest part of each link.
+    """
     for mode in modes:
         offset = _length(mode.at)
         if offset > FAR * reach:
@@ -450,9 +457,9 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport
 
 
 def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link], findings: LinkReport) -> None:
-    """Warn of masses without a shape that are too heavy (relative to the rest of the robot) or too far from the parts of their link.
+    """Warn of components with a mass but without a shape that are too heavy, or too far from the parts of their link.
 
-    If an offset has already been reported, positions are not checked.
+    If an offset has already been reported, distances are not checked.
     """
     whole = sum_of(link.properties.mass for link in links)
     for link in links:
@@ -475,7 +482,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
 
 
 def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: LinkReport) -> None:
-    """Warn of a mass without a shape if its position `at` is far from the boxes of the other parts of its link."""
+    """Warn of a component with a mass but without a shape if its position `at` is far from the boxes of the other parts of its link."""
     corners = [corner for box, pose in boxes for corner in pose.around(box)]
     sides = [(minimum(side), maximum(side)) for side in zip(*corners, strict=True)]
     away = hypot(*(maximum(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))

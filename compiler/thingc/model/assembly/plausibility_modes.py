@@ -1,4 +1,4 @@
-"""Warn of suspicious settings in modes."""
+"""Warn of suspicious settings in the modes of a document."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from thingc.model.resolve.plausibility import times_words
 from thingc.model.resolve.types import AssemblyDefinition, Mode
 
 WEAK, STRONG = 0.1, 1000.0
-"""Range of plausible forces of a magnet, relative to the weight of the robot."""
+"""Plausible range for the force of a magnet, relative to the weight of the robot."""
 LONG_STEP = 10e-3
-"""Threshold for time steps [s]. Contacts in MuJoCo need steps of about a fifth of this threshold."""
+"""Largest plausible time step [s]. Contacts in MuJoCo need time steps of about a fifth of this value."""
 GRAVITY = 9.81
-"""Gravity [m/s^2] for weights, independent of the gravity of a mode."""
+"""Gravity [m/s^2] from which weights are computed, independent of the gravity of a mode."""
 
 
 def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkReport) -> None:
-    """Warn of settings in `simulation` of nested documents that neither the top document nor its modes specify."""
+    """Warn of simulation settings of nested documents that neither the top document nor its modes specify."""
     stated = {*top.simulation, *(key for mode in top.modes for key in mode.simulation)}
     nested = {definition.document: (definition, instance) for instance, definition in tree.assemblies if instance is not tree.top}
     for definition, instance in nested.values():
@@ -39,8 +39,9 @@ def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkR
 def check_modes(
     top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], mass: float, findings: LinkReport,
 ) -> None:
-    """Warn of implausible settings in the modes of the `top` document. `mass` [kg] is the mass of the robot, and `magnets` are the magnets
-    of all modes.
+    """Warn of implausible settings in the modes of the `top` document.
+
+    `mass` is the mass [kg] of the robot, and `magnets` contains the magnets of all modes.
     """
     _check_steps(top, findings)
     _check_gravity(top.modes, findings)
@@ -63,7 +64,10 @@ def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
 
 
 def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
-    """Warn of numeric gravity that points straight up. Probably the sign is missing, because ceilings have a keyword."""
+    """Warn of a numeric gravity vector that points straight up.
+
+    The sign is probably wrong, because a robot on a ceiling would use the keyword `ceiling`.
+    """
     for mode in modes:
         x, y, z = mode.gravity
         if mode.gravity_origin and x == y == 0.0 < z:
@@ -75,7 +79,7 @@ def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
 
 
 def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: float, findings: LinkReport) -> None:
-    """Warn of magnet forces that are implausible relative to the robot's weight."""
+    """Warn of forces of magnets that are implausible in comparison with the weight of the robot."""
     weight = mass * GRAVITY
     places = {mode.name: mode for mode in top.modes}
     said: set[tuple[str, float]] = set()
@@ -95,7 +99,7 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
 
 
 def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: Collection[Adhesion], findings: LinkReport) -> None:
-    """Warn of modes that hold the robot at an inactive magnet while they do not hold an active magnet."""
+    """Warn of a mode that holds the robot at an inactive magnet although another magnet is active and not held."""
     places = {magnet.path: (magnet.occurrence, magnet.mount) for magnet in magnets}
     written = {mode.name: {reference.text: reference.origin for reference, _ in mode.adhesion} for mode in top.modes}
     for mode in modes:
@@ -113,7 +117,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
 
 
 def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
-    """Warn of modes that would produce the same model."""
+    """Warn of several modes that would produce the same simulation model."""
     met: dict[object, LinkedMode] = {}
     for mode in modes:
         first = met.setdefault(_content(mode), mode)
@@ -126,7 +130,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
 
 
 def _content(mode: LinkedMode) -> object:
-    """Return all settings of a mode except its name and its location. Two modes with equal settings produce the same model."""
+    """Return all settings of a mode that determine its simulation model, which are all settings except the name and the location."""
     return (
         (mode.root.occurrence, mode.root.mount, mode.root.of_component), mode.base, mode.at, mode.on_floor, mode.gravity, mode.pose,
         mode.poses, mode.actuators,

@@ -1,4 +1,4 @@
-"""Warn of suspicious values in a manufacturing process, such as wrong units or digits."""
+"""Warn of suspicious values in manufacturing processes, such as values with wrong units or digits."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from thingc.model.resolve.plausibility import length_words
 from thingc.model.resolve.types import Process
 
 WIDTHS, HEIGHTS = (0.05e-3, 3e-3), (0.01e-3, 1.5e-3)
-"""Ranges of line widths and layer heights [m] that printers support."""
+"""Possible ranges of line widths and layer heights [m] of printers."""
 USUAL_WIDTHS, USUAL_HEIGHTS = (0.2e-3, 1.2e-3), (0.05e-3, 0.6e-3)
-"""Usual line widths and layer heights [m], to suggest a fix for a wrong unit."""
+"""Usual ranges of line widths and layer heights [m], from which the fix for a wrong unit is chosen."""
 SKINS, USUAL_SKINS = (0.05e-3, 30e-3), (1e-3, 10e-3)
-"""Supported and usual ranges of the wall thickness [m]. Processes that do not print lines specify the wall thickness as `line_width`."""
+"""Possible range and usual range of the wall thickness [m]. For processes without printed lines, `line_width` is the wall thickness."""
 WALLS, LIDS = 50, 100
-"""Largest plausible number of walls, and of top or bottom layers. A part with more walls or layers is solid."""
+"""Largest plausible number of walls, and of layers at the top or bottom. With more walls or layers, a part would be solid."""
 LEAST_SHARE = 0.01
-"""Smallest plausible infill or overlap. A smaller value suggests a wrong unit (`0.15 %`)."""
+"""Smallest plausible infill or overlap. A smaller value probably has a wrong unit (`0.15 %`)."""
 
 _SLIPS = (1e-1, 1e-2, 1e-3, 1e1, 1e2, 1e3)
-"""Factors of common unit errors, for too large values and for too small values. The smallest errors come first."""
+"""Factors by which values with common unit errors must be multiplied. Small errors come first."""
 
 
 class _Doubt(FrozenStruct):
-    """A suspicious value of a print setting: the key of the setting, the message and the help of the warning."""
+    """A suspicious value of a print setting: the key of the setting, and the message and the help text of the warning."""
 
     key: str
     words: str
@@ -75,7 +75,7 @@ def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, not
 
 
 def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
-    """Yield the implausible values of a print process. Only the settings in `keys` are checked."""
+    """Yield the implausible values of a manufacturing process. Only the settings in `keys` are checked."""
     lines = process.kind in (None, "fdm")
     for key, value, (least, most), usual, words in (
         ("line_width", process.line_width, WIDTHS, USUAL_WIDTHS, "lines are usually {} to {} wide") if lines else

@@ -1,4 +1,4 @@
-"""Collect the print settings that affect the mass of parts. Requests to the geometry service contain these settings."""
+"""Collect the print settings that affect the mass of parts. The settings are part of the requests to the geometry service."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from thingc.model.resolve.types import AssemblyDefinition, Component, Material, 
 
 
 def material_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> Material | None:
-    """Return the material of a component: the material in the document, otherwise the default material of its Thing if `scope` contains
-    this material.
-    """
+    """Return the material of a component: the material in the document or, if `scope` contains it, the default of the part class."""
     if component.material is not None or record is None or record.material is None:
         return component.material
     return scope.materials.get(record.material)
@@ -28,7 +26,7 @@ def process_of(component: Component, material: Material | None) -> Process | Non
 def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:
     """Return the slicing settings of all printed parts of a model, keyed by the text of the part's definition.
 
-    A part may have several settings.
+    If components print the same part differently, the result contains several settings for the part.
     """
     slicings: dict[str, set[Slicing]] = {}
     for definition, component, scope in _parts(model):
@@ -43,7 +41,7 @@ def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | Pa
 
 
 def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema | PartFailure]) -> dict[str, set[LikelySlicing]]:
-    """Predict the slicing settings of parts before the parts are built, from materials that part classes specify."""
+    """Predict the slicing settings of parts before the parts are built. The materials are predicted from the part classes."""
     likely: dict[str, set[LikelySlicing]] = {}
     for definition, component, scope in _parts(model):
         schema, material, up = schemas.get(definition.reference), component.material, component.overrides.up
@@ -56,7 +54,7 @@ def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema 
 
 
 def _parts(model: AssemblyDefinition) -> Iterator[tuple[PartDefinition, Component, AssemblyDefinition]]:
-    """Yield the distinct parts of each assembly."""
+    """Yield the distinct parts of each assembly, with their components."""
     for scope in assemblies_of(model):
         for component in scope.components:
             if isinstance(component.definition, PartDefinition):

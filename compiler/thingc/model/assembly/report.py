@@ -12,11 +12,11 @@ _Key = tuple[Code, str, Span | None]
 
 
 class LinkReport:
-    """Collects the diagnostics of the pass `link`, and omits duplicates.
+    """Collects the diagnostics of the pass `link` and removes duplicates.
 
-    If a definition is used several times, its errors are reported once, at the first use, with the chain of documents.
-    `failed` is set if linking found an error, and `earlier` if an earlier pass found one. `incomplete` is set if an element was omitted
-    because of an error in this or an earlier pass.
+    Errors of a definition that is used several times are reported once, at the first use, with the chain of documents. `failed` is True if
+    the pass has reported an error, and `earlier` is True if an earlier pass has reported an error. `incomplete` is True if an element of
+    the robot was omitted because of an error in any pass.
     """
 
     def __init__(self, report: Report) -> None:
@@ -30,7 +30,7 @@ class LinkReport:
         self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: Hint | None = None, notes: Iterable[Note] = (),
         detail: str | None = None,
     ) -> None:
-        """Report an error at `origin`, unless it is a duplicate."""
+        """Report an error at `origin`, unless an equal error has been reported."""
         self.failed = True
         key = _key(code, message, origin)
         if self._may_say(key):
@@ -40,7 +40,10 @@ class LinkReport:
     def warn(
         self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: Hint | None = None, notes: Iterable[Note] = (),
     ) -> bool:
-        """Report a warning at `origin`, unless it is a duplicate. Return False if it is suppressed there."""
+        """Report a warning at `origin`, unless an equal warning has been reported.
+
+        Return False if the document suppresses the warning at this location.
+        """
         key = _key(code, message, origin)
         if key in self._said:
             self.report.allows(code, origin)  # this call also marks the `allow` at this location as used
@@ -60,9 +63,9 @@ class LinkReport:
         self.incomplete = True
 
     def _may_say(self, key: _Key) -> bool:
-        """Return whether a diagnostic is not a duplicate and the maximum number of diagnostics is not exceeded.
+        """Return whether to report a diagnostic: it is not a duplicate, and the maximum number of diagnostics has not been reached.
 
-        Report once that the maximum is exceeded.
+        When the maximum is reached, this is reported once.
         """
         if len(self._said) == MAX_FAULTS and key not in self._said:
             self._said.add(key)
@@ -71,10 +74,13 @@ class LinkReport:
 
 
 def _key(code: Code, message: str, origin: Origin) -> _Key:
-    """Return the key by which duplicate diagnostics are detected."""
+    """Return the key of a diagnostic. Diagnostics with equal keys are duplicates."""
     return code, message, origin[0] if origin else None
 
 
 def written_at(what: str, code: tuple[str, int] | None) -> tuple[Note, ...]:
-    """Return the note "`arm:Pen` is written here". Return no notes if the location is unknown (parts from files, built-in parts)."""
+    """Return a note with the location of part code: "`arm:Pen` is written here".
+
+    If the location is unknown, as for parts from files and built-in parts, return no notes.
+    """
     return (Note(message=f"{what} is defined here", span=line_of(*code)),) if code is not None else ()

@@ -18,13 +18,13 @@ from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, Material, Overrides
 
 Meshes = Mapping[MeshFile, MeshRecord]
-"""The records of the mesh files that have been read."""
+"""Records of the mesh files that have been read, by file."""
 
 
 def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> Listed:
     """Return the shapes of a link for display, collision and mass.
 
-    `meshes` contains the records of mesh files. Shapes whose mesh file has no record are omitted.
+    `meshes` contains the records of mesh files. A shape whose mesh file has no record is omitted.
     """
     boxes = [_box(shape, meshes) for shape in definition.shapes if isinstance(shape.solid, MeshFile) or shape.solid.shape != "plane"]
     return Listed(
@@ -36,7 +36,7 @@ def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes
 
 
 def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
-    """Return the bounding box of a shape in the link's frame (two corners [m]).
+    """Return the bounding box of a shape in the frame of the link, as two corners [m].
 
     Return None if the mesh file of the shape has not been read.
     """
@@ -47,7 +47,7 @@ def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
 
 
 def _drawn(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
-    """Yield the surfaces of a shape with their colours: a primitive, or the pieces of a mesh file."""
+    """Yield the surfaces of a shape with their colours. A shape is a primitive, or a mesh file with one or several pieces."""
     own, solid = shape.material or material, shape.solid
     otherwise = own.color if own is not None else None
     if not isinstance(solid, MeshFile):
@@ -70,7 +70,7 @@ def _touching(shape: LinkShape, material: Material | None, meshes: Meshes) -> It
 
 
 def _rubbing(shape: LinkShape, material: Material | None) -> Material | None:
-    """Return the material of a shape. The friction of the shape, if specified, replaces the friction of the material."""
+    """Return the material of a shape. If the shape specifies a friction, the returned material has this friction."""
     slide, torsion, roll = shape.friction
     if shape.friction == (None, None, None):
         return material
@@ -90,7 +90,7 @@ def _whole(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Mater
 
 
 def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | None:
-    """Return the bounding box that contains several boxes (two corners [m]). Return None for an empty list."""
+    """Return the smallest box (two corners [m]) that contains several boxes. Return None for an empty list."""
     corners = [corner for box in boxes for corner in box]
     if not corners:
         return None
@@ -101,26 +101,33 @@ def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | N
 class MissingDensity(Exception):
     """Raised if the mass of a link cannot be computed from its shapes.
 
-    The message of the exception is a predicate without its subject, the link's name. The message is empty if a mesh file was not read.
+    The message is the end of a sentence that begins with the name of the link. If a mesh file was not read, the message is empty.
     """
 
 
 def solid_shapes(definition: LinkDefinition) -> Sequence[LinkShape]:
-    """Return the shapes from which the mass of a link is computed: its collision shapes, or its display shapes if the link has no collision
-    shapes.
+    """Return the shapes from which the mass of a link is computed.
+
+    By default, they are the collision shapes. If the link has no collision shapes, they are the display shapes.
     """
     return [one for one in definition.shapes if one.touches] or [one for one in definition.shapes if one.drawn]
 
 
 def weigh_shapes(definition: LinkDefinition, material: Material | None, meshes: Meshes, overrides: Overrides) -> MassResult:
-    """Return the mass properties of a link, as specified in the document or computed from its shapes. Raises `MissingDensity`."""
+    """Return the mass properties of a link, as specified in the document or computed from its shapes.
+
+    Raises `MissingDensity` if the mass cannot be computed.
+    """
     if overrides.mass is None:
         return weigh_link(weight_of(definition, material, meshes), overrides)
     return weigh_link(NOTHING if is_fully_stated(overrides) else matter_of(definition, meshes), overrides)
 
 
 def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
-    """Return the mass properties of a shape at density 1, in the link's frame. Raises `MissingDensity`."""
+    """Return the mass properties of a shape at density 1, in the link's frame.
+
+    Raises `MissingDensity` if the volume of its mesh file is unknown.
+    """
     if not isinstance(shape.solid, MeshFile):
         return shape.solid.matter
     record = meshes.get(shape.solid)
@@ -132,14 +139,17 @@ def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
 
 
 def matter_of(definition: LinkDefinition, meshes: Meshes) -> MassProperties:
-    """Return the mass properties of a link at density 1: volume [m^3], centre [m] and inertia [m^5]. Raises `MissingDensity`."""
+    """Return the mass properties of a link at density 1: volume [m^3], centre [m] and inertia [m^5].
+
+    Raises `MissingDensity` if the volume of a mesh file is unknown.
+    """
     return total(_matter(shape, meshes) for shape in solid_shapes(definition))
 
 
 def weight_of(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> MassProperties:
     """Compute the mass [kg], centre of mass [m] and inertia [kg m^2] of a link from the densities of its shapes.
 
-    Return zeros if no shape has a density.
+    If no shape has a density, the result is zero.
 
     Raises `MissingDensity` if the mass cannot be computed, for example if only some shapes have a density.
     """
@@ -152,9 +162,10 @@ def weight_of(definition: LinkDefinition, material: Material | None, meshes: Mes
 
 
 def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, tuple[Origin, bool]]:
-    """Return every mesh file that links of the model list, with the location of its first use and whether the file must be read.
+    """Return every mesh file of the links of the model.
 
-    A mesh file must be read if it will be `drawn`, if the mass of a link depends on the mesh, or if a mode is `on_floor`.
+    Each file is mapped to the location of its first use, and to whether the file must be read. A mesh file must be read if meshes are
+    `drawn`, if the mass of a link depends on the file, or if a mode is `on_floor`.
     """
     every = drawn or any(mode.on_floor for mode in model.modes)
     files: dict[MeshFile, tuple[Origin, bool]] = {}

@@ -13,16 +13,17 @@ from thingc.model.resolve.types import AssemblyDefinition, Component
 def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> AssemblyDefinition:
     """Return a copy of the model in which mirror images of symmetric parts are replaced by the original part.
 
-    Each part of a mirrored assembly that equals its mirror image is replaced by the original part with its order number.
+    The replaced component also gets the order number of the original component in the bill of materials.
 
-    `records` contains all definitions of the model, and the originals of mirror images.
+    `records` contains the records of all definitions in the model, and of the originals of mirror images.
     """
     return _Substituted(records).of(model)
 
 
 class _Substituted:
-    """Replaces mirror images of symmetric parts in a model. Results are cached, so that equal definitions remain one object and unchanged
-    definitions are not copied.
+    """Replaces mirror images of symmetric parts in a model by the original parts.
+
+    Results are cached, so that equal definitions remain the same object, and unchanged definitions are not copied.
     """
 
     def __init__(self, records: Mapping[str, PartRecord | PartFailure]) -> None:
@@ -49,9 +50,7 @@ class _Substituted:
         return replace(component, definition=definition.plain, bom=component.image_of.bom, mounts_mirrored=definition.mirror)
 
     def _is_own(self, definition: PartDefinition, plain: PartDefinition) -> bool:
-        """Return whether a part equals its mirror image: the same solid, the same mounts, and the same specified centre of mass and
-        inertia.
-        """
+        """Return whether a part equals its mirror image: solid, mounts, and specified centre of mass and inertia must be equal."""
         image, record = self._records.get(definition.text), self._records.get(plain.text)
         if not isinstance(image, PartRecord) or not isinstance(record, PartRecord):
             return False
