@@ -1,8 +1,8 @@
 """Compute the length and the straight segments of a tendon that passes through mounts, around spheres and cylinders, and over pulleys.
 
-Between two mounts, the tendon is straight or follows the shortest path around a shape, on the side of its `side` mount. Lengths are
-divided by the divisor of the preceding pulley. The model is MuJoCo's `spatial` tendon (Computation, "Tendon"; `mju_wrap` of its engine),
-computed in the frame of the given poses.
+Between two mounts, the tendon is straight, or follows the shortest path around a shape. The mount `side` of the shape determines on which
+side the tendon passes. Lengths after a pulley are divided by the divisor of the pulley. The result is the same as for a `spatial` tendon of
+MuJoCo (Computation, "Tendon"; `mju_wrap` of its engine).
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from thingc.model.assembly.types import LinkedMount, TendonStep
 
 Point = tuple[float, float]
 TINY = 1e-15
-"""Lengths [m] below this value count as 0, as MuJoCo's `mjMINVAL`."""
+"""Lengths [m] below this value count as 0. The value is `mjMINVAL` of MuJoCo."""
 
 
 class TendonSpan(OneLineRepr, FrozenStruct):
-    """A straight segment of a tendon, between points on the parts of two mounts.
+    """A straight segment of a tendon between two points, each on the part of a mount.
 
-    The tendon's length includes the segment's length divided by `divisor`.
+    The length of the segment, divided by `divisor`, is a part of the length of the tendon.
     """
 
     ends: tuple[LinkedMount, LinkedMount]
@@ -37,7 +37,7 @@ class TendonSpan(OneLineRepr, FrozenStruct):
 
 
 class TendonCourse(OneLineRepr, FrozenStruct):
-    """The length of a tendon [m] and its straight segments, which pull on the parts at their ends."""
+    """The length of a tendon [m], and its straight segments, which pull on the parts at their ends."""
 
     length: float
     spans: tuple[TendonSpan, ...]
@@ -46,7 +46,7 @@ class TendonCourse(OneLineRepr, FrozenStruct):
 def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
     """Compute the length and the straight segments of a tendon.
 
-    `at` maps the paths of the tendon's mounts to their poses in a common frame.
+    `at` maps the paths of the mounts of the tendon to their poses in a common frame.
     """
     spans: list[TendonSpan] = []
     length, divisor = 0.0, 1.0
@@ -77,9 +77,9 @@ def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
 
 
 def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector) -> tuple[float, Vector, Vector] | None:
-    """Return the length [m] of the tendon's arc on a shape that it wraps, and the two ends of the arc.
+    """Return the length [m] of the arc of a tendon on a sphere or cylinder, and the two ends of the arc.
 
-    Return None if the tendon does not touch the shape.
+    Return None if the tendon does not touch the sphere or cylinder.
     """
     assert step.mount is not None and step.radius is not None
     shape, radius = at[step.mount.path], step.radius
@@ -119,12 +119,12 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
 
 
 def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[float, Point, Point] | None:
-    """Return the length and the ends of the arc where a string from p to q touches a circle about the origin.
+    """Return the length and the two ends of the arc that a string from p to q forms on a circle about the origin.
 
     Return None if the string does not touch the circle.
 
-    With `side`, a point on the circle, the arc is on this side. Without `side`, the string touches the circle only if the line from p to q
-    intersects the circle, and the arc is the shorter of the two arcs.
+    If `side`, a point on the circle, is given, the arc is on the side of this point. Otherwise, the string touches the circle only if the
+    line from p to q intersects the circle, and the arc is the shorter of two possible arcs.
     """
     pp, qq, square = p[0] ** 2 + p[1] ** 2, q[0] ** 2 + q[1] ** 2, radius**2
     if pp < square or qq < square:

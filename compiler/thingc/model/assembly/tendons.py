@@ -1,4 +1,4 @@
-"""Resolve the mounts and joints to which tendons refer, in the linked assembly."""
+"""Resolve the references of tendons to mounts and joints in the linked assembly."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from thingc.model.resolve.types import PathStep
 
 
 def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedTendon, ...]:
-    """Return the tendons of all documents, with mounts and joints resolved to paths in the robot. Report and omit invalid tendons."""
+    """Return the tendons of all documents. References to mounts and joints are resolved. Invalid tendons are reported and omitted."""
     tendons: list[LinkedTendon] = []
     for instance, definition in tree.assemblies:
         for one in definition.tendons:
@@ -38,7 +38,10 @@ def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tupl
 
 
 def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
-    """Return a step of a tendon's path in the document of `instance`. Report invalid references of the step and return None."""
+    """Resolve a step of the path of a tendon in the document of `instance`.
+
+    If a reference of the step is invalid, report an error and return None.
+    """
     named = {one: mount_of(tree, instance, one) for one in (step.mount, step.side) if one is not None}
     if None in named.values():
         return None
@@ -49,7 +52,7 @@ def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
 
 
 def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> bool:
-    """Return whether the `side` mount of a shape that a tendon wraps is on the same link as the shape. Report an error if it is not."""
+    """Return whether the mount `side` of a shape around which a tendon wraps is on the same link as the shape. If not, report an error."""
     if step.mount is None or step.side is None or link_of[step.mount.occurrence] == link_of[step.side.occurrence]:
         return True
     findings.error(
@@ -60,11 +63,11 @@ def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> b
 
 
 def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mapping[int, Pose], findings: LinkReport) -> LinkedTendon:
-    """Return a copy of the tendon with the rest length of its spring, which is by default its length at q = 0.
+    """Return a copy of the tendon in which the rest length of its spring is set.
 
-    `rest` contains the poses of all occurrences at q = 0.
+    By default, the rest length is the length at q = 0. `rest` contains the poses of all occurrences at q = 0.
 
-    Report a path with a mount inside a shape that it wraps.
+    A mount of the path inside a shape around which the tendon wraps is reported.
     """
     if not tendon.steps:
         return tendon

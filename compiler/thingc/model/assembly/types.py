@@ -1,4 +1,4 @@
-"""Data types of the linked robot before a root is chosen: occurrences, the mate graph, links, sensors, tendons and modes."""
+"""Data types of the linked robot before a root is chosen: placed components, the mate graph, links, sensors, tendons and modes."""
 
 from __future__ import annotations
 
@@ -41,11 +41,12 @@ class MountFrame(OneLineRepr, FrozenStruct):
 
 
 class Surface(OneLineRepr, FrozenStruct):
-    """A shape of an occurrence for display or collision: `solid` at `pose` in the occurrence's frame, with a material and a colour.
+    """A shape of a component for display or collision.
 
-    `color` is `#rrggbb` or `#rrggbbaa`, or None for the colour of the mesh. For a mesh that a link lists, `name` is the file name without
-    extension and `volume` [m^3] the volume. `scale` contains the scale factors if MuJoCo reads the original file. `title` is the name of a
-    listed shape in files, without the path of nested documents.
+    `solid` is placed at `pose` in the frame of the component, with a material and a colour. `color` is `#rrggbb` or `#rrggbbaa`, or None
+    for the colour of the mesh. For a mesh file that a link lists, `name` is the file name without extension, and `volume` is the volume
+    [m^3]. `scale` contains the scale factors if MuJoCo reads the original mesh file. `title` is the name that a document specifies for the
+    shape in output files, without the path of nested documents.
     """
 
     solid: Mesh | Primitive
@@ -62,8 +63,8 @@ class Surface(OneLineRepr, FrozenStruct):
 class Listed(OneLineRepr, FrozenStruct):
     """The geometry of a link whose shapes are listed in the document, in the frame of the link.
 
-    `Listed` contains the shapes for display, for collision, and for the mass (`solids`). `box` is the bounding box (two corners [m]), or
-    None if there are no shapes or if a mesh file has not been read.
+    `drawn` contains the shapes for display, `touching` the shapes for collision, and `solids` the shapes that determine the mass. `box` is
+    the bounding box (two corners [m]). `box` is None if there are no shapes, or if a mesh file has not been read.
     """
 
     drawn: tuple[Surface, ...]
@@ -75,9 +76,9 @@ class Listed(OneLineRepr, FrozenStruct):
 class PartInstance(OneLineRepr, FrozenStruct):
     """A component that is a part, a link or a frame. `record` is set for a part, and `listed` for a link.
 
-    `properties` and `mounts` (with `origin`) are in its own frame. `mass_source` is `measured | vendor | stated | derived | estimated`.
-    `estimate` is the method for infill (`layers | skin`), otherwise None. `sound` is False if the mass of the component is invalid (an
-    error is then reported). `color` is `#rrggbb`.
+    The mass `properties` and the `mounts` (including `origin`) are in the frame of the component. `mass_source` is `measured | vendor |
+    stated | derived | estimated`. `estimate` is the method of estimation for a part with infill (`layers | skin`), otherwise None. `sound`
+    is False if the mass of the component is invalid, which is reported as an error. `color` is `#rrggbb`.
     """
 
     component: Component
@@ -97,7 +98,7 @@ class PartInstance(OneLineRepr, FrozenStruct):
 class Occurrence(PartInstance):
     """One use of a part, a link or a frame in the robot, at a path such as `hand/cap`.
 
-    `index` is the position of the occurrence in document order.
+    `index` is the position in the list of all occurrences in document order.
     """
 
     path: str
@@ -106,9 +107,9 @@ class Occurrence(PartInstance):
     origin: Origin
 
     def name_in_files(self, surface: Surface) -> str | None:
-        """Return the name that a shape has in output files, with the path of its document.
+        """Return the name that a document specifies for a shape in output files, including the path of the document.
 
-        Return None if the document does not specify a name.
+        Return None if the document does not specify a name for the shape.
         """
         return None if surface.title is None else self.path[: self.path.rfind("/") + 1] + surface.title
 
@@ -116,7 +117,7 @@ class Occurrence(PartInstance):
     def drawn(self) -> tuple[Surface, ...]:
         """The shapes for display, in the occurrence's frame.
 
-        The tuple is empty if there is no geometry or the document disables display.
+        The tuple is empty if there is no geometry, or if the document disables the display of the component.
         """
         if self.listed is not None:
             return self.listed.drawn
@@ -129,7 +130,7 @@ class Occurrence(PartInstance):
 
         For a mesh file that a link lists, the collision shape is the convex hull of the mesh.
 
-        The result is empty for `none`, if there is no geometry, and if the part has no such shape.
+        The result is empty if `collision` is `none`, if there is no geometry, or if the part does not have the selected shape.
         """
         if self.listed is not None:
             return self.listed.touching
@@ -145,15 +146,15 @@ class Occurrence(PartInstance):
 
     @property
     def collides(self) -> bool:
-        """Whether the occurrence may collide, according to the information that is available without meshes."""
+        """Whether the occurrence may collide. Only information that is available without meshes is used."""
         return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
 
     @property
     def solids(self) -> tuple[Surface, ...]:
         """The shapes that determine the volume of the occurrence, in its own frame.
 
-        For a part, the result contains the mesh of the part. For a link, the result contains the collision shapes, or the display shapes if
-        there are no collision shapes.
+        For a part, the result is the mesh of the part. For a link, the result is the collision shapes, or the display shapes if there are
+        no collision shapes.
         """
         if self.listed is not None:
             return self.listed.solids
@@ -161,25 +162,25 @@ class Occurrence(PartInstance):
         return () if mesh is None else (self._surface(mesh),)
 
     def _surface(self, solid: Mesh | Primitive) -> Surface:
-        """Return a solid of the part as a shape with the material of the part."""
+        """Convert a solid of the part to a `Surface` with the material of the part."""
         return Surface(solid=solid, material=self.material, color=self.color)
 
     @property
     def box(self) -> tuple[Vector, Vector] | None:
         """The bounding box of the occurrence in its own frame (two corners [m]).
 
-        None if there is no geometry or the box is not known exactly.
+        The box is None if there is no geometry, or if the size is not known exactly.
         """
         return self.listed.box if self.listed is not None else self.record.box if self.record is not None else None
 
 
 class ActuatorModel(OneLineRepr, FrozenStruct):
-    """A drive of a joint or tendon in SI units, including defaults from the Thing's actuator.
+    """A drive of a joint or tendon in SI units. Missing values come from the actuator of the Thing.
 
-    `effort` is the limit of its force or torque.
+    `effort` is the limit of the force or torque of the drive.
 
-    For a drive of a ball joint, `axis` is a unit vector that is fixed in the child, in the parent mount's axes at q = 0. `name` is the name
-    in files if it differs from the joint's name.
+    For a drive of a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child. `name` is
+    the name of the drive in output files if it differs from the name of the joint.
     """
 
     kind: DriveType
@@ -193,12 +194,12 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
 
 
 class JointEdge(Coordinate):
-    """A coordinate of the joint in a mate, including all default values.
+    """One coordinate of the joint of a mate, including all default values.
 
     `name` is the name of the coordinate in the top document (`hand.wrist[0]`).
 
-    `twist` is the motion of the joint, in the frame that the preceding coordinates of the mate have moved. `mimic.joint` is also a name in
-    the top document. `limit.effort`, `limit.velocity` and `dynamics.armature` include the drive's defaults.
+    `twist` is the motion of the coordinate, in the frame of the joint after the motions of the preceding coordinates. `mimic.joint` is also
+    a name in the top document. `limit.effort`, `limit.velocity` and `dynamics.armature` include the default values from the drive.
     """
 
     twist: Twist
@@ -206,12 +207,12 @@ class JointEdge(Coordinate):
 
 
 class Mate(OneLineRepr, FrozenStruct):
-    """An edge of the mate graph between occurrences `parent` and `child` (indices).
+    """An edge of the mate graph between two placed components, whose indices are `parent` and `child`.
 
-    Over the coordinates in `joints`, `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ X_JC`. A mate
-    without joints is rigid. `name` is the path of the joint (None if rigid). `parent_mount` and `child_mount` are the names of the mated
-    mounts (`origin` for `at`). `loop` is the path of a joint that closes a loop. A mate with a `loop` does not place its child and is not
-    an edge of the tree of placements.
+    With the coordinates in `joints`, the pose of the child in the frame of the parent is `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @
+    exp(twist_1 (q_1 + offset_1)) ... @ X_JC`. A mate without joints is rigid. `name` is the path of the joint, or None for a rigid mate.
+    `parent_mount` and `child_mount` are the names of the mated mounts (`origin` for `at`). `loop` is the path of a joint that closes a
+    loop. A mate with a `loop` does not place its child component.
     """
 
     parent: int
@@ -229,8 +230,8 @@ class Mate(OneLineRepr, FrozenStruct):
 class Link(OneLineRepr, FrozenStruct):
     """A set of rigidly connected occurrences, which are one body in every simulator.
 
-    `frame` is the index of the occurrence whose frame is the link's frame. `poses[k]` is the pose of `members[k]` in the link's frame.
-    `properties` are the combined mass properties in the link's frame.
+    `frame` is the index of the occurrence whose frame is also the frame of the link. `poses[k]` is the pose of `members[k]` in the link's
+    frame. `properties` contains the total mass properties in the frame of the link.
     """
 
     name: LinkPath
@@ -243,14 +244,14 @@ class Link(OneLineRepr, FrozenStruct):
 
 
 class MountAt(OneLineRepr, FrozenStruct):
-    """A mount in the linked assembly, identified by its occurrence and its name."""
+    """A mount in the linked assembly, given by the index of its occurrence and by its name."""
 
     occurrence: int
     mount: str
 
 
 class LinkedMount(MountAt):
-    """A mount or component to which a document refers, with the path of its site in the robot.
+    """A mount or a component to which a document refers, with the path of the corresponding site in the robot.
 
     The path is for example `hand/tip`, or `hand/origin` for a component.
     """
@@ -259,9 +260,10 @@ class LinkedMount(MountAt):
 
     @property
     def of_component(self) -> bool:
-        """Whether the reference is to a component, not to a mount. At a pose, a component has its origin, but a mount is mated to the pose.
+        """Whether the reference is to a component and not to a mount.
 
-        This property cannot be derived from `mount`, because a mount of an assembly may be the origin of one of its components.
+        If the reference is placed at a pose, the origin of a component is at this pose, but a mount is mated to this pose. The field
+        `mount` is not sufficient, because a mount of an assembly can be the origin of one of its components.
         """
         return self.path.rpartition("/")[2] == "origin"
 
@@ -269,7 +271,7 @@ class LinkedMount(MountAt):
 class ExportedMount(LinkedMount):
     """A mount that an assembly exports, with its path in the robot.
 
-    The path is `tip` in the top document, or `hand/tip` in the nested assembly `hand`.
+    For the mount `tip`, the path is `tip` in the top document, and `hand/tip` in the nested assembly `hand`.
     """
 
     origin: Origin
@@ -284,9 +286,9 @@ class Adhesion(LinkedMount):
 class LinkedHold(OneLineRepr, FrozenStruct):
     """A mount that a mode holds to the world. The mount is mated to the frame `pose` in the world.
 
-    If `pose` is None, the hold is at the place of the mount in the mode's own pose.
+    If `pose` is None, the mount is held at its pose in the start pose of the mode.
 
-    If the hold `turns`, only the origin of the mount is fixed.
+    If `turns` is True, only the origin of the mount is fixed, and the mount can rotate.
     """
 
     mount: LinkedMount
@@ -306,9 +308,9 @@ class Foot(OneLineRepr, FrozenStruct):
 class LinkedSensor(Measurement):
     """A sensor with its path in the robot (`leg/imu`) and with resolved references.
 
-    `joint` and `tendon` are paths, and `touching` contains indices of links.
+    `joint` and `tendon` are paths in the robot, and `touching` contains indices of links.
 
-    `parts` contains the readings that have their own names in files.
+    `parts` contains the readings with their own names in output files.
     """
 
     path: SensorPath
@@ -330,14 +332,14 @@ class LinkedSensor(Measurement):
         return None if self.at is None else self.at.path
 
     def part(self, reading: str) -> str:
-        """Return the name of one reading of the sensor (`gyro`) for formats with separate sensors."""
+        """Return the name of one reading of the sensor, such as `gyro`, for output formats in which each reading is a separate sensor."""
         return self.parts.get(reading, f"{self.path}:{reading}")
 
 
 class TendonStep(Wrap):
     """A step of the path of a tendon: a mount that the tendon passes, a shape that it wraps, or a pulley.
 
-    The references to mounts are resolved.
+    References to mounts are resolved.
     """
 
     mount: LinkedMount | None
@@ -347,9 +349,9 @@ class TendonStep(Wrap):
 class LinkedTendon(OneLineRepr, FrozenStruct):
     """A tendon with its path in the robot (`hand/grip`) and with resolved references to joints and mounts.
 
-    `moves` maps joint paths to the change of its length per unit of q. The length is in [rad] if the tendon `turns`, otherwise in [m]. A
-    spatial tendon has `steps`, and a `width` [m] if the document specifies it. The default rest length of its spring is its length at q =
-    0.
+    `moves` maps joint paths to the change of the tendon's length per unit of q. If `turns` is True, the length is an angle [rad], otherwise
+    a length [m]. A tendon along a path has `steps`, and a `width` [m] if the document specifies the width. The default for the rest length
+    of its spring is the length at q = 0.
     """
 
     path: TendonPath
@@ -364,20 +366,23 @@ class LinkedTendon(OneLineRepr, FrozenStruct):
 
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
-        """The mounts through which the path of the tendon passes, and the mounts of the shapes that it wraps."""
+        """The mounts through which the tendon passes, and the mounts of the shapes around which the tendon wraps."""
         return tuple(one for step in self.steps for one in (step.mount, step.side) if one is not None)
 
     def length(self, q: Mapping[str, float]) -> float:
-        """Compute the length [rad or m] of a tendon over joints. `q` maps the paths of all joints to their positions [rad or m]."""
+        """Compute the length [rad or m] of a tendon whose length is a sum of joint coordinates.
+
+        `q` maps the paths of all joints to their positions [rad or m].
+        """
         return sum_of(factor * q[path] for path, factor in self.moves.items())
 
 
 class LinkedMode(ModeSettings):
-    """A mode of the top document with resolved references. `exclude` are pairs of link indices, `adhesion` is by path.
+    """A mode of the top document with resolved references.
 
-    `pose` is the mode's own pose, the first of `poses`. `cut` are the joints (by path) at which loops should be cut. For a mode that is
-    `on_floor`, the height of `at` is 0 until the pass `stand` computes it. The pass `stand` also adds the placements in other poses to
-    `at_in`, which otherwise contains the placements that the document specifies.
+    `exclude` contains pairs of link indices, and `adhesion` maps paths of magnets to forces. `pose` is the start pose of the mode, which is
+    the first of `poses`. `cut` contains the paths of the joints at which loops should be cut. If the mode is `on_floor`, the height in `at`
+    is 0 until the function `stand` computes it. The function `stand` also adds the root poses of other keyframes to `at_in`.
     """
 
     root: LinkedMount
@@ -388,10 +393,10 @@ class LinkedMode(ModeSettings):
 
 
 class FileNames(OneLineRepr, FrozenStruct):
-    """The names of elements in output files that differ from the path of the element.
+    """The names of elements in output files, for elements whose name differs from their path.
 
-    Names of components also apply to links. Drives are keyed by their joint coordinate or tendon, and equalities by the joint that mimics
-    or closes a loop. A key of a sensor may include a reading (`imu:gyro`).
+    The name of a component is also the name of its link. Drives are keyed by their joint coordinate or tendon, and equalities by the joint
+    that mimics or closes a loop. The key of a sensor can be followed by a reading (`imu:gyro`).
     """
 
     components: dict[str, str] = {}
@@ -407,7 +412,7 @@ class FileNames(OneLineRepr, FrozenStruct):
 class LinkedTest(OneLineRepr, FrozenStruct):
     """A test of the top document with resolved references.
 
-    References to mounts become mounts, and references to components become their occurrences.
+    References to mounts are replaced by mounts, and references to components by the indices of their parts, links and frames.
     """
 
     test: Test
@@ -437,9 +442,10 @@ class Connected(OneLineRepr, FrozenStruct):
 class Assembly(Connected):
     """The output of the pass `link`: all properties of the robot that do not depend on a root.
 
-    `base` is the occurrence that defines the assembly's frame. `rest[i]` is the pose of occurrence i in this frame at q = 0. The number of
-    mates, except for mates that close loops, is one less than the number of occurrences. `names` is None if all names in files are paths.
-    In `raw`, the names of joints and bodies of nested documents have the path of their document as a prefix.
+    `base` is the index of the base occurrence, whose frame is the frame of the assembly. `rest[i]` is the pose of the occurrence with index
+    i in this frame at q = 0. The mates that do not close loops form a tree: their number is one less than the number of occurrences.
+    `names` is None if every element is named after its path in output files. In `raw`, names of elements in nested documents begin with the
+    path of the document.
     """
 
     name: str
@@ -455,7 +461,7 @@ class Assembly(Connected):
 
     @property
     def hag(self) -> Hag:
-        """The hierarchical assembly graph of the robot. The graph is computed at each access."""
+        """The hierarchical assembly graph of the robot. The graph is computed each time."""
         return hag_of(self.definition)
 
     @property
@@ -466,5 +472,5 @@ class Assembly(Connected):
 
     @property
     def properties(self) -> MassProperties:
-        """The mass properties of the whole robot at q = 0, in the base component's frame."""
+        """The mass properties of the whole robot at q = 0, in the frame of the base component."""
         return total(o.properties.seen_from(self.rest[o.index]) for o in self.occurrences)

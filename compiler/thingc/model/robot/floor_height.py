@@ -1,7 +1,7 @@
-"""Compute the height of the robot in modes with `on: floor`, so that its lowest point touches z = 0 of the world.
+"""Compute the height of a robot in modes with `on: floor`, so that the lowest point of the robot touches the plane z = 0.
 
-The lowest point of the collision shapes is used, so that a simulation starts with the robot touching the floor without
-penetration. The height of a mode is computed for its start pose. If the base is `free`, each keyframe has its own height.
+Only collision shapes are used, so that a simulation starts without penetration between the robot and the floor. The height is computed for
+the start pose of the mode. For a mode with a `free` base, a height is computed for each keyframe.
 """
 
 from __future__ import annotations
@@ -25,20 +25,22 @@ from thingc.model.robot.loop_cuts import spanning
 from thingc.model.robot.tree import bodies_from, in_link, root_pose
 
 MeshVertices = Callable[[Mesh], Sequence[Vector]]
-"""Returns the vertices [m] of a mesh in the store."""
+"""Function that returns the vertices [m] of a mesh in the store."""
 
 DECIMALS = 7
-"""Number of decimals of heights [m]. Vertices of meshes have single precision, so 0.05825 would become 0.05825000014901161."""
+"""Number of decimals of heights [m]. Without rounding, a height of 0.05825 would become 0.05825000014901161, because vertices of meshes
+have single precision.
+"""
 
 ROUNDING = 1e-6
-"""Tolerance [m] by which a mesh may exceed its part's box because of rounding."""
+"""Largest distance [m] by which a mesh can exceed the bounding box of its part because of rounding."""
 
 
 def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report, memo: Memo | None = None) -> Assembly:
     """Return a copy of the assembly in which modes with `on: floor` have a computed height in `at` and `at_in`.
 
-    Without `mesh_vertices`, the heights are computed from bounding boxes of parts, which is accurate enough if meshes are not needed.
-    Report a robot without collision shapes. `memo` caches results.
+    Without `mesh_vertices`, the heights are computed from bounding boxes of parts, which is accurate enough if meshes are not needed. If a
+    robot does not have collision shapes, an error is reported. `memo` caches results.
     """
     if not any(mode.on_floor for mode in assembly.modes):
         return assembly
@@ -70,7 +72,7 @@ def _raised(at: Pose, height: float) -> Pose:
 
 
 def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_vertices: MeshVertices | None, memo: Memo) -> float | None:
-    """Compute the height z [m] of the root at which the robot touches the floor in a pose.
+    """Compute the height z [m] of the root in a pose for which the robot touches the floor.
 
     If `pose` is None, all joints are at 0. Return None if there are no collision shapes.
     """
@@ -89,9 +91,9 @@ def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_v
 def _lowest(
     parts: Sequence[tuple[Occurrence, Pose]], place: tuple[str, str | None], mesh_vertices: MeshVertices | None, memo: Memo,
 ) -> float:
-    """Return the smallest z coordinate [m] of collision shapes in the world. Return infinity if there are no collision shapes.
+    """Return the smallest z coordinate [m] of all collision shapes in the world. If there are no collision shapes, return infinity.
 
-    The function examines meshes in the order of the lowest points of their boxes, and stops if the remaining meshes cannot be lower.
+    Meshes whose bounding boxes are lowest are examined first. Meshes that cannot be lower than the result are not read.
     """
     lowest = inf
     meshes: list[tuple[float, int, int, Mesh, Pose]] = []
@@ -121,16 +123,16 @@ def _lowest(
 
 
 def vertices_of(mesh_vertices: MeshVertices, mesh: Mesh, sha256: str) -> Sequence[Vector]:
-    """Return the vertices of a mesh. `sha256` is the digest of the mesh, by which a `Memo` caches the vertices."""
+    """Return the vertices of a mesh. `sha256` is the digest of the mesh, which a `Memo` uses as the cache key."""
     return mesh_vertices(mesh)
 
 
 def of_points(points: Sequence[Vector], down: Vector) -> float:
-    """Return the smallest dot product [m] of the vector `down` with any of the points."""
+    """Return the smallest dot product [m] of the vector `down` and any of the points."""
     x, y, z = down
     return minimum(x * a + y * b + z * c for a, b, c in points)
 
 
 def of_box(box: tuple[Vector, Vector], down: Vector) -> float:
-    """Return the smallest dot product [m] of the vector `down` with any point of a box."""
+    """Return the smallest dot product [m] of the vector `down` and any point of a box."""
     return sum_of(minimum(component * low, component * high) for component, low, high in zip(down, *box, strict=True))

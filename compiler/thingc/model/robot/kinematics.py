@@ -1,6 +1,4 @@
-"""Compute the kinematics of a robot in one mode: poses of bodies and parts, mass properties, and paths of tendons for given joint
-positions.
-"""
+"""Compute the kinematics of a robot in one mode at given joint positions: poses, mass properties, and paths of tendons."""
 
 from __future__ import annotations
 
@@ -31,9 +29,9 @@ def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
 
 
 def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[TreeJoint, Twist]]:
-    """Yield the coordinates of a body in reverse order, with their twists in the world (or in the reference frame of `pose`).
+    """Yield the joint coordinates by which a body moves, from the last to the first, each with its twist in the world.
 
-    `q` contains the coordinates [rad or m] of all joints by path.
+    The twists are in the reference frame of `pose`, the pose of the body. `q` contains the coordinates [rad or m] of all joints by path.
     """
     values = tuple(q[joint.path] for joint in body.joints)
     for number, twist in velocities(body.twists, values, pose, at_once=body.at_once):
@@ -43,7 +41,7 @@ def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[T
 def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
     """Compute the poses of all bodies in the world, in the order of `robot.bodies`.
 
-    By default, the root has the pose that the mode specifies.
+    `root` is the pose of the root link. By default, the mode specifies this pose.
 
     `q` maps joint paths to positions [rad or m]. Positions of joints that are not in `q` are computed from mimics, or are 0.
     """
@@ -73,8 +71,9 @@ def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = N
 
 
 def mass_properties(robot: Robot, q: Mapping[str, float]) -> MassProperties:
-    """Compute the total mass [kg] of the robot, its centre of mass [m] and its inertia about the centre of mass [kg m^2], in the frame of
-    the root link.
+    """Compute the total mass [kg], the centre of mass [m] and the inertia [kg m^2] of a robot, in the frame of the root link.
+
+    The inertia is about the centre of mass.
     """
     links = robot.assembly.links
     placed = body_poses(robot, q, NO_POSE)
@@ -82,7 +81,7 @@ def mass_properties(robot: Robot, q: Mapping[str, float]) -> MassProperties:
 
 
 def link_names(robot: Robot) -> tuple[str, ...]:
-    """Return the names of all bodies, in the order of `robot.bodies`."""
+    """Return the link names of all bodies, in the order of `robot.bodies`."""
     return tuple(robot.assembly.links[body.link].name for body in robot.bodies)
 
 
@@ -93,13 +92,13 @@ def course_of(robot: Robot, tendon: LinkedTendon, bodies: Sequence[Pose]) -> Ten
 
 
 def rates(robot: Robot, tendon: LinkedTendon, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[str, float]:
-    """Compute the derivative of a tendon's length with respect to each joint coordinate of the tree [m/rad or 1].
+    """Compute the derivatives of the length of a tendon with respect to the joint coordinates of the kinematic tree [m/rad or 1].
 
     `q` maps the paths of all joints to positions [rad or m].
 
-    `bodies` are the poses of bodies in the world. For a tendon over joints, the derivatives are the factors of the joint coordinates. For a
-    tendon along a path, they are sums over its straight segments. The tendon slides on shapes, so it pulls on a shape with the forces of
-    the adjacent segments.
+    `bodies` contains the poses of all bodies in the world. If the length is a sum of joint coordinates, the derivatives are the factors of
+    these coordinates. If the length is the length of a path, each derivative is a sum over the straight segments of the path. The tendon
+    can slide on spheres and cylinders, so a sphere or cylinder is pulled by both adjacent segments.
     """
     if not tendon.steps:
         return dict(tendon.moves)

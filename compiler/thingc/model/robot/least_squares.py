@@ -9,7 +9,7 @@ from thingc.base.numeric import sqrt, sum_of
 
 
 def solve(columns: Sequence[Sequence[float]], error: Sequence[float], damping: float) -> list[float] | None:
-    """Return the x that minimizes |error + J x|^2 + lambda |x|^2, or None if the matrix is numerically singular.
+    """Return the vector x that minimizes |error + J x|^2 + lambda |x|^2, or None if the matrix is numerically singular.
 
     `columns` contains the n columns of J, with m rows each. lambda is `damping` times the mean square of the entries of J along the smaller
     side, so that the result does not depend on units. As lambda goes to 0, x goes to -pinv(J) error. The method uses the normal equations

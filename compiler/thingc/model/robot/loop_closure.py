@@ -22,18 +22,18 @@ from thingc.model.robot.tree import bodies_from, cut_closures, in_link, placing,
 from thingc.model.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
 
 MET = 1e-12
-"""Tolerance [m, rad] for closed loops. A pose whose loops are closed within this tolerance is used as written."""
+"""Tolerance [m, rad] for a pose in the document whose loops are already closed. The joint positions of such a pose are not changed."""
 
 STILL = 1e-9
-"""Smallest movement of a joint during loop closure that counts [rad or m]."""
+"""Smallest movement of a joint during loop closure that is not treated as 0 [rad or m]."""
 
 FAR = radians(30.0)
-"""Largest movement of a joint during loop closure [rad; proportional for slides] for which a pose keeps its name. The mode's start pose
-always keeps its name.
+"""Largest movement of a joint during loop closure for which a pose is exported as a keyframe [rad; scaled for translations]. The start pose
+of a mode is always exported.
 """
 
 STARTS = 8
-"""Number of additional start states to try before reporting that a mode's loops do not close."""
+"""Number of additional start states from which the solver tries to close the loops of a mode before it reports an error."""
 
 Taken = Collection[int]
 
@@ -41,9 +41,9 @@ Taken = Collection[int]
 def closures_of(
     assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report, memo: Memo,
 ) -> tuple[Closure, ...] | None:
-    """Return the loop closures of a mode: first its holds, then the joints that its kinematic tree does not contain.
+    """Return the loop closures of a mode: first its holds, then the joints that are not in its kinematic tree.
 
-    Report invalid closures and return None.
+    If a closure is invalid, report an error and return None.
 
     `memo` caches results.
     """
@@ -76,9 +76,9 @@ def closures_of(
 
 
 def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Report) -> bool:
-    """Return whether loops are cut at all joints in the mode's `cut`.
+    """Return whether a loop is cut at every joint in the setting `cut` of the mode.
 
-    Report joints that are not on a loop, or whose loop is cut at another joint.
+    A joint that is not on a loop, or whose loop is cut at another joint, is reported.
     """
     joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None}
     wrong = [one for one in mode.cut if joints.get(one.joint) in taken]
@@ -104,20 +104,22 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
 
 
 def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
-    """Return the pose at which a hold keeps its mount: the current pose for `here`, otherwise the pose that the hold specifies."""
+    """Return the pose in the world at which a hold fixes its mount: the current pose for `here`, otherwise the pose in the document."""
     if hold.pose is not None:
         return hold.pose if hold.mount.of_component else hold.pose @ MATE
     return (where or {})[body] @ X_LM
 
 
 def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], memo: Memo) -> dict[int, Pose]:
-    """Close the loops of joints in the mode's own pose (by default all joints at 0), and return the poses of bodies."""
+    """Close the loops of joints in the start pose of the mode (by default all joints at 0), and return the poses of all bodies."""
     pose = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
     return dict(enumerate(placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
 
 
 def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
-    """Close the kinematic loops in a pose as far as possible, and return the positions [rad or m] of all joints by path.
+    """Close the kinematic loops of an assembly as far as possible, beginning with a pose.
+
+    Return the positions [rad or m] of all joints by path.
 
     If `pose` is None, all joints start at 0.
 
@@ -132,9 +134,9 @@ def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -
 
 
 def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
-    """Return the kinematic loops of the assembly, cut at the joints that do not place a component.
+    """Return the kinematic loops of the assembly. Each loop is cut at the joint that does not place a component.
 
-    These loops are the same in every mode.
+    The result is the same for every mode.
     """
     taken = placing(assembly)
     if not any(mate.loop is not None for mate in assembly.mates):
@@ -148,10 +150,11 @@ def keyframes_of(
 ) -> tuple[tuple[Keyframe, ...], tuple[Unclosed, ...]] | None:
     """Close the kinematic loops in each pose of a mode.
 
-    Return a keyframe with the positions of all joints for each closed pose, and the poses that do not close.
+    For each pose whose loops close, return a keyframe with the positions of all joints. Also return the poses whose loops do not close.
 
-    A free base moves first, then joints that are not in the pose. Joints in the pose move only if these movements are not enough. If the
-    mode's own pose does not close, or if no pose closes, report an error and return None. `memo` caches results.
+    To close the loops, the solver first moves a free base, then the joints that the pose does not contain. The joints in the pose move only
+    if this is not sufficient. If the loops do not close in the start pose of the mode, or in any pose, report an error and return None.
+    `memo` caches results.
     """
     joints = joints_of(assembly)
     by_name = {pose.name: pose for pose in assembly.poses}
@@ -194,7 +197,10 @@ def keyframes_of(
 
 
 def closest_failure(loops: Loops, failed: tuple[Solution, ...], base_moves: bool) -> Solution | None:
-    """Search for a state in which the loops are closed. Return the solution with the smallest error, or None if the loops can be closed."""
+    """Search for any state in which the loops are closed.
+
+    If there is no such state, return the solution with the smallest error. If the loops can be closed, return None.
+    """
     best = failed[0] if failed else None
     for solution in (*failed[1:], *_tried(loops, base_moves)):
         if solution.closed:
@@ -205,7 +211,10 @@ def closest_failure(loops: Loops, failed: tuple[Solution, ...], base_moves: bool
 
 
 def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, keyframes: list[Keyframe], report: Report) -> None:
-    """Report loops that do not close (`best` is the best solution), or that do not close from the mode's own pose (`own`)."""
+    """Report loops that do not close.
+
+    `best` is the best solution for loops that never close, and `own` is the result for the start pose of the mode.
+    """
     where = ""
     if best is None:
         if own is None:
@@ -232,21 +241,21 @@ def _joint_names(pose: NamedPose | None) -> frozenset[str]:
 
 
 def _moved(loops: Loops, start: SolverState, solution: Solution, following: Collection[str]) -> dict[str, float]:
-    """Return how far each independent joint moved from its value in the pose when the loops were closed [rad or m], by joint path.
+    """Return the movement [rad or m] of each independent joint during loop closure, by joint path.
 
-    Joints on loops are omitted if they are not in the pose (`following`).
+    Joints in `following`, which are on loops but not in the pose, are omitted.
     """
     moved = {c.path: solution.state.q[c.path] - start.q[c.path] for c in loops.coordinates if c.path not in following}
     return {path: by for path, by in moved.items() if abs(by) > STILL}
 
 
 def close_pose(loops: Loops, start: SolverState, named: Collection[str], base_moves: bool) -> Solution:
-    """Close the kinematic loops of a robot, starting from a pose.
+    """Close the kinematic loops of a robot, beginning with the state of a pose.
 
     If the loops do not close, return the solution with the smallest error.
 
-    Joints that the pose does not contain (those not in `named`) move first. If these movements are not enough, the result is the closed
-    state nearest to the pose.
+    The joints that the pose does not contain (not in `named`) move first. If this is not sufficient, all joints move, and the result is the
+    closed state that is nearest to the pose.
     """
     as_written = Solution(state=start, residuals=loops.residuals(start))
     inside = all(c.lower - STILL <= start.q[c.path] <= c.upper + STILL for c in loops.coordinates)
@@ -270,10 +279,11 @@ def close_pose(loops: Loops, start: SolverState, named: Collection[str], base_mo
 
 
 def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
-    """Yield states from which the solver tries to close the loops: all joints at 0, all joints in the middle of their ranges, and samples
-    between their limits.
+    """Yield the solutions for several start states.
 
-    The samples use multiples of the golden ratio modulo 1, and are the same in every run.
+    In the start states, all joints are at 0, all joints are in the middle of their ranges, or the positions are samples between the limits.
+
+    The samples are multiples of the golden ratio modulo 1, and are the same in every run.
     """
     for number in range(STARTS):
         q = coordinates(loops.joints.values(), {})
@@ -288,7 +298,7 @@ def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
 
 
 def _measure(loops: Loops, solution: Solution) -> float:
-    """Combine the errors of all loops in one number, which is used to compare solutions."""
+    """Combine the closure errors of all loops into one number, by which solutions are compared."""
     return sum_of(p * p + (loops.length * w) ** 2 for p, w in solution.residuals)
 
 

@@ -10,8 +10,9 @@ from thingc.model.assembly.types import Assembly, LinkedMode, Mate
 
 
 class CutPriority(NamedTuple):
-    """The sort key for choosing the mate at which a loop is cut, with the most important criterion first. The mate with the smallest key is
-    cut.
+    """The priority of a mate in the kinematic tree.
+
+    The most important criterion comes first. Each loop is cut at the mate with the lowest priority.
     """
 
     uncut: int
@@ -24,7 +25,7 @@ class CutPriority(NamedTuple):
     earlier: int
 
     def over(self, other: CutPriority) -> str:
-        """Describe why the loop is cut at the joint `other` and not at this joint."""
+        """Return the reason why the loop is cut at the joint `other` instead of this joint."""
         first = next((name for name, mine, theirs in zip(CutPriority._fields, self, other, strict=True) if mine != theirs), "earlier")
         return _WORDS[first]
 
@@ -42,10 +43,10 @@ _WORDS: Mapping[str, str] = {
 
 
 def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
-    """Return the indices of the mates that form the kinematic tree of a mode. Without loops, the tree contains all joints.
+    """Return the indices of the mates that form the kinematic tree of a mode. For a robot without loops, the tree contains all joints.
 
-    With loops, the method is Kruskal's maximum spanning tree with the weights `CutPriority`, which omits the joint with the lowest priority
-    in each loop.
+    For a robot with loops, the result is Kruskal's maximum spanning tree with the weights `CutPriority`, which omits one joint of each
+    loop.
     """
     worth = dict(worths(assembly, mode))
     groups = DisjointSets(len(assembly.links))
@@ -54,9 +55,9 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
 
 
 def closing(assembly: Assembly, taken: Collection[int], number: int) -> list[Mate]:
-    """Return the mates that close a loop through the mate with index `number` of the tree `taken`.
+    """Return the mates outside the tree `taken` whose loops contain the mate with the index `number`.
 
-    The result is empty if this mate is not on a loop.
+    If this mate is not on a loop, the result is empty.
     """
     groups = DisjointSets(len(assembly.links))
     for other in taken:
@@ -71,7 +72,7 @@ def _ends(assembly: Assembly, mate: Mate) -> tuple[int, int]:
 
 
 def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPriority]]:
-    """Yield the index of each mate that has a joint, and the priority by which a loop is cut at this mate."""
+    """Yield the index and the `CutPriority` of each mate that has a joint."""
     cut = {one.joint: rank for rank, one in enumerate(mode.cut)}
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
     followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
@@ -89,10 +90,10 @@ def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPrior
 
 
 def _unclosable(mate: Mate) -> int:
-    """Rate how well output formats support a loop that is cut at this joint, from 0 (best) to 2.
+    """Return how well output formats support a loop that is cut at this joint, from 0 (all formats) to 2.
 
-    The rating of revolute and ball joints is 0, because all output formats with loops support them. Universal joints (1) need a tendon in
-    MuJoCo. Some output formats do not support loops that are cut at other joints (2).
+    The result is 0 for revolute and ball joints, which all formats with loops support. The result is 1 for universal joints, which need a
+    tendon in MuJoCo. The result is 2 for all other joints, which some formats do not support.
     """
     first = mate.joints[0]
     if first.kind.at_once or len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch:

@@ -28,35 +28,42 @@ from thingc.model.robot.least_squares import solve
 from thingc.model.robot.types import Body, Closure
 
 CLOSED, ALIGNED = 1e-7, 1e-6
-"""Tolerances [m] and [rad] of a closed loop.
+"""Largest position error [m] and rotation error [rad] of a loop that counts as closed.
 
-Newton's method usually reaches 1e-15. But for planar linkages, rounding of the document's numbers (often 6 or 9 digits) perpendicular to
-the plane cannot be corrected.
+Newton's method usually reaches errors of 1e-15. In a planar linkage, however, the document's numbers are often rounded to 6 or 9 digits,
+and errors perpendicular to the plane cannot be corrected.
 """
 
 FREE = 100.0
-"""Factor by which coordinates without given values may move farther in `nearest` than other coordinates, at the same cost."""
+"""In `nearest`, coordinates without given values can move farther by this factor than other coordinates, at the same cost."""
 
 SAMPLES = 50
-"""Number of sampled values of a leader in each direction, to check the limits of a joint that mimics the leader by a polynomial."""
+"""Number of positions of a leader that are sampled in each direction, to check the limits of a joint that mimics the leader by a
+polynomial.
+"""
 
 PROJECTION, NEAR, GAIN = 1e-10, 1e-9, 1e-4
-"""For `nearest`: damping, convergence threshold of steps [rad], and smallest relative gain of the squared distance."""
+"""Constants of `nearest`: damping, size of a step that counts as converged [rad], and smallest relative decrease of the squared distance.
+"""
 
 STEPS = 120
-"""Maximum number of steps."""
+"""Maximum number of steps of the solver."""
 
 REACH = 0.5
-"""Longest step of a rotation [rad], proportional for slides and bases. The linear model is inaccurate for longer steps."""
+"""Longest step of a rotation [rad]. For translations and for the base, the limit is proportional. The linear model is inaccurate for longer
+steps.
+"""
 
 TRUST = 0.25
-"""Share of the gain predicted by the linear model below which a step is too long. Longer steps may oscillate across a valley."""
+"""If the error decreases by less than this fraction of the decrease that the linear model predicts, the step was too long. Longer steps may
+oscillate across a valley.
+"""
 
 ROUNDING = 1e-13
-"""Relative gain below which a step counts as having no gain.
+"""If the error decreases by less than this relative value, the step counts as a step without progress.
 
-A step without gain is retried with more damping, which turns the step towards the steepest descent: if a step moves two joints to their
-limits, the correct state may have only one joint at its limit.
+A step without progress is repeated with more damping, which turns the step towards the steepest descent. This is necessary because a step
+can move two joints to their limits although in the solution only one joint is at its limit.
 """
 
 
@@ -85,10 +92,11 @@ class Solution(FrozenStruct):
 
 
 class LoopCoordinate(FrozenStruct):
-    """An independent coordinate: one joint and the joints that mimic it. Its limits [rad or m] respect the limits of all these joints.
+    """An independent coordinate of the solver, which moves one joint and all joints that mimic it.
 
-    The joints are keyed by path, with dq / dcoordinate (for polynomials at leaders = 0). `unit` is the length equivalent to a radian [m], 1
-    for rotations.
+    The limits [rad or m] of the coordinate are the range in which all these joints are within their limits. `joints` maps joint paths to dq
+    / dcoordinate. Polynomials are linearized at leaders = 0. `unit` is the length [m] that corresponds to a rotation of 1 rad. For a
+    rotation, `unit` is 1.
     """
 
     path: str
@@ -118,9 +126,10 @@ class Loops:
         self._bent = bent(joints)
 
     def follows(self, q: Mapping[str, float]) -> Mapping[str, tuple[str, float]]:
-        """Return the independent coordinate that moves each joint, and the ratio of the joint's speed to the speed of this coordinate.
+        """For each joint, return the independent coordinate that moves the joint, and the ratio of their speeds.
 
-        The coordinate of a joint that mimics another joint is that of its leader. `q` maps the paths of all joints to positions [rad or m].
+        For a joint that mimics another joint, this is the coordinate of its leader. `q` maps the paths of all joints to positions [rad or
+        m].
         """
         if not self._bent:
             return self._moves
@@ -135,9 +144,9 @@ class Loops:
         return frozenset(path for path, (leader, _) in self._moves.items() if leader not in moved)
 
     def alone(self, q: Mapping[str, float]) -> Loops:
-        """Return a copy of the loops without the joints that do not affect whether the loops are closed.
+        """Return a copy of the loops without the joints whose motion does not influence the closure of loops.
 
-        The limits of the omitted joints are removed. If one of these joints is outside its limits at `q`, return the loops unchanged.
+        The limits of these joints are removed. If one of these joints is outside its limits at `q`, return the loops unchanged.
         """
         outside = self.outside
         if not all(c.lower <= q[c.path] <= c.upper for c in self.coordinates if c.path in outside):
@@ -149,7 +158,7 @@ class Loops:
     def _above(self, body: int | None) -> tuple[int, ...]:
         """Return the index of a body and the indices of all its ancestors in the tree, with the root last.
 
-        For the world (None), return an empty tuple.
+        If `body` is None, which means the world, return an empty tuple.
         """
         chain: list[int] = []
         while body is not None:
@@ -158,9 +167,11 @@ class Loops:
         return tuple(chain)
 
     def _extent(self) -> float:
-        """Return the size of the robot [m]: the largest distance at q = 0 of bodies on its loops from their mean position.
+        """Return the size [m] of the robot, which scales translations in the solver.
 
-        The size is independent of the root, and defines the length equivalent to a radian.
+        The size is the largest distance at q = 0 of any body on a loop from the mean position of these bodies.
+
+        The size does not depend on the root. A translation by this size counts as much as a rotation of 1 rad.
         """
         at = self._placed(SolverState(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
         places = [at[body].translation for body in self._needed]
@@ -179,8 +190,9 @@ class Loops:
         return at
 
     def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
-        """Compute the two frames of a loop closure in the world: A on the parent body, moved by the joints that were cut, and B on the
-        child body.
+        """Compute the two frames of a loop closure in the world: A on the parent body, and B on the child body.
+
+        A is moved by the joints at which the loop was cut.
         """
         A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
         if closure.at_once:
@@ -201,20 +213,20 @@ class Loops:
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
         """Return the position error p [m] and the rotation error w [rad] of every closure, in world axes.
 
-        For a closure by a ball joint, w is omitted.
+        For a loop that is cut at a ball joint, w is omitted.
         """
         at = self._placed(state)
         errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
 
     def linearized(self, state: SolverState, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
-        """Return the residuals of all closures in one list (p [m], then w [rad] of each closure), and their derivatives by `coordinates`.
+        """Return the residuals of all closures in one list, and the derivatives of the residuals by `coordinates`.
 
-        Coordinates are in rad or m. With `base_moves`, the result also contains derivatives by three translations (in lengths of the robot)
-        and three rotations of the base.
+        For each closure, the list contains p [m] and then w [rad]. The coordinates are in rad or m. With `base_moves`, the result also
+        contains the derivatives by three translations of the base (in units of the robot's size) and by three rotations.
 
-        The derivatives are exact if the loops are closed. If the loops are open, the derivatives omit the common rotation of p and w, which
-        changes neither |p| nor |w|.
+        The derivatives are exact if the loops are closed. For open loops, the common rotation of p and w is neglected, which changes
+        neither |p| nor |w|.
         """
         sizes = [1.0, 1.0, 1.0, self.length, self.length, self.length] * len(self.closures)
         error = [value / size for value, size in zip(self._stacked(state), sizes, strict=True)]
@@ -226,9 +238,9 @@ class Loops:
         ]
 
     def close(self, start: SolverState, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
-        """Close the loops by Newton steps from the state `start`.
+        """Close the loops by Newton steps, beginning with the state `start`.
 
-        Return the closed state, or the state with the smallest error that the steps reached.
+        Return the closed state, or the state with the smallest error that was reached.
 
         `movable` contains the paths of joints that can move (None: all joints). With `base_moves`, the root link can also move.
         """
@@ -258,11 +270,11 @@ class Loops:
         return Solution(state=state, residuals=self.residuals(state))
 
     def nearest(self, start: SolverState, closed: Solution, given: Collection[str], *, base_moves: bool) -> Solution:
-        """Move a closed solution along the closures to the state nearest to `start`.
+        """Find the state with closed loops that is nearest to `start`, beginning with the solution `closed`.
 
-        The distance is the sum of squares over the coordinates in `given`, which contains paths. Rotations are measured in rad, and
-        translations in lengths of the robot. The method uses Gauss-Newton steps for a constrained least-squares problem, and tries shorter
-        steps if the steps do not converge.
+        The squared distance is a sum over the coordinates whose paths are in `given`. Rotations are measured in rad, and translations in
+        units of the robot's size. The method uses Gauss-Newton steps for a constrained least-squares problem, and tries shorter steps if
+        the steps do not converge.
         """
         weighted = [c if c.path in given else replace(c, unit=FREE * c.unit) for c in self.coordinates]
         for share in (1.0, 0.3, 0.1):
@@ -283,11 +295,14 @@ class Loops:
         return closed
 
     def distance(self, start: SolverState, state: SolverState, given: Collection[str]) -> float:
-        """Return the squared distance of a state from the start state. The method `nearest` minimizes this distance."""
+        """Return the squared distance between a state and the start state, which the method `nearest` minimizes."""
         return sum_of(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given)
 
     def _stacked(self, state: SolverState) -> list[float]:
-        """Return the errors of all loop closures in one list [m]. Rotation errors are multiplied by the size of the robot."""
+        """Return the position and rotation errors of all loop closures in one list [m].
+
+        Rotation errors are multiplied by the size of the robot.
+        """
         stacked: list[float] = []
         for p, w in self._errors(state):
             stacked.extend(p)
@@ -295,10 +310,9 @@ class Loops:
         return stacked
 
     def _columns(self, state: SolverState, chosen: Sequence[LoopCoordinate], base_moves: bool) -> list[list[float]]:
-        """Return the derivatives of the loop errors with respect to each joint coordinate, followed by the derivatives with respect to the
-        motion of the base.
+        """Return the derivatives of the loop errors with respect to each joint coordinate, and then with respect to the motion of the base.
 
-        The motion of the base has three translations (in lengths of the robot) and three rotations about the root link's origin.
+        The base has three translations (in units of the robot's size), and three rotations about the origin of the root link.
         """
         at = self._placed(state)
         by_path: dict[str, list[float]] = {}
@@ -347,9 +361,10 @@ class Loops:
         self, state: SolverState, chosen: Sequence[LoopCoordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
         damping: float, back: Sequence[float] | None = None,
     ) -> list[float] | None:
-        """Return the damped step in the units of the coordinates: the least-squares step nearest to `back` (None: the shortest one).
+        """Return a damped least-squares step in the units of the coordinates.
 
-        Return None if the equations are numerically singular.
+        Return None if the equations are numerically singular. The step is the one nearest to `back`, or the shortest step if `back` is
+        None.
         """
         back = [0.0] * len(columns) if back is None else back
         step = [0.0] * len(columns)
@@ -400,7 +415,7 @@ class Loops:
         return SolverState(q=q, base=base)
 
     def _within(self, state: SolverState, chosen: Sequence[LoopCoordinate]) -> SolverState:
-        """Return a copy of the state in which the positions of movable joints are clamped to the limits of the joints."""
+        """Return a copy of the state in which movable joints that are outside their limits are moved to the limits."""
         at_limits = [(minimum(maximum(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen]
         return self._moved(state, chosen, at_limits, False)
 
@@ -408,7 +423,7 @@ class Loops:
 def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCoordinate, ...]:
     """Create an independent coordinate for every joint that does not mimic another joint, in the order of `joints`.
 
-    The limits of a coordinate take into account the limits of the joints that mimic its joint.
+    The limits of a coordinate also respect the limits of the joints that mimic its joint.
     """
     followers: dict[str, list[tuple[str, float, float]]] = {}
     for path, (leader, multiplier, offset) in leaders(joints.values()).items():
@@ -436,7 +451,7 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCo
 
 
 def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
-    """Yield the joint at `path` and the joints that it mimics, directly and indirectly."""
+    """Yield the joint at `path`, and the chain of joints that it mimics, directly or indirectly."""
     joint: JointEdge | None = joints[path]
     while joint is not None:
         yield joint
@@ -444,10 +459,10 @@ def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:
 
 
 def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: float, high: float) -> tuple[float, float]:
-    """Return the range [rad or m] around 0 of a joint in which the joint that mimics it is between `low` and `high`.
+    """Return the range [rad or m] of a leader, around 0, in which the joint that mimics the leader is between `low` and `high`.
 
-    The range is within the leader's own limits. It is infinite if the leader has no limits, or if the follower is outside its range at the
-    start.
+    The range is also within the limits of the leader. The range is infinite if the leader has no limits, or if the other joint is out of
+    range already when the leader is at 0.
     """
     limit = joints[leader].limit
     if limit.lower is None or limit.upper is None:
@@ -497,7 +512,7 @@ def _turn(v: Vector) -> Matrix:
 
 
 def orthonormal(r: Matrix) -> Matrix:
-    """Return the rotation nearest to a product of many rotations, computed from its unit quaternion."""
+    """Correct the rounding errors of a product of many rotations: return the nearest rotation matrix, computed from its unit quaternion."""
     w, x, y, z = Pose(rotation=r).quaternion()
     return (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
@@ -507,7 +522,7 @@ def orthonormal(r: Matrix) -> Matrix:
 
 
 def _linear(error: Sequence[float], columns: Sequence[Sequence[float]], step: Sequence[float]) -> list[float]:
-    """Return the residuals that the linear model predicts after a step."""
+    """Return the residuals after a step, as predicted by the linear model."""
     left = list(error)
     for value, column in zip(step, columns, strict=True):
         if value != 0.0:

@@ -22,8 +22,9 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
 
     If a link is not connected to the root, or if a loop does not close, report an error and return None.
 
-    Frames of bodies are the frames of their links and do not depend on the root. The root only determines which end of a joint is the
-    parent. Coordinates keep their meaning: q is the motion of the document's child relative to its parent. `memo` caches results.
+    Frames of bodies are the frames of their links and do not depend on the root. The root determines only which end of a joint is the
+    parent. A joint coordinate q is always the motion of the child in the document relative to its parent in the document. `memo` caches
+    results.
     """
     memo = memo or Memo()
     taken = spanning(assembly, mode)
@@ -53,10 +54,10 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
 
 
 def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
-    """Yield the named frames of the robot, without duplicate names.
+    """Yield the named frames (sites) of the robot. No name is yielded twice.
 
-    Sites are exported mounts at every level, frames, links that are part of another link, roots, holds and feet of every mode, and mounts
-    of sensors and tendons.
+    Sites are exported mounts at every level, frames, link components that are merged into another link, mounts of sensors and tendons, and
+    the roots, holds and feet of all modes.
     """
     placed = in_link(assembly)
     named: set[str] = set()
@@ -82,8 +83,8 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
 def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
     """Return the pairs of bodies that do not collide.
 
-    Pairs of bodies that a joint connects (including loop closures) come first, in the order of the joints. The pairs in the mode's own
-    `exclude` come last. The bodies of a pair are in link order, which is the same in every mode.
+    Pairs of bodies that a joint connects come first, in the order of the joints. Loop closures are included. The pairs in the setting
+    `exclude` of the mode come last. The bodies of a pair are in link order, which is the same in every mode.
     """
     pairs: dict[tuple[int, int], None] = {}
     for one, other in (*neighbouring_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):

@@ -1,4 +1,4 @@
-"""Check the start of a mode: parts below the plane z = 0 of its scene, ground contact of its feet, and joint limits."""
+"""Check the state in which a mode starts: parts below the plane z = 0 of its scene, ground contact of its feet, and joint limits."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Keyframe, Robot, Unclosed
 
 Box = tuple[Vector, Vector]
-"""The two corners [m] of a box, the lower corner first."""
+"""A box, given by two corners [m]: first the corner with the smallest coordinates."""
 
 DEEP = 0.5e-3
-"""Tolerated depth [m] below the plane at the start. Soles may be slightly lower."""
+"""Largest depth [m] below the plane at the start that is not reported. For example, soles of feet are often slightly below the plane."""
 
 MOVED = {True: radians(0.5), False: 0.5e-3}
-"""Largest movement of a given value of a pose by loop closure without a warning: [rad] for rotations, [m] for slides."""
+"""Largest change of a given joint value by loop closure for which there is no warning: [rad] for rotations, [m] for translations."""
 
 ROUNDING = 1e-9
 """Tolerance [rad, m] for joint limits at q = 0."""
@@ -36,11 +36,10 @@ ROUNDING = 1e-9
 def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> None:
     """Check the state in which each mode starts, and report implausible states. Modes with the same problem share a warning.
 
-    Warn of modes in which the robot should stand on the plane but starts with a part below the plane. (The root of a `fixed` base may
-    extend into the ground, unless the whole root is below the plane.) Without `mesh_vertices` (the vertices of a mesh), only bounding boxes
-    are known. The depth is then a lower bound, based on the fact that a part touches every side of its box. Also warn of modes with a part
-    lower than the feet, of modes that start without a pose although 0 is outside the limits of a joint, and of poses that loop closure
-    changes.
+    Warn of modes in which the robot should stand on the plane but starts with a part below the plane. The root of a `fixed` base may extend
+    into the ground, unless the whole root is below the plane. If `mesh_vertices` is None, only bounding boxes are known. The computed depth
+    is then a lower bound, because a part touches every side of its bounding box. Also warn of modes in which a part is lower than the feet,
+    of modes without a start pose although 0 is outside the limits of a joint, and of poses that loop closure changes.
     """
     _check_feet(robots, report)
     _check_limits(robots, report)
@@ -58,10 +57,10 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
 
 
 def _is_meant_to_stand(robot: Robot) -> bool:
-    """Return whether the document places the robot on the plane: by `at`, or by feet.
+    """Return whether the document places the robot on the plane, either by `at` or by feet.
 
-    A robot that is held, or whose root is at the origin by default (as in most imported files), may be at any height. A robot in a mode
-    with `on: floor` cannot be too low.
+    For a robot that is held, or whose root is at the origin by default (as in most imported files), any height is plausible. A robot in a
+    mode with `on: floor` cannot be too low.
     """
     mode = robot.mode
     placed = mode.at.translation != (0.0, 0.0, 0.0) and (robot.base != "held" or mode.at.translation[2] < 0.0)
@@ -92,7 +91,7 @@ def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, b
 
 
 def _check_feet(robots: Sequence[Robot], report: Report) -> None:
-    """Warn of each mode in which a part is certainly lower than all parts of the links with feet."""
+    """Warn of each mode in which some part is certainly lower than all parts of the links with feet."""
     alike: dict[tuple[int, float], list[Robot]] = {}
     for robot in robots:
         lowest = _under_feet(robot) if robot.mode.feet and not report.allows(Code.OFF_FEET, robot.mode.origin) else None
@@ -113,9 +112,9 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _under_feet(robot: Robot) -> tuple[int, float] | None:
-    """Return the lowest part of the links without feet, and how much lower [m] it certainly is than all parts of links with feet.
+    """Return the lowest part of the links without feet, and the height [m] by which it is at least lower than all parts of links with feet.
 
-    Return None if the height difference is less than `DEEP` or unknown.
+    Return None if the height is less than `DEEP` or unknown.
     """
     assembly = robot.assembly
     standing = {assembly.link_of[foot.mount.occurrence] for foot in robot.mode.feet}
@@ -132,9 +131,9 @@ def _under_feet(robot: Robot) -> tuple[int, float] | None:
 
 
 def _check_limits(robots: Sequence[Robot], report: Report) -> None:
-    """Warn of each mode that starts without a pose while 0 is outside the limits of a joint.
+    """Warn of each mode that does not specify a start pose although 0 is outside the limits of a joint.
 
-    Joints whose position follows from loops or holds are not checked.
+    Joints whose positions are determined by loops or holds are not checked.
     """
     alike: dict[tuple[str, ...], list[Robot]] = {}
     for robot in robots:
@@ -161,7 +160,10 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
 
 
 def _check_poses(robots: Sequence[Robot], report: Report) -> None:
-    """Warn once of each pose whose given values change considerably during loop closure. Joints may also move because of holds."""
+    """Warn of each pose in which loop closure considerably changes a value that the document specifies.
+
+    Holds can also change joint positions.
+    """
     looped = [robot for robot in robots if robot.closures and not any(closure.hold for closure in robot.closures)]
     frames: dict[str, Keyframe | Unclosed] = {}
     for robot in looped:
@@ -188,7 +190,7 @@ def _at_rest(limit: Limit) -> bool:
 
 
 def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices | None, memo: Memo) -> Iterator[tuple[float, int]]:
-    """Yield the lowest z [m] and the index of every part that may be below the plane at the start of the mode."""
+    """Yield the lowest z coordinate [m] and the index of every part that may be below the plane at the start of the mode."""
     assembly, name = robot.assembly, robot.mode.pose
     frame = next((frame for frame in robot.keyframes if frame.name == name), None)
     placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
@@ -210,7 +212,7 @@ def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices 
 
 
 def _seen(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence, Box, Pose]]:
-    """Yield the visible parts of a link, with their boxes and their poses in the world."""
+    """Yield the visible parts of a link, each with its bounding box and its pose in the world."""
     for member, inner in zip(link.members, link.poses, strict=True):
         part = assembly.occurrences[member]
         if part.box is not None and part.drawn and (part.record is None or part.record.exact):
@@ -218,22 +220,22 @@ def _seen(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence
 
 
 def _top(box: Box, pose: Pose) -> float:
-    """Return the largest z coordinate [m] of a box with this pose."""
+    """Return the largest z coordinate [m] of a box at a pose."""
     x, y, z = pose.rotation[2]
     return pose.translation[2] - of_box(box, (-x, -y, -z))
 
 
 def _certain(box: Box, down: Vector) -> float:
-    """Return an upper bound of the minimum along `down` for a part that touches every side of its box.
+    """Return an upper bound of the smallest coordinate along `down` of a part, given its bounding box.
 
-    The point of contact on a side is not higher than the highest point of that side.
+    The part touches every side of the box, and the point of contact is not higher than the highest point of the side.
     """
     highest = [maximum(component * low, component * high) for component, low, high in zip(down, *box, strict=True)]
     return minimum(sum_of(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)
 
 
 def _sphere(link: Link, assembly: Assembly) -> float:
-    """Return a radius [m] around the origin of a link that contains all of its parts."""
+    """Return the radius [m] of a sphere around the origin of a link that contains all parts of the link."""
     reach = 0.0
     for member, pose in zip(link.members, link.poses, strict=True):
         box = assembly.occurrences[member].box

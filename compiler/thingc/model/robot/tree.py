@@ -1,4 +1,4 @@
-"""Build the tree of bodies of a mode: the joints in the tree, the direction of each joint, and the loops that the tree cuts."""
+"""Build the kinematic tree of a mode: the joints in the tree, the direction of each joint, and the loops that are cut."""
 
 from __future__ import annotations
 
@@ -15,26 +15,29 @@ from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.model.robot.types import Body, Closure, TreeJoint
 
 BASE = "root"
-"""Name of the joint by which a base moves. Joints of documents cannot have this name."""
+"""Name of the joint by which a moving base moves in the world. Joints in documents cannot have this name."""
 
 
 def in_link(assembly: Assembly) -> tuple[Pose, ...]:
-    """Return the pose of every occurrence of the assembly in the frame of its link, in document order."""
+    """Return the pose of every occurrence (part, link or frame) in the frame of its link, in document order."""
     pose_of = {member: pose for link in assembly.links for member, pose in zip(link.members, link.poses)}
     return tuple(pose_of[index] for index in range(len(assembly.occurrences)))
 
 
 def placing(assembly: Assembly) -> frozenset[int]:
-    """Return the indices of the mates by which documents place components. These mates form a tree that is the same in every mode."""
+    """Return the indices of the mates with a joint that place components, without mates that close loops.
+
+    Such mates form the same tree in every mode.
+    """
     return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joints and mate.loop is None)
 
 
 def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None) -> tuple[Body, ...]:
-    """Build the kinematic tree of bodies that the mates `taken` connect, in depth-first order from the link `start`.
+    """Build the kinematic tree of all bodies that the mates in `taken` connect, in depth-first order from the link `start`.
 
-    `at` is the pose of this link.
+    `at` is the pose of the link `start` in the world.
 
-    The children of a body are in the order of the assembly's links.
+    Children of a body are in the order of the links of the assembly.
     """
     placed, memo = in_link(assembly), memo or Memo()
     edges: list[list[tuple[int, int]]] = [[] for _ in assembly.links]
@@ -64,9 +67,9 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
 def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
     """Compute the pose of the root link of a mode in the world.
 
-    If the root is a component, the origin of the component is at the mode's `at`.
+    If the root is a component, the origin of the component is at the pose `at` of the mode.
 
-    If the root is a mount, the mount is mated to `at`.
+    If the root is a mount, the mount is mated to the pose `at`.
     """
     choice = mode.root
     X_WO = mode.at
@@ -76,9 +79,10 @@ def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
 
 
 def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
-    """Return the coordinates of a base that moves like a joint: `planar` in the plane of `at`, or `ball` about the origin of `at`.
+    """Return the joint coordinates of a `planar` or `ball` base.
 
-    `root` is the pose of the root link. The result is empty for other bases.
+    A planar base moves in the plane of `at`, and a ball base rotates about the origin of `at`. `root` is the pose of the root link. For all
+    other bases, the result is empty.
     """
     kind = moving_as(mode.base)
     if kind is None:
@@ -94,7 +98,7 @@ def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
 
 
 def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection[int]) -> tuple[Closure, ...]:
-    """Return a loop closure for each joint that the kinematic tree does not contain, including `fixed` joints that close a loop."""
+    """Return a loop closure for each joint outside the kinematic tree, including `fixed` joints that close a loop."""
     placed = in_link(assembly)
     body_of = {body.link: index for index, body in enumerate(bodies)}
     closures: list[Closure] = []
@@ -113,7 +117,7 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection
 
 
 def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo) -> Body:
-    """Create the body at the other end of a joint, as a child of the body `parent`."""
+    """Create the body on the other side of a mate, as a child of the body with the index `parent`."""
     twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
     at_zero, seen = memo(
         ("across", mate.name, reversed_), _lowered, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], twists, offsets,
@@ -126,10 +130,10 @@ def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, pl
 
 
 def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: Pose) -> tuple[Twist, ...]:
-    """Return the twists of a sequence in a frame that moves with all twists. The frame has the pose `frame` in the frame of the last twist.
+    """Express a sequence of twists in a frame that moves with all twists. `frame` is the pose of this frame in the frame of the last twist.
 
-    All coordinates are at 0, where each joint has moved by its offset. The pose `exp(t_0 (q_0 + o_0)) exp(t_1 (q_1 + o_1)) ... @
-    inv(frame)` is its value at q = 0 times `exp(s_0 q_0) exp(s_1 q_1) ...`.
+    The twists are evaluated with all coordinates at 0, where each joint has moved by its offset. The pose `exp(t_0 (q_0 + o_0)) exp(t_1
+    (q_1 + o_1)) ... @ inv(frame)` is its value at q = 0 times `exp(s_0 q_0) exp(s_1 q_1) ...`.
     """
     seen: list[Twist] = []
     for twist, offset in zip(reversed(twists), reversed(offsets), strict=True):
@@ -141,12 +145,12 @@ def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: P
 def _lowered(
     parent: Pose, X_PJ: Pose, X_JC: Pose, child: Pose, twists: tuple[Twist, ...], offsets: tuple[float, ...], reversed_: bool,
 ) -> tuple[Pose, tuple[Twist, ...]]:
-    """Return the pose of a joint's child link in its parent link at q = 0, and its twists in the child's frame, in the order of the tree.
+    """Return the pose of the child link of a joint in its parent link at q = 0, and the twists of the joint in the frame of the child.
 
-    `parent` and `child` are the poses of the mated occurrences in their links. F is the pose of the joint's frame in the document's parent
-    link, and G the pose of the child link in the joint's moving frame: `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`. A reversed
-    joint is the inverse: the inverse sequence, with each twist negated and in the frame of the document's parent, which is the tree's
-    child.
+    Parent and child are as in the tree. `parent` and `child` are the poses of the mated components in their links. Let F be the pose of the
+    joint frame in the link of the document's parent, and G the pose of the child link in the moving frame of the joint. Then
+    `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`. A reversed joint has the inverse sequence: each twist is negated and in the
+    frame of the document's parent, which is the child in the tree.
     """
     F, G = parent @ X_PJ, X_JC @ child.inverse()  # a ball has no offsets, because all its twists are in one frame
     at_zero = F @ moved(twists, offsets) @ G

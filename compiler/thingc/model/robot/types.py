@@ -1,4 +1,4 @@
-"""Data types of a robot with a root, which is the kinematic tree of one mode. Exporters of output formats use only these types."""
+"""Data types of the kinematic tree of a robot in one mode. Emitters of output formats read only these types."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode
 
 
 class TreeJoint(JointEdge):
-    """A joint coordinate in the kinematic tree, by which a child link moves relative to its parent link in the tree.
+    """A joint coordinate in the kinematic tree, by which a link moves relative to its parent link.
 
-    `twist` is in the child link's frame with the following coordinates of the body at 0. The twist is the same for all values of its own
-    and the preceding coordinates. Positive q has the same meaning as in the document, even if the joint is reversed. `reversed` means that
-    the document's child is the tree's parent, and the twist has been negated. The motion of the joint is measured from q = 0.
+    `twist` is the motion in the frame of the child link, with the following coordinates of the same body at 0. The twist does not depend on
+    this coordinate and the preceding coordinates. A positive q always has the same meaning as in the document. If `reversed` is True, the
+    child in the document is the parent in the tree, and the twist has been negated. The motion of the joint is measured from q = 0.
     """
 
     reversed: bool
@@ -28,11 +28,12 @@ class TreeJoint(JointEdge):
 
 
 class Body(OneLineRepr, FrozenStruct):
-    """A link in the kinematic tree of a mode.
+    """A link in the kinematic tree of a mode, with the joints by which it moves.
 
-    `parent` is an index into `Robot.bodies` (None: the world). `X_PL` is the pose of its frame in the parent link's frame at q = 0 (for the
-    root: in the world, as placed by the mode's `at`). The body moves by its `joints` in sequence, `X_PL @ exp(twist_0 q_0) @ exp(twist_1
-    q_1) ...`, or, for a ball, by exponential coordinates. The root of the tree has no joints.
+    `parent` is the index of the parent in `Robot.bodies`, or None for the root, whose parent is the world. `X_PL` is the pose of the link
+    in the frame of the parent at q = 0. For the root, `X_PL` is the pose in the world that the setting `at` of the mode determines. The
+    body moves by its `joints` in sequence, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...`. For a ball joint, the coordinates are
+    exponential coordinates. The root does not have joints.
     """
 
     link: int
@@ -52,7 +53,7 @@ class Body(OneLineRepr, FrozenStruct):
 
 
 class Site(OneLineRepr, FrozenStruct):
-    """A named frame on a link. `body` is the index of the link's body, and `pose` is the pose of the site in the frame of the link."""
+    """A named frame on a link. `body` is the index of the body of the link, and `pose` is the pose of the site in the frame of the link."""
 
     path: SitePath
     body: int
@@ -61,24 +62,24 @@ class Site(OneLineRepr, FrozenStruct):
 
 
 ClosureKind = Literal["weld", "ball", "hinge", "slide", "screw", "universal", "several"]
-"""The motion that remains free where a loop is cut.
+"""The relative motion that a loop closure allows.
 
-The allowed motions are, in this order: no motion, rotation about a point, one rotation, one translation, a screw, rotation about two
-perpendicular axes that meet, or several coordinates.
+The values mean, in this order: no motion, rotation about a point, one rotation, one translation, a screw motion, rotations about two
+perpendicular axes that intersect, or several coordinates.
 """
 
 
 class Closure(OneLineRepr, FrozenStruct):
-    """A loop that the tree cuts, between the body `parent` (None: the world) and the body `child`.
+    """A closure of a kinematic loop that the tree cuts, between the body `parent` (None: the world) and the body `child`.
 
-    A is a frame on the parent and B a frame on the child. The loop is closed if
+    A is a frame on the parent, and B is a frame on the child. The loop is closed if
 
         X_W,parent @ X_PA @ exp(twist_0 q_0) @ exp(twist_1 q_1) ... == X_W,child @ X_CB
 
-    over the `joints` that were cut. Their `twists` are in A with the following coordinates at 0, and their offsets are in `X_PA`. A closure
-    without joints is a weld. If the closure `turns`, only the origins of A and B coincide. With `hold`, the world holds a mount: `path` is
-    the mount's path and B its frame. For other closures, `path` is the path of the joint. `name` is the name of the equality in files, if
-    specified.
+    over the `joints` that were cut. `twists` contains the twists of these joints in A, with the following coordinates at 0. Offsets are
+    included in `X_PA`. A closure without joints is a weld. If `turns` is True, only the origins of A and B coincide. If `hold` is True, a
+    mount is held to the world: `path` is the path of the mount, and B is the frame of the mount. For other closures, `path` is the path of
+    the joint. `name` is the name of the MuJoCo equality, or None.
     """
 
     path: JointPath | SitePath
@@ -100,7 +101,7 @@ class Closure(OneLineRepr, FrozenStruct):
 
     @property
     def kind(self) -> ClosureKind:
-        """The type of motion that remains possible between the two frames where the loop is cut."""
+        """The type of relative motion that the closure allows."""
         if self.turns or self.at_once:
             return "ball"
         if not self.twists:
@@ -111,7 +112,10 @@ class Closure(OneLineRepr, FrozenStruct):
 
 
 def residual_words(residual: tuple[float, float]) -> str:
-    """Format a loop error [m, rad]: `12.3 mm and 4.56 deg`. Digits below 1e-4 are omitted, because they differ between machines."""
+    """Format the closure error of a loop [m, rad], such as `12.3 mm and 4.56 deg`.
+
+    Digits below 1e-4 are omitted, because they differ between machines.
+    """
     apart, turned = round(1000.0 * residual[0], 4), round(numeric.degrees(residual[1]), 4)
     return f"{apart:.3g} mm and {turned:.3g} deg" if apart or turned else "less than 0.0001 mm and 0.0001 deg"
 
@@ -119,11 +123,12 @@ def residual_words(residual: tuple[float, float]) -> str:
 class Keyframe(OneLineRepr, FrozenStruct):
     """A named pose of a mode with the positions q [rad or m] of all joints by path.
 
-    They include joints that mimic others and joints at which loops are cut.
+    Joints that mimic other joints, and joints at which loops are cut, are included.
 
-    In a mode with closures, the keyframe is the named pose with closed loops. `moved` is the movement [rad or m] of each joint from its
-    value in the pose (without joints on loops that the pose does not name). `residual` is the largest loop error [m, rad]. `base` is the
-    pose of the root link in the world, if closures or the floor have moved a free base (None: as in the mode).
+    If the mode has loop closures, the keyframe is the pose after the loops have been closed. `moved` is the movement [rad or m] of each
+    joint during loop closure. Joints on loops that the pose does not contain are omitted. `residual` is the largest remaining error of a
+    loop [m, rad]. `base` is the pose of the root link in the world, if loop closure or the floor has moved a free base. Otherwise, `base`
+    is None.
     """
 
     name: PoseName
@@ -135,10 +140,10 @@ class Keyframe(OneLineRepr, FrozenStruct):
 
 
 class Unclosed(OneLineRepr, FrozenStruct):
-    """A pose without a keyframe, because its loops do not close within the limits of the joints, or close only far from the pose.
+    """A pose that is not a keyframe, because its loops do not close within the joint limits, or close only far from the pose.
 
-    If the loops do not close, `path` is the path of the closure with the largest error, and `residual` is the smallest error that was found
-    [m, rad]. If the loops close too far from the pose, `moved` is the movement to the closed state.
+    If the loops do not close, `path` is the path of the closure with the largest error, and `residual` is the smallest error [m, rad] that
+    was found. If the loops close far from the pose, `moved` is the movement of the joints to the closed state.
     """
 
     name: PoseName
@@ -152,11 +157,12 @@ class Robot(OneLineRepr, FrozenStruct):
     """A robot in one mode, as a kinematic tree. `bodies` are in depth-first order, with parents before children and children in document
     order.
 
-    `base` is `fixed | held | free | planar | ball`; `moves` contains the coordinates of a planar or ball base (0 in every pose). `excluded`
-    are pairs of body indices without collisions: neighbours through a joint, which are the same links in every mode, and the mode's own
-    pairs. A link that a hold fixes to the world is a neighbour of the world in this mode. `closures` contains the holds, followed by the
-    joints at which loops are cut. `keyframes` contains the poses whose loops close, `unclosed` the other poses. `adhesion` is the control
-    [N] of each adhesion in this mode by path (0 by default). `present` contains the paths of the joints whose actuators exist in this mode.
+    `base` is `fixed | held | free | planar | ball`. `moves` contains the coordinates of a planar or ball base, which are 0 in every pose.
+    `excluded` contains pairs of indices of bodies that do not collide. These pairs are bodies that a joint connects, and the pairs in the
+    settings of the mode. A link that is held to the world also forms such a pair with the world. `closures` contains the holds, followed by
+    the closures of joints at which loops are cut. `keyframes` contains the poses whose loops close, and `unclosed` contains all other
+    poses. `adhesion` maps the paths of magnets to their control values [N] in this mode (0 by default). `present` contains the paths of the
+    joints whose drives exist in this mode.
     """
 
     name: str
@@ -176,7 +182,10 @@ class Robot(OneLineRepr, FrozenStruct):
 
     @property
     def pulled(self) -> tuple[str, ...]:
-        """The tendons that have a drive in this mode. If the mode does not select actuators, these are all tendons."""
+        """The names of the tendons with a drive that exists in this mode.
+
+        If the mode does not select actuators, all tendons are included.
+        """
         return () if self.mode.actuators is not None else tuple(one.path for one in self.assembly.tendons if one.actuator is not None)
 
     @property
@@ -186,5 +195,5 @@ class Robot(OneLineRepr, FrozenStruct):
 
     @property
     def carried(self) -> bool:
-        """Whether the base is free and feet or holds support it."""
+        """Whether the base is free and is supported by feet or holds."""
         return self.base == "free" and (bool(self.mode.feet) or any(closure.hold for closure in self.closures))

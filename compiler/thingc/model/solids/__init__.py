@@ -1,1 +1,1 @@
-"""Exact shapes of parts as closed meshes, and the overlaps of these shapes."""
+"""Represent the exact shapes of parts as closed meshes, and compute the overlaps of these shapes."""

@@ -1,4 +1,4 @@
-"""Find parts that overlap, such as duplicates, parts on a wrong mount, or parts that are too large for a bracket."""
+"""Find parts that overlap, for example because a part is duplicated, is on a wrong mount, or is too large for a bracket."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence, Surface
 
 SHARE = 0.2
-"""Largest accepted overlap of two equal links that list shapes, relative to the smaller link."""
+"""Largest accepted overlap of two equal links with listed shapes, relative to the volume of the smaller link."""
 
 DIGITS = 12
-"""Number of decimals [m] of the relative poses of parts. Further digits are rounding errors."""
+"""Number of decimals to which the relative poses of parts [m] are rounded. Further digits are rounding errors."""
 
 KIND = "overlaps"
-"""The kind of the JSON documents in the store that contain intersections of two parts in a relative pose."""
+"""The kind of JSON documents in the store that contain the overlap of two parts at a relative pose."""
 
 
 class PartPair(FrozenStruct, kw_only=False):
-    """A pair of occurrences, in document order, and the pose of `other` in the frame of `one`."""
+    """A pair of parts, in document order, and the pose of the part `other` in the frame of the part `one`."""
 
     one: Occurrence
     other: Occurrence
@@ -35,10 +35,10 @@ class PartPair(FrozenStruct, kw_only=False):
 
 
 class Overlaps:
-    """Intersections of parts, cached in memory and in the store.
+    """Computes the intersections of parts, and caches them in memory and in the store.
 
-    Only intersections with a mean thickness above `deep` [m] are reported. The `tolerance` [m] of the meshes, which applies to each
-    surface, may cause thinner intersections.
+    Only intersections with a mean thickness above `deep` [m] are reported. The meshes deviate from the exact surfaces by up to `tolerance`
+    [m], which can cause thinner intersections.
     """
 
     def __init__(self, store: Store, tolerance: float, memo: Memo) -> None:
@@ -67,7 +67,7 @@ class Overlaps:
 
         Return None for an intersection that is too thin to be reported.
 
-        With `keep`, the result is also cached in the store on disk.
+        With `keep`, the result is also saved in the store on disk.
         """
         content = [self.deep, _made_of(pair.one), _made_of(pair.other), repr(pair.at)]
         key = hashlib.sha256(json.dumps(content).encode()).hexdigest()
@@ -79,7 +79,7 @@ class Overlaps:
         return (volume, depth) if counts else None
 
     def _is_deep(self, pair: PartPair) -> bool:
-        """Return whether the bounding boxes of two parts overlap deeply enough for an intersection that is reported."""
+        """Return whether the bounding boxes of two parts overlap so deeply that an intersection of the parts could be reported."""
         one, other = pair.one.box, pair.other.box
         assert one is not None and other is not None
         return minimum(_thickness(one, pair.at.around(other)), _thickness(pair.at.inverse().around(one), other)) > self.deep
@@ -96,9 +96,10 @@ class Overlaps:
 
 
 def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps, report: Report) -> None:
-    """Warn of every two parts that overlap at `poses`. If a document is used several times, the same overlap is reported once.
+    """Warn of all pairs of parts that overlap at the given `poses`.
 
-    Shapes of links are approximate: only equal shapes of the same body are compared.
+    If a document is nested several times, the same overlap is reported once. Because listed shapes of links are often approximate, only
+    equal shapes on the same body are compared.
     """
     link_of = assembly.link_of
     reported: set[tuple[object, object]] = set()
@@ -113,7 +114,10 @@ def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps
 
 
 def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
-    """Return why two parts that touch by design cannot be compared. Return "" for parts that can be compared."""
+    """Return the reason why two parts that are designed to touch cannot be compared.
+
+    Return an empty string if the parts can be compared.
+    """
     if one.definition != other.definition and (one.listed or other.listed):
         return "shapes of links are approximate"
     for part in (one, other):
@@ -123,7 +127,7 @@ def reason_to_skip(one: Occurrence, other: Occurrence) -> str:
 
 
 def contact_places(assembly: Assembly, one: Occurrence, other: Occurrence) -> list[Note]:
-    """Return the locations in documents at which a key `allow` can suppress the overlap of two parts.
+    """Return the locations in documents at which the user can suppress the overlap of two parts by the key `allow`.
 
     The location of `other` itself is not included.
     """
@@ -154,16 +158,20 @@ def _cubic(volume: float) -> str:
 
 
 def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> float:
-    """Return the smallest extent [m] of the intersection of two boxes, an upper bound of the mean thickness of the parts' intersection.
+    """Return the smallest extent [m] of the intersection of two boxes.
 
-    The result is not positive if the boxes do not intersect.
+    It is an upper bound of the mean thickness of the intersection of the parts. If the boxes do not intersect, the result is zero or
+    negative.
     """
     lows, highs = map(maximum, one[0], other[0]), map(minimum, one[1], other[1])
     return minimum(high - low for low, high in zip(lows, highs, strict=True))
 
 
 def _rounded(pose: Pose) -> Pose:
-    """Round a pose to `DIGITS`, so that the relative pose of two parts on a third part is the same if that part becomes thicker."""
+    """Round a pose to `DIGITS` decimals.
+
+    The rounded relative pose of two parts on a third part does not change if the third part becomes thicker.
+    """
     a, b, c = pose.rotation
     return Pose(rotation=(_digits(a), _digits(b), _digits(c)), translation=_digits(pose.translation))
 
@@ -174,7 +182,7 @@ def _digits(vector: Vector) -> Vector:
 
 
 def _volume(part: Occurrence) -> float:
-    """Return the volume [m^3] of a part. The volume of a link is the sum over its shapes, even if the shapes overlap."""
+    """Return the volume [m^3] of a part. The volume of a link is the sum of the volumes of its shapes, even if the shapes overlap."""
     if part.record is not None:
         return part.record.volume if part.record.exact else 0.0
     return sum_of(one.solid.volume if isinstance(one.solid, Primitive) else one.volume for one in part.solids)
@@ -185,7 +193,7 @@ def _is_closed(surface: Surface) -> bool:
 
 
 def _made_of(part: Occurrence) -> list[tuple[object, ...]]:
-    """Return the data that determines the solid of a part. Parts with equal data have the same solid."""
+    """Return the data that determine the solid of a part. Parts with equal data have the same solid."""
     return [
         (one.solid.shape, one.solid.size, one.solid.pose.rotation, one.solid.pose.translation) if isinstance(one.solid, Primitive)
         else (one.solid.sha256, one.pose.rotation, one.pose.translation)

@@ -1,4 +1,4 @@
-"""Exact shapes of parts and links as solids of manifold3d, and their distances and intersections."""
+"""Represent the exact shapes of parts and links as solids of manifold3d, and compute their distances and intersections."""
 
 from __future__ import annotations
 
@@ -18,29 +18,30 @@ from thingc.geometry.store.meshes import arrays
 from thingc.model.assembly.types import Occurrence, Surface
 
 FACETS = 128
-"""Number of facets around curved surfaces. The error is then less than 0.1 % of the radius."""
+"""Number of facets around a cylinder or another curved surface. The approximation error is less than 0.1 % of the radius."""
 THIN = 1e-8
-"""Thickness [m] of solids that represent a point or a line, which manifold3d does not support."""
+"""Thickness [m] of the solids that replace a point or a line, because manifold3d supports only solids with a volume."""
 ENDLESS = 100.0
-"""Size [m] of planes, and of the solid below a plane."""
+"""Size [m] of the solid that replaces an infinite plane, and thickness of this solid."""
 
 
 class Solid(FrozenStruct, kw_only=False):
-    """A solid for computing distances to other solids and intersections with them.
+    """A solid, for computing distances to other solids and intersections with other solids.
 
-    `whole` is the whole solid, with facets on curved surfaces. `cores` are solids each with a radius [m]; points nearer to the core than
-    the radius belong to the solid. The cores of spheres and capsules are points and lines, which makes gaps to them exact and fast.
+    `whole` is the solid with facets on curved surfaces. `cores` contains core solids, each with a radius [m]. All points whose distance
+    from the core is at most the radius belong to the solid. The core of a sphere is a point, and the core of a capsule is a line, so that
+    distances are exact and fast to compute.
     """
 
     whole: Any
     cores: tuple[tuple[Any, float], ...]
 
     def at(self, pose: Pose) -> Solid:
-        """Return a copy of the solid that is moved to a pose."""
+        """Return a copy of the solid at a pose."""
         return Solid(_at(self.whole, pose), tuple((_at(core, pose), radius) for core, radius in self.cores))
 
     def box(self, pose: Pose) -> NDArray[np.float64]:
-        """Return the bounding box (2 x 3: low, high) [m] along the axes of the world for the solid at a pose."""
+        """Return the bounding box (2 x 3: low, high) [m] of the solid at a pose, along the axes of the world."""
         bounds = np.array(self.whole.bounding_box(), dtype=np.float64).reshape(2, 3)
         middle, half = (bounds[0] + bounds[1]) / 2.0, (bounds[1] - bounds[0]) / 2.0
         turn = np.array(pose.rotation)
@@ -48,7 +49,10 @@ class Solid(FrozenStruct, kw_only=False):
         return np.stack([centre - reach, centre + reach])
 
     def gap(self, other: Solid, within: float) -> float:
-        """Return the distance [m] to another solid, but at most `within`. The distance is 0 if the solids intersect."""
+        """Return the distance [m] to another solid.
+
+        Distances above `within` are not computed: the result is then `within`. The distance is 0 if the solids intersect.
+        """
         return min(
             max(float(one.min_gap(two, within + more + also)) - more - also, 0.0)
             for one, more in self.cores for two, also in other.cores
@@ -57,8 +61,8 @@ class Solid(FrozenStruct, kw_only=False):
     def overlap(self, other: Solid) -> tuple[float, float]:
         """Return the volume [m^3] of the intersection with another solid, and its mean thickness [m].
 
-        The mean thickness is twice the volume divided by the surface area, which is the thickness of a thin layer. Both results are 0 if
-        the solids only touch.
+        The mean thickness is twice the volume divided by the surface area. For a thin layer, it is the thickness of the layer. Both results
+        are 0 if the solids only touch.
         """
         shared = self.whole ^ other.whole
         volume = float(shared.volume())
@@ -66,19 +70,22 @@ class Solid(FrozenStruct, kw_only=False):
 
 
 class Solids:
-    """The solids of parts and links, keyed by the text of the definition and created on demand.
+    """The solids of parts and links, keyed by the text of the definition. A solid is created when it is first needed.
 
-    Solids are in metres, in the frame of their part or link.
+    Lengths are in metres, and each solid is in the frame of its part or link.
     """
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._solids: dict[str, Solid | None] = {}
         self.hulls: set[str] = set()
-        """Texts of definitions whose surface is not closed. The convex hull replaces this surface."""
+        """Definition texts of parts whose surface is not closed and is replaced by its convex hull."""
 
     def solid(self, occurrence: Occurrence) -> Solid | None:
-        """Return the solid of a part or link, with the same meshes as in the output. Return None if none of its shapes is solid."""
+        """Return the solid of a part or link, which is created from the same meshes as the output files.
+
+        Return None if the part or link does not have a solid shape.
+        """
         text = occurrence.definition.text
         if text not in self._solids:
             self._solids[text] = solid_of(self._store, occurrence.solids)
@@ -88,11 +95,11 @@ class Solids:
 
 
 def solid_of(store: Store, surfaces: Sequence[Surface], *, simplify: float = 0.0) -> Solid | None:
-    """Create the solid that several surfaces enclose, in the frame of the surfaces.
+    """Create the solid that is enclosed by several surfaces, in the frame of the surfaces.
 
     Return None if none of the surfaces encloses a volume.
 
-    `simplify` [m] is the tolerance for reducing the number of facets. Intersections of a simplified solid take half the time.
+    `simplify` [m] is the tolerance for reducing the number of facets. With a tolerance, intersections take half the time.
     """
     made = [(_whole(store, surface), surface.solid) for surface in surfaces]
     inside = [(whole, solid) for whole, solid in made if not whole.is_empty()]
@@ -117,7 +124,7 @@ def _mesh(store: Store, mesh: Mesh) -> Any:
 def _primitive(primitive: Primitive) -> Any:
     """Create a solid with facets from a primitive shape, in the frame of the primitive.
 
-    Planes are infinite, as in simulators, and their size is ignored.
+    The size of a plane is ignored, because planes are infinite in simulators.
     """
     size = primitive.size
     match primitive.shape:
@@ -139,7 +146,7 @@ def _primitive(primitive: Primitive) -> Any:
 
 
 def _core(whole: Any, solid: Mesh | Primitive) -> tuple[Any, float]:
-    """Return the core of a solid and its radius. The core is the solid itself, except for spheres and capsules."""
+    """Return the core of a solid and the radius around the core. The core is the solid itself, except for spheres and capsules."""
     if not isinstance(solid, Primitive) or solid.shape not in ("sphere", "capsule"):
         return whole, 0.0
     radius, half = (*solid.size, 0.0)[:2]

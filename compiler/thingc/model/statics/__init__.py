@@ -1,1 +1,1 @@
-"""Statics: the efforts of drives that hold a robot still, compared with the limits of the drives."""
+"""Compute the static efforts with which drives hold a robot still, and compare the efforts with the limits of the drives."""

@@ -25,12 +25,12 @@ from thingc.model.statics.types import DriveTransmission, Efforts, answer
 
 
 def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], memo: Memo | None = None) -> Efforts:
-    """Compute the drive efforts that hold the robot still at `q`, which maps the paths of all joints to positions [rad or m].
+    """Compute the drive efforts that hold the robot still at the joint positions `q` [rad or m], which is a mapping by joint path.
 
-    Loops must be closed at `q`.
+    `q` contains all joints, and the kinematic loops must be closed at `q`.
 
-    `bodies` are the poses of its bodies in the world. The mode's feet and holds support a free base. A free base without feet and holds is
-    treated as fixed, and so is any other base. `memo` caches how loads are shared.
+    `bodies` contains the poses of all bodies in the world. A free base is supported by the feet and holds of the mode. Without feet and
+    holds, a free base counts as fixed. Every other base also counts as fixed. `memo` caches the distribution of loads.
     """
     load, drives = problem(robot, q, bodies)
     if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):
@@ -41,7 +41,7 @@ def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose],
 
 
 def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tuple[dict[str, float], list[DriveTransmission]]:
-    """Return the load [N m or N] on each joint coordinate, and the drives of the mode that balance the loads.
+    """Return the load [N m or N] on each joint coordinate, and the drives that exist in the mode.
 
     The arguments have the same meaning as for `static_efforts`.
     """
@@ -69,7 +69,10 @@ def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tup
 
 
 def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
-    """Return the angular velocity of a ball about the axis of one of its drives (fixed in the child) per change of each coordinate."""
+    """Return the speed of a drive of a ball joint per speed of each coordinate.
+
+    The speed is the angular velocity about the axis of the drive, which is fixed in the child.
+    """
     ball = tuple(one for one in joints if one.name.joint == joint.name.joint)
     values = tuple(q[one.path] for one in ball)
     axis = (joint.actuator.axis if joint.actuator is not None else None) or (0.0, 0.0, 0.0)
@@ -82,8 +85,8 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
 
     `load` maps the paths of coordinates to loads [N m or N].
 
-    For drives on one coordinate, with factors f and weights l, the least sum of (t / l)^2 with sum f t = -Q is at
-    t = -Q f l^2 / sum (f l)^2.
+    Several drives can act on one coordinate with the load Q. Their factors are f, and their weights are l. The least sum of (t / l)^2 with
+    sum f t = -Q is at t = -Q f l^2 / sum (f l)^2.
     """
     largest: dict[str, float] = {}  # scale the limits, because the square of a limit may overflow
     for _, ((leader, factor),), _, weight in drives:
@@ -110,15 +113,15 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
 
 
 def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[str, float]:
-    """Compute the load of gravity and of the joint's spring on every joint [N m or N].
+    """Compute the load [N m or N] on every joint, which is caused by gravity and by the spring of the joint.
 
-    The result is keyed by joint path, and positive along positive q.
+    The result is keyed by joint path. A positive load acts in the direction of positive q.
 
     `q` maps the paths of all joints to positions [rad or m], and `bodies` contains the poses of all bodies in the world. The gravity load
-    of a joint is the moment about the joint's axis of the weights of all bodies below the joint in the tree, with loops open. A closed loop
-    does no work along motions that it allows, so the loads are also the generalized forces of a robot with loops. A joint that was cut has
-    only the load of its spring. For the moments of weights about axes see Featherstone, Rigid Body Dynamics Algorithms, section 5.3
-    (inverse dynamics at rest). The time is linear in the number of bodies.
+    of a joint is a moment about its axis: the sum over the weights of all bodies below the joint in the kinematic tree. Loops are open.
+    Closed loops do no work along the motions that they allow, so the loads are also the generalized forces of a robot with loops. A joint
+    at which a loop was cut has only the load of its spring. For the moments of weights, see Featherstone, Rigid Body Dynamics Algorithms,
+    section 5.3 (inverse dynamics at rest). The time is linear in the number of bodies.
     """
     count = len(robot.bodies)
     masses = [0.0] * count

@@ -34,28 +34,30 @@ from thingc.model.statics.types import DriveTransmission, Efforts, Topple, answe
 Array = NDArray[np.float64]
 
 RANK = 1e-9
-"""Singular values below this fraction of the largest singular value count as 0."""
+"""Singular values below this fraction of the largest singular value are treated as 0."""
 
 EDGES = 16
-"""Number of edges of the pyramid inside a friction cone, whose friction is at most 1 - cos(pi / 16) = 2 % less than the cone's."""
+"""Number of edges of the pyramid that approximates a friction cone. The friction of the pyramid is at most 1 - cos(pi / 16) = 2 % less than
+the friction of the cone.
+"""
 
 HEAVY = 1e5
-"""Weight of the balance equations relative to efforts."""
+"""Weight of the balance equations in least squares, relative to the weight of the efforts."""
 
 MET = 1e-7
-"""Tolerance of the balance, relative to the load."""
+"""Tolerance of the balance equations, relative to the load."""
 
 
 def balance_shared(
     robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], load: Mapping[str, float], drives: Sequence[DriveTransmission],
     memo: Memo | None = None,
 ) -> Efforts:
-    """Compute the drive efforts for a robot with loops, feet or holds that share its loads.
+    """Compute the drive efforts for a robot whose loads are shared by kinematic loops, feet or holds.
 
     `load` maps the paths of coordinates to loads [N m or N].
 
-    For a robot without closures and feet, the result is the same as from `balance_tree`. The base is fixed, unless it is free and supported
-    by feet or holds. `memo` caches the result.
+    For a robot without closures and feet, the result is the same as from `balance_tree`. The base counts as fixed, unless it is free and
+    supported by feet or holds. `memo` caches the result.
     """
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), bodies[0])
     closing = loops.linearized(SolverState(q=dict(q), base=bodies[0]), base_moves=robot.carried)[1]
@@ -73,7 +75,7 @@ def balance(
 ) -> Efforts:
     """Compute the drive efforts that balance the loads on the coordinates `paths`.
 
-    `closing` contains the derivatives of the loops' closing conditions, one column per coordinate.
+    `closing` contains the derivatives of the closing conditions of all loops, with one column per coordinate.
     """
     column = {path: k for k, path in enumerate(paths)}
     count = len(paths) + (0 if stands is None else 6)
@@ -101,9 +103,9 @@ def balance(
 
 
 def _feet(following: Mapping[str, tuple[str, float, float]], stands: Support, column: Mapping[str, int], size: float) -> list[Array]:
-    """Return the Jacobian (3 x n) of the position [m] of each foot at `q` by the coordinates.
+    """Return the Jacobian (3 x n) of the position [m] of each foot with respect to the coordinates.
 
-    The coordinates are joints, then three translations of the base (in lengths of `size` [m]) and three rotations about its
+    The coordinates are the joints, three translations of the base (in units of `size` [m]), and three rotations of the base about its
     origin.
     """
     jacobians: list[Array] = []
@@ -120,7 +122,7 @@ def _feet(following: Mapping[str, tuple[str, float, float]], stands: Support, co
 
 
 def _fall(stands: Support) -> Topple | None:
-    """Return why the floor cannot support the robot with any efforts of its drives. Return None if no reason is found."""
+    """Return the reason why the floor cannot support the robot, whatever the efforts of its drives. Return None if no reason is found."""
     known = np.concatenate([stands.weight, np.cross(np.subtract(stands.centre, stands.feet[0].point), stands.weight)])
     pushed: list[Array] = []
     for foot in stands.feet:
@@ -139,7 +141,7 @@ def _fall(stands: Support) -> Topple | None:
 
 
 def edges(friction: float) -> Array:
-    """Return the edges `(n, 3)` of the pyramid inside the cone of a foot on the floor, with 1 along its axis z."""
+    """Return the edges `(n, 3)` of the pyramid inside the friction cone of a foot on the floor. The z component of each edge is 1."""
     if friction == 0.0:
         return np.array([[0.0, 0.0, 1.0]])
     angles = 2.0 * pi * np.arange(EDGES) / EDGES
@@ -147,7 +149,9 @@ def edges(friction: float) -> Array:
 
 
 class _Shares(NamedTuple):
-    """A solution: the `efforts` divided by their weights, the `forces` along the edges, and the dimension of the space of other solutions.
+    """A solution of the balance: the `efforts` divided by their weights, and the `forces` along the edges of the pyramids.
+
+    `choices` is the dimension of the space of solutions.
     """
 
     efforts: Array
@@ -156,7 +160,7 @@ class _Shares(NamedTuple):
 
 
 def _share(held: Array, known: Array, pushed: Array) -> _Shares:
-    """Return x (drives) and y >= 0 (edges) with `held x + known + pushed y = 0`, as far as possible, and the least |x|."""
+    """Solve `held x + known + pushed y = 0` as far as possible, with the least |x|."""
     left, sizes, right = np.linalg.svd(held) if held.size else (np.eye(len(known)), np.zeros(0), np.eye(held.shape[1]))
     rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
     inverse = right[:rank].T / sizes[:rank] @ left[:, :rank].T
@@ -168,7 +172,7 @@ def _share(held: Array, known: Array, pushed: Array) -> _Shares:
 
 
 def _forces(must: Array, due: Array, costs: Array, before: Array) -> Array:
-    """Return y >= 0 with `must y + due = 0` and the least |costs y + before|."""
+    """Return the vector y >= 0 with the least |costs y + before| for which `must y + due = 0`."""
     scale = np.abs(due).max(initial=0.0) or 1.0
     y, _ = nnls(np.vstack([HEAVY / scale * must, costs]), -np.concatenate([HEAVY / scale * due, before]), maxiter=50 * must.shape[1])
     used = np.flatnonzero(y > 0.0)

@@ -1,4 +1,4 @@
-"""Compute how the floor supports a robot with a free base: the feet, their velocities per joint speed, and the support polygon."""
+"""Compute how the floor supports a robot with a free base: the feet, their velocities relative to joint speeds, and the support polygon."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 
 LEVEL = 0.02
-"""Largest height of a standing foot above the lowest foot, relative to the largest distance between two feet."""
+"""Largest height at which a foot still stands on the floor, measured above the lowest foot and relative to the largest distance between two
+feet.
+"""
 
 
 class FootContact(NamedTuple):
-    """A foot at `point` [m] in the world, where the floor pushes upwards.
+    """A foot at the position `point` [m] in the world, on which the floor pushes upwards.
 
-    `moves` is the velocity of the foot per speed of each joint that carries the foot [m/rad or 1], by path. `pull` [N] is the force of the
-    foot's adhesion to the floor.
+    `moves` maps joint paths to the velocity of the foot per speed of the joint [m/rad or 1]. `pull` is the force [N] by which the foot
+    adheres to the floor.
     """
 
     path: str
@@ -30,9 +32,10 @@ class FootContact(NamedTuple):
 
 
 class Support(NamedTuple):
-    """The support of a robot with a free base by the floor.
+    """The feet and the weight of a robot with a free base on the floor.
 
-    The fields are the feet, the `origin` of the root link and the `centre` of mass in the world [m], and the `weight` [N].
+    `origin` is the position of the root link [m], `centre` is the position of the centre of mass [m], and `weight` is the weight [N], all
+    in the world.
     """
 
     feet: tuple[FootContact, ...]
@@ -42,12 +45,12 @@ class Support(NamedTuple):
 
     @property
     def turning(self) -> Vector:
-        """Return the torque [N m] of the weight about the origin."""
+        """Return the torque [N m] of the weight about `origin`."""
         return cross(_less(self.centre, self.origin), self.weight)
 
 
 def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Support:
-    """Compute the support of the robot by the floor.
+    """Compute the feet and the weight of a robot at the joint positions `q`.
 
     `q` maps the paths of all joints to positions [rad or m], and `bodies` contains the poses of all bodies in the world.
     """
@@ -82,9 +85,9 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
 
 
 def lifted(feet: Sequence[FootContact]) -> dict[str, float]:
-    """Return the feet that are too high to stand on the same floor as the lowest foot.
+    """Return the feet that are so far above the lowest foot that they cannot stand on the same floor.
 
-    The result maps the paths of these feet to heights [m] above the lowest foot.
+    The result maps the path of each such foot to its height [m] above the lowest foot.
     """
     lowest = minimum((foot.point[2] for foot in feet), default=0.0)
     widest = maximum((dist(a.point, b.point) for a in feet for b in feet), default=0.0)
@@ -92,7 +95,7 @@ def lifted(feet: Sequence[FootContact]) -> dict[str, float]:
 
 
 def outside(stance: Support) -> float:
-    """Compute the distance [m] from the support polygon to the centre of mass, projected onto the floor along gravity.
+    """Compute the distance [m] from the support polygon to the centre of mass, which is projected onto the floor along gravity.
 
     The distance is 0 inside the polygon, and infinite if gravity does not pull towards the floor.
     """

@@ -12,10 +12,11 @@ NO_LOAD = 1e-12
 
 
 class DriveTransmission(NamedTuple):
-    """The transmission from the drive of a joint to joint coordinates. It contains the speed of the drive per speed of each coordinate.
+    """The transmission between the drive of a joint and the joint coordinates: the speed of the drive per speed of each coordinate.
 
-    The drive of a ball joint has three coordinates. Other drives have one coordinate: the coordinate of the joint or of its leader. `limit`
-    is the effort limit [N m or N]. `weight` scales the effort in least squares, and is 1 without a limit above 0.
+    A drive of a ball joint acts on three coordinates. All other drives act on one coordinate: the coordinate of the joint, or of the joint
+    that it mimics. `limit` is the effort limit [N m or N]. `weight` is the scale of the effort in least squares. The weight is 1 if the
+    drive does not have a limit above 0.
     """
 
     path: str
@@ -25,9 +26,10 @@ class DriveTransmission(NamedTuple):
 
 
 class Topple(NamedTuple):
-    """The reason why the floor cannot support a robot on its feet with any efforts of its drives.
+    """The reason why a robot on feet falls, whatever the efforts of its drives.
 
-    The robot `tips`, with its centre of mass `outside` [m] the support polygon, it `slides`, or gravity `pulls` it off.
+    The kind is `tips` if the centre of mass is `outside` [m] the support polygon, `slides` if the robot slides, or `pulls` if gravity pulls
+    the robot off the floor.
     """
 
     how: str
@@ -35,14 +37,14 @@ class Topple(NamedTuple):
 
 
 class Efforts(NamedTuple):
-    """The efforts of drives [N m or N] by joint path, positive along positive q.
+    """The efforts of drives [N m or N] by joint path. A positive effort acts in the direction of positive q.
 
-    `margins` contains the torque or force margin of each drive with an effort limit.
+    `margins` contains the ratio of limit to effort for each drive with an effort limit.
 
-    If there are several solutions (two held feet, two drives on a loop, two coupled joints), `Efforts` contains the solution with the least
-    sum of squares of effort divided by limit. `choices` is the dimension of the space of solutions. `unheld` is the largest load that no
-    drive balances, relative to the largest load. `where` is the coordinate of this load (empty if all loads are balanced, and for a load on
-    the free base). `fall` is set if the robot would fall off its feet with any efforts.
+    The efforts may be ambiguous, for example for two held feet, two drives on a loop, or two coupled joints. Then the solution with the
+    least sum of squares of effort divided by limit is used. `choices` is the dimension of the space of solutions. `unheld` is the largest
+    load that no drive balances, as a fraction of the largest load. `where` is the coordinate with this load. It is empty if all loads are
+    balanced, or if the load acts on the free base. `fall` is the reason if the robot would fall off its feet, whatever the efforts.
     """
 
     by_joint: dict[str, float]
@@ -54,7 +56,7 @@ class Efforts(NamedTuple):
 
     @property
     def least_margin(self) -> float | None:
-        """The smallest margin of all drives, or None if no drive has an effort limit."""
+        """The smallest torque or force margin of all drives, or None if no drive has an effort limit."""
         return numeric.minimum(self.margins.values(), default=None)
 
 
@@ -62,14 +64,14 @@ def answer(
     drives: Iterable[DriveTransmission], efforts: dict[str, float], greatest: float, unheld: float, where: str, choices: int,
     fall: Topple | None = None,
 ) -> Efforts:
-    """Create the result of a statics computation from drive efforts.
+    """Create an `Efforts` result from drive efforts.
 
-    The load `unheld` [N m or N] at the coordinate `where` is not balanced. `greatest` is the largest load.
+    `unheld` is a load [N m or N] at the coordinate `where` that is not balanced. `greatest` is the largest load on any coordinate.
     """
     margins = {path: margin(limit, efforts[path]) for path, _, limit, _ in drives if limit is not None}
     return Efforts(efforts, margins, unheld / greatest if unheld else 0.0, where, choices, fall)
 
 
 def margin(limit: float, effort: float) -> float:
-    """Return the ratio of a drive's limit to its effort (both in [N m] or [N]). The ratio is `inf` if the effort is 0."""
+    """Return the ratio of the limit of a drive to its effort (both in [N m] or [N]). If the effort is 0, the ratio is infinite."""
     return limit / abs(effort) if abs(effort) > NO_LOAD else numeric.inf
