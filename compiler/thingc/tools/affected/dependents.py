@@ -136,7 +136,7 @@ def _files(documents: Documents) -> Iterator[str]:
 def _texts(document: Document, key: str) -> Iterator[str]:
     """Yield each string in a document that is the value of the given key, or an item of a list under this key, at any nesting depth.
 
-    In variants, keys are dotted paths that end with the given key.
+    In a variants document, a key can also be a dotted path that ends with the given key.
     """
     waiting: list[Node] = [document.tree]
     while waiting:

@@ -34,7 +34,7 @@ from thingc.tools.cli.set import settings
 from thingc.tools.templates import new_assembly, new_part
 
 BASES: tuple[BaseType, ...] = get_args(BaseType)
-"""All types of the base of a mode."""
+"""All types that the base of a mode can have."""
 NAME = r"[A-Za-z][A-Za-z0-9_]*"
 """Regular expression of valid names of elements."""
 
@@ -179,8 +179,8 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Doc
 def _nested_path(name: str, beside: str | None) -> str:
     """Return the path of a nested document with the given name, which is in the same folder as the document `beside`.
 
-    A name with the suffix of a document is a path. To other names, the function appends the suffix of an existing document, or else the
-    suffix of `beside`.
+    A name with the suffix of a document is a path. Otherwise, the function appends the suffix of an existing document, or else the suffix
+    of `beside`.
     """
     if name.lower().endswith(DOCUMENT_SUFFIXES):
         return os.path.abspath(name)
@@ -357,7 +357,10 @@ def _params(arguments: argparse.Namespace, key: str = "params") -> dict[str, Wri
 
 
 def _new(root: Document, section: str, name: str, hint: str = "choose another name") -> str:
-    """Return the given name for a new element of a document section. Raises `WrongCommandLine` if the section already contains the name."""
+    """Check and return the name of a new element of a document section.
+
+    Raises `WrongCommandLine` if the section already contains the name.
+    """
     _identifier(name)
     taken = {known.lower(): known for known in _section(root.tree, section)}
     if name.lower() in taken:

@@ -59,9 +59,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
-    """Return pairs of a workspace and the selected documents in the workspace. None instead of documents means all documents.
+    """Return pairs of a workspace and the selected documents in the workspace.
 
-    Raises `WrongCommandLine` for an invalid path.
+    If the second item of a pair is None, all documents are selected. Raises `WrongCommandLine` for an invalid path.
     """
     by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:

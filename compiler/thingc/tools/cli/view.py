@@ -213,7 +213,10 @@ def _is_page(name: str) -> bool:
 
 
 def _build_meant(name: str) -> Path:
-    """Return the folder `name` if it is a build folder, or else the only build folder inside. Raises `WrongCommandLine` otherwise."""
+    """Return the folder `name` if it is a build folder, or else the only build folder inside.
+
+    Raises `WrongCommandLine` unless exactly one build folder exists.
+    """
     folder = Path(name)
     if (folder / MANIFEST).is_file():
         return folder

@@ -104,7 +104,10 @@ def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
 
 
 def _in_words(alike: Sequence[Loss]) -> str:
-    """Format a group of export losses as one line, with the source location of the first loss. Different numbers are replaced by `...`."""
+    """Format a group of export losses as one line, with the source location of the first loss.
+
+    Numbers that differ between the losses are replaced by `...`.
+    """
     first = alike[0]
     place = f"{shown_path(first.span.file)}:{first.span.line}: " if first.span is not None else ""
     of_modes = first.mode == first.path

@@ -30,7 +30,7 @@ SHAPES = 1e-7
 
 
 class _Following:
-    """Finds changes of computed results, such as masses, that changes in the documents caused, and adds them to the comparison."""
+    """Finds the consequences of changes in the documents, such as changed masses, and adds these consequences to the comparison."""
 
     def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
@@ -43,7 +43,7 @@ class _Following:
         self._moved: dict[str, tuple[str, ...]] = {}
 
     def all(self) -> None:
-        """Add all changes that changes in the documents caused. Each cause is added before its consequences."""
+        """Add all consequences of changes in the documents. If one consequence causes another consequence, the cause is added first."""
         for old, new in self.occurrences:
             self._geometry(old, new)
             self._mounts(old, new)
@@ -420,7 +420,7 @@ def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
 def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:
     """Match rows of the old and the new bill of materials that have the same part definition.
 
-    Rows that count a common part are matched first, and the remaining rows in order.
+    Rows that have a part in common are matched first. The remaining rows are matched in order.
     """
     left, pairs = list(news), []
     rest: list[Row] = []

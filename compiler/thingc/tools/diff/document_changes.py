@@ -94,7 +94,7 @@ class DocumentChanges:
         return tuple(word for word in change.because if word != PERHAPS) if change.caused else (change.path,)
 
     def causes(self, what: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:
-        """Return the user's changes that caused changes of the elements of this kind at the given `paths`.
+        """Return the user's changes that affected the elements of the given kind at the given `paths`.
 
         If `fields` is given, only changes of these fields count. A field name that ends with a dot, such as `process.`, is a prefix.
         """
@@ -107,7 +107,7 @@ class DocumentChanges:
         return causes
 
     def causes_of_mounts(self, paths: Iterable[str]) -> dict[str, None]:
-        """Return the user's changes that changed mounts of the given components."""
+        """Return the user's changes that affected the mounts of the given components."""
         return {root: None for path in paths for change in self._on.get(path, ()) for root in self.roots(change)}
 
     def structure(self) -> dict[str, None]:
@@ -126,7 +126,7 @@ class DocumentChanges:
 
 
 def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
-    """Return whether a change affects a field in `fields` or the whole element. Renaming does not change the whole element."""
+    """Return whether a change affects a field in `fields` or the whole element. Return False if the element was only renamed."""
     field = change.field
     if field is None:
         return change.change != "renamed"
@@ -215,7 +215,7 @@ class StatedChanges:
         return any(thing.what == "joint" and thing.path == joint for thing in (*self.pairing.gone, *self.pairing.come))
 
     def _because(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, made: set[str]) -> tuple[str, ...]:
-        """Return the changes that changed the value of a property.
+        """Return the changes that caused the new value of a property.
 
         If the value is an expression whose text did not change, the causes are the changed parameters in the expression. If the document
         does not contain the property, the causes are changes of the component or of the drive.

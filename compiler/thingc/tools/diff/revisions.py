@@ -74,7 +74,10 @@ class Repository(OneLineRepr, FrozenStruct):
 
 
 class Revision:
-    """A context manager that writes files of a git commit to a temporary folder on demand. It removes the folder on exit."""
+    """A context manager that writes files of a git commit to a temporary folder on demand.
+
+    On exit, the context manager removes the folder.
+    """
 
     def __init__(self, repository: Repository, name: str, commit: str) -> None:
         self.repository, self.name, self.commit = repository, name, commit

@@ -248,7 +248,7 @@ class Snapshot(OneLineRepr, FrozenStruct):
 
 
 def told(value: Value) -> DisplayValue:
-    """Convert a value in a snapshot to the form that reports contain."""
+    """Convert a value in a snapshot to the corresponding value in a report."""
     if isinstance(value, Named):
         return value.text
     return tuple(map(told, value)) if isinstance(value, tuple) else value

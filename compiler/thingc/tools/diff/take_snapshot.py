@@ -22,7 +22,7 @@ from thingc.tools.diff.snapshot import PLACES, ComponentNode, Fact, Named, Snaps
 from thingc.tools.diff.source_locations import DocumentTrees
 
 KEYS = {"minimum": "min", "maximum": "max", "base": "from"}
-"""Keys of document tests that differ from the names of the corresponding fields, by field name."""
+"""Maps names of fields to the keys of document tests, if the key differs from the name of the field."""
 
 
 def take_snapshot(compilation: Compilation) -> Snapshot:
@@ -140,7 +140,7 @@ class _Reader:
             }, of=path, span=mount.origin[0])
 
     def _placement(self, prefix: str, definition: AssemblyDefinition, component: Component, path: str, fact: Any) -> None:
-        """Collect the mate by which a component is placed. A component that is placed by a joint has no such mate."""
+        """Collect the mate by which a component is placed. A component that is placed by a joint does not have such a mate."""
         placement = component.placement
         if isinstance(placement, Attach):
             self._add("mate", path, {

@@ -35,8 +35,8 @@ def plain_name(name: str, kind: str) -> str:
 def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
     """Map each name in `names` to a unique document name that is not in `taken`. Names that differ only in case count as equal.
 
-    A name in the mapping `earlier`, from an earlier import, keeps its document name. Valid names do not change, and take precedence over
-    equal converted names.
+    A name in the mapping `earlier`, from an earlier import, keeps its document name. A valid name does not change, and has precedence over
+    an equal name that results from a conversion.
     """
     used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
     words: dict[str, str] = {}
@@ -127,7 +127,7 @@ class DocumentNaming:
     def _added(self, drives: list[str]) -> dict[tuple[str, str], str]:
         """Return the names of the elements that are added to the MuJoCo model unchanged, keyed by section and source name.
 
-        Actuators do not get names of drives in `drives`.
+        The names of drives in `drives` are not used for actuators.
         """
         added: dict[tuple[str, str], str] = {}
         for element in self.robot.added:
@@ -247,7 +247,7 @@ class DocumentNaming:
         return {name: word for (of, name), word in self.added.items() if of == section}
 
     def items(self, link: SourceLink) -> Iterator[tuple[SourceShape, SourceShape | None]]:
-        """Yield the items of the list `shapes` of a link. Each item is a shape, and an equal collision shape or None.
+        """Yield the items of the list `shapes` of a link. Each item consists of a shape, and of an equal collision shape or None.
 
         A visual shape and a collision shape become one item if they have the same kind, size, pose and mesh. The order of the visual shapes
         and the order of the collision shapes do not change.

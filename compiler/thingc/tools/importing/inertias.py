@@ -32,7 +32,7 @@ Matter = Callable[[SourceShape], MassProperties | None]
 The function returns None if the mesh is not closed or cannot be read.
 """
 LEAST = 1e-6
-"""Mass [kg] that a repair gives to massless links. The same value is the square of the minimum radius of gyration [m^2], 1 mm."""
+"""Mass [kg] that a repair gives to massless links. The same number is used as the square [m^2] of the minimum radius of gyration, 1 mm."""
 
 
 class RepairedLink(FrozenStruct):
@@ -160,7 +160,7 @@ def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLin
 
 
 def nearest(inertia: Matrix, mass: float) -> Matrix:
-    """Return the physically possible inertia [kg m^2] about the centre of mass that is nearest to `inertia`. The mass is in [kg].
+    """Return the physically possible inertia [kg m^2] about the centre of mass that is nearest to `inertia`. `mass` is in kilograms.
 
     The radii of gyration are at least 1 mm, and the moments are large enough for simulators.
     """

@@ -164,8 +164,8 @@ UNITS = {ACCELERATION: "m/s^2", ANGULAR_VELOCITY: "rad/s", VELOCITY: "m/s", FORC
 def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
     """Return the keys and values of the mapping `dynamics` of a joint or tendon. Values that are zero are omitted.
 
-    `turns` specifies whether the joint coordinate, or the length of the tendon, is an angle. For a tendon along a path that has stiffness,
-    the result always contains `rest`.
+    `turns` specifies whether the joint coordinate, or the length of the tendon, is an angle. For a tendon that has stiffness and runs along
+    a path, the result always contains `rest`.
     """
     units = ("N*m*s/rad", "N*m", "kg*m^2", "N*m/rad") if turns else ("N*s/m", "N", "kg", "N/m")
     values = {"damping": of.damping, "friction": of.friction, "armature": of.armature, "stiffness": of.stiffness}
@@ -211,7 +211,10 @@ def tendon_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
-    """Format the factor of a joint in a tendon with its unit. The unit is a unit of length, divided by the unit of the joint coordinate."""
+    """Format the factor of a joint in a tendon with its unit.
+
+    The text contains a unit of length, divided by the unit of the joint coordinate.
+    """
     unit = "" if tendon.turns or not turns else "m/rad"
     return f"{scaled(value, 0)} {unit}".rstrip()
 

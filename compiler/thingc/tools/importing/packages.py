@@ -18,7 +18,7 @@ from thingc.base.suggestions import Hint
 MOST_BYTES = 200_000_000
 MANIFEST = "package.xml"
 VARIABLES = (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share"), ("GZ_SIM_RESOURCE_PATH", ""), ("GAZEBO_MODEL_PATH", ""))
-"""Environment variables that list folders with packages, and the subfolder that contains the packages."""
+"""Environment variables that list folders, and the subfolder of each folder that contains the packages."""
 SUBFOLDERS = ("cfg", "mjcf", "robots", "sdf", "urdf", "xacro", "xml")
 """Usual names of the folders that contain model files. Meshes are usually in sibling folders."""
 _NAME_OF = re.compile(rb"<name>\s*([^<\s]+)\s*</name>")

@@ -38,7 +38,8 @@ def _format_decimal(value: Decimal) -> str:
 def scaled(value: float, power: int, beside: float = 0.0) -> str:
     """Multiply a number by a power of ten, and format the exact product: `scaled(0.0388353, 3)` is `38.8353`.
 
-    The function removes rounding errors. `beside` is a larger number from the same computation, whose rounding error applies.
+    The function removes rounding errors. If a larger number `beside` was part of the same computation, the rounding error of the larger
+    number applies.
     """
     return _format_decimal(_short(float(value), ROUNDED * math.ulp(max(abs(value), abs(beside)))).scaleb(power))
 

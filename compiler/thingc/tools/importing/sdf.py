@@ -117,7 +117,7 @@ _VERSION = re.compile(r"1\.(\d+)")
 _USUAL = MassProperties(mass=1.0, inertia=IDENTITY)
 """SDF's default mass properties of a link."""
 ENDLESS = 1e16
-"""Limits whose absolute value is at least this number mean that a joint is unlimited."""
+"""If the absolute value of a limit is at least this number, the joint is unlimited."""
 ATTRIBUTES: dict[str, set[str]] = {
     "model": {"name", "canonical_link", "placement_frame"}, "link": {"name"}, "joint": {"name", "type"}, "frame": {"name", "attached_to"},
     "visual": {"name"}, "collision": {"name"}, "pose": {"relative_to", "frame", "degrees", "rotation_format"}, "xyz": {"expressed_in"},
@@ -418,7 +418,7 @@ class _Sdf:
         return None if value is None or abs(value) >= ENDLESS else value
 
     def _mimic(self, axis: SourceElement, scope: str) -> source_model.SourceMimic | None:
-        """Read the `<mimic>` element of a joint: q = `multiplier (q(leader) - reference) + offset`."""
+        """Read the `<mimic>` element of a joint, with the relation q = `multiplier (q(leader) - reference) + offset`."""
         mimic = self.values.one(axis, "mimic")
         if mimic is None:
             return None

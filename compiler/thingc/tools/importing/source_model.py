@@ -2,8 +2,8 @@
 
 The readers of the file formats return a source model, and the writer converts the source model to a document. A link is a rigid body. An
 `Attachment` attaches a link to its parent by a sequence of joints. For a fixed link, this sequence is empty. In URDF, the sequence has at
-most one joint. In MJCF, it can have several joints. Default values of the file format are contained explicitly. All names are names in the
-source file.
+most one joint. In MJCF, the sequence can have several joints. The source model contains the default values of the file format explicitly.
+All names are names in the source file.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SourceBase = Literal["fixed", "free", "held"]
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane", "mesh"]
 Sizes = Vector | tuple[float, float] | tuple[float]
 Raw = tuple[tuple[str, str], ...]
-"""Names and values of XML attributes that documents cannot express. They are written only to models for the simulator of the source."""
+"""Names and values of XML attributes that documents cannot express, and that are written only to models for the simulator of the source."""
 SOURCE_MODE = "source"
 """Name of the mode with the root and the base of the source."""
 FAR = 1000.0
@@ -191,8 +191,8 @@ class SourceJoint(SourceMotion):
 class SourceAround(FrozenStruct):
     """A shape around which a tendon wraps: a sphere or an infinite cylinder along z.
 
-    `radius` is in metres, and `pose` is relative to the frame of `link`. `side` is a site: the tendon passes the shape on the side of this
-    site. Without `side`, the tendon follows the shorter path.
+    `radius` is in metres, and `pose` is relative to the frame of `link`. If the site `side` is given, the tendon passes the shape on the
+    side of this site. Without `side`, the tendon follows the shorter path.
     """
 
     name: str

@@ -159,7 +159,7 @@ def _repair(how: object) -> Repair | None:
 def _inside(name: str) -> str:
     """Check that a path in the file `import.json` is inside the import folder, because the file may have been edited.
 
-    Raises `ValueError` otherwise.
+    Raises `ValueError` if the path is outside.
     """
     parts = str(name).split("/")
     if len(parts) > 2 or any(part in ("", ".", "..") or "\\" in part or "\0" in part for part in parts):

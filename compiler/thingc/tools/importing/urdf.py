@@ -314,10 +314,7 @@ class _Urdf:
         return source_model.SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
 
     def _grounded(self, robot: source_model.SourceRobot) -> source_model.SourceRobot | None:
-        """Remove an empty root link with only one child.
-
-        The child must be floating, or the root link must be called `world` and the child be fixed.
-        """
+        """Remove an empty root link with only one child. The child must be floating, or a fixed child of a root link called `world`."""
         first = [one for one in robot.hangings if one.parent == robot.root]
         world = next(link for link in robot.links if link.name == robot.root)
         bare = world.weight is None and not world.shapes and len(first) == 1 and not first[0].joints

@@ -28,7 +28,7 @@ _ALIGNED = 1e-12
 ROUNDED = 1e-15
 """Products of inertia below this fraction of the largest moment of inertia are rounding errors."""
 FACING = ("planar", "ball")
-"""Kinds of joints that do not have a single axis. Their mounts face each other."""
+"""Kinds of joints that do not have a single axis, and whose mounts face each other."""
 FRICTION = ("slide", "torsion", "roll")
 SAY_THEIR_UNIT = (".dae", ".glb")
 UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01): "cm", (0.001, 0.001, 0.001): "mm"}
@@ -147,8 +147,8 @@ class DocumentWriter(DocumentNaming):
     def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
         """Yield the name, the pose and the comment of each mount of a link.
 
-        Joints, links that become mounts, sites, loops and adhesions have mounts. A camera, or a shape around which a tendon wraps, gets a
-        mount unless a mount with the same pose exists.
+        The mounts belong to joints, to links that become mounts, and to sites, loops and adhesions. A camera, or a shape around which a
+        tendon wraps, gets a mount unless a mount with the same pose exists.
         """
         above = self.above.get(name)
         for joint in above.joints if above is not None else ():

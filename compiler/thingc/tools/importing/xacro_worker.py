@@ -1,8 +1,9 @@
 """Expand a xacro file in a sandboxed process.
 
 xacro evaluates Python expressions in the file, so xacro runs in a sandboxed child process. The child process can write only to a temporary
-folder, read only the robot's folder and known packages, and cannot run programs. All its subprocesses end with the child process. Before
-xacro reads a file, this module adds an attribute with the source location to every element. Macros copy this attribute to the output.
+folder, read only the robot's folder and known packages, and cannot run programs. When the child process ends, all its subprocesses end,
+too. Before xacro reads a file, this module adds an attribute with the source location to every element. Macros copy this attribute to the
+output.
 """
 
 from __future__ import annotations

@@ -137,7 +137,7 @@ class Values:
         """Read the pose in the child element `<origin>` of a URDF element.
 
         Returns:
-            The pose, and the angles `rpy` [rad], or None instead of the angles if the element has the attribute `quat_xyzw` of URDF 1.1.
+            The pose, and the angles `rpy` [rad]. If the element has the attribute `quat_xyzw` of URDF 1.1, None replaces the angles.
         """
         origin = self.one(element, "origin")
         if origin is None:

@@ -78,7 +78,7 @@ class RebuildLoop:
 
     In every round, the loop calls the function `wish`, which returns the build request or errors, because the settings of the workspace can
     change. The function `refused` converts an exception to a diagnostic. The loop calls the function `on_wait` while another process builds
-    the same folder. Only if `writes` is true, the loop writes the build folder. Each round acquires the lock `turn`, so that the loops of
+    the same folder. The loop writes the build folder only if `writes` is true. Each round acquires the lock `turn`, so that the loops of
     several documents do not run at the same time.
     """
 

@@ -40,8 +40,8 @@ WAITED_FOR: FailureKind = "unlocked"
 class PendingRequests:
     """Requests to background workers to describe, build and slice parts.
 
-    `references` lists the parts to describe. `definitions` maps the texts of the part definitions to build to pairs of the definition and a
-    Boolean: whether convex pieces are needed. `slices` contains the records to slice.
+    `references` lists the parts to describe. `definitions` maps the text of each part definition to the definition and a Boolean, which
+    specifies whether convex pieces are needed. `slices` contains the records to slice.
     """
 
     references: dict[str, None] = field(default_factory=dict)

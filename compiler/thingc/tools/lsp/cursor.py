@@ -124,7 +124,7 @@ _PLAIN_KEY_IN_FLOW = re.compile(r"(?:[^,{}\[\]\r\n:# \t]|:(?![\s,{}\[\]]|$)|[ \t
 
 @dataclass(slots=True)
 class _Frame:
-    """A YAML block mapping or block list during a scan.
+    """A YAML block mapping or block sequence that contains the current line of the scan.
 
     `column` is the column of the keys or dashes, `path` is the path of keys to the block, and `last` is the last key or index. `state`
     describes the last entry: `open` (no value yet), `scalar` (a plain value, which may continue on the next line), or `done`.

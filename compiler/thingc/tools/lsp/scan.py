@@ -107,7 +107,7 @@ class Scan(ABC):
     def gap(self, low: int, high: int, role: Role, path: Path, *, either: bool = False, flow: bool = False) -> None:
         """Process a range of the text without a token, from the offset `low` to the offset `high`, inclusive.
 
-        At a cursor in this range, the user starts to type a key or a value at `path`.
+        If the cursor is in this range, the user is about to type a key or a value at `path`.
         """
         if low <= self.target <= high and self.place is None:
             self.place = CursorPlace(role=role, path=path, start=self.target, end=self.target, either=either, flow=flow)
@@ -277,7 +277,7 @@ class Scan(ABC):
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
         """Return the start and the end of the text inside the quotes at the offset `at`, and the offset after the closing quote.
 
-        If the closing quote is missing, or only follows after a line of another entry, the value ends at the end of the line.
+        If the closing quote is missing, or if a line of another entry precedes the closing quote, the value ends at the end of the line.
         """
         quote = self.text[at]
         here = at + 1

@@ -21,7 +21,7 @@ Schema = dict[str, Any]
 class KeyOffer(FrozenStruct):
     """A key that can be added to a mapping, with its description.
 
-    `KeyOffer` specifies whether the key is required and whether its value must be a mapping.
+    The fields specify whether the key is required and whether its value must be a mapping.
     """
 
     name: str
@@ -157,7 +157,7 @@ class SchemaWalk:
 
 
 def described(flats: list[Schema]) -> str:
-    """Return the first description of a value in the schemas. Descriptions of single choices are ignored."""
+    """Return the first description of a value in the schemas. Descriptions of individual choices are ignored."""
     return next((str(flat["description"]) for flat in flats if flat.get("description") and "const" not in flat), "")
 
 

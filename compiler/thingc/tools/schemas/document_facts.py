@@ -207,7 +207,10 @@ def _what(label: str, source: tuple[str, str] | None, made: tuple[Component, ...
 
 
 def _exact(component: Component, records: Records) -> bool:
-    """Return False if the record of a part is only a placeholder, because the part was not built, so that its mounts can be wrong."""
+    """Return whether the mounts in the record of a part are correct.
+
+    They can be wrong in a placeholder record of a part that was not built.
+    """
     record = records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
     return not isinstance(record, PartRecord) or record.exact
 
@@ -239,7 +242,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
 
 
 def usual_mounts(record: PartRecord) -> Names:
-    """Return the mounts of a built part, with descriptions as default mounts of the part class."""
+    """Return the mounts of a built part with descriptions, for use as the default mounts of the part class."""
     return {name: _of_mount(record.text, mount.interface) for name, mount in sorted(record.mounts.items())}
 
 

@@ -20,13 +20,16 @@ from thingc.tools.schemas.document_facts import DocumentFacts, JointFacts, Names
 from thingc.tools.schemas.parameter_schemas import DocumentSymbols, Schema, documentation, one_of, parameters_schema, part_schema, quantity
 
 OPEN = r"[*?\[$]"
-"""Regular expression of the characters in name patterns and indices. The compiler validates references with these characters."""
+"""Regular expression of the special characters in name patterns and indices.
+
+Only the compiler validates references with these characters.
+"""
 MAX_CHECKED = 500
 """Maximum number of names in one regular expression. Larger groups of names are not validated."""
 
 
 class SchemaContext(FrozenStruct):
-    """The names from other files that a document can use. The names are written as the document refers to them.
+    """The names from other files that a document can use. The names have the form in which the document contains references.
 
     `parts` contains the schemas of available parts, and `usual` their default mounts. `assemblies` and `materials` are other documents.
     """
@@ -43,12 +46,12 @@ def narrowed(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Sc
 
 
 def params_name(reference: str) -> str:
-    """Return the key in `$defs` of the schema for a part's parameters."""
+    """Return the key in `$defs` under which the schema of a part's parameters is stored."""
     return f"params of {reference}"
 
 
 def mounts_name(reference: str) -> str:
-    """Return the key in `$defs` of the schema for a part's default mounts."""
+    """Return the key in `$defs` under which the schema of a part's default mounts is stored."""
     return f"mounts of {reference}"
 
 
@@ -202,7 +205,7 @@ class _Narrowing:
     def _components(self) -> None:
         """Adapt the JSON Schema of the existing components to their mounts.
 
-        If the user changes the part of a component, these rules no longer apply to the component.
+        The rules for a component apply only while the component uses the same part.
         """
         section = self.properties["components"]
         known: Schema = {}

@@ -15,7 +15,7 @@ DYNAMICS = ("none", "integrator", "filter", "filterexact", "muscle")
 GAINS, BIASES = ("fixed", "affine", "muscle"), ("none", "affine", "muscle")
 Kind = Literal["body", "joint", "geom", "site", "tendon", "actuator"]
 OBJECTS: dict[int, Kind] = {1: "body", 2: "body", 3: "joint", 5: "geom", 6: "site", 18: "tendon", 19: "actuator"}
-"""Kinds of elements to which a sensor can refer, by the value of MuJoCo's `mjtObj`."""
+"""Maps values of MuJoCo's enum `mjtObj` to kinds of elements to which a sensor can refer."""
 REFERRING = ("site", "joint", "tendon", "actuator", "body", "geom", "subtree", "objname", "refname")
 """Attributes of MuJoCo sensors that refer to an element. The names can have the suffix 1 or 2."""
 INERTIAL, OF_AXES = 1, ("framequat", "framexaxis", "frameyaxis", "framezaxis")

@@ -17,7 +17,7 @@ from thingc.tools.importing.source_model import FAR, Kind, Raw, SourceJoint, Sou
 
 CONNECT, WELD, JOINT = 0, 1, 2
 STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
-"""Attributes of the equality constraint that thingc writes for a mimic. The same values are `STIFF` in `targets/mjcf`."""
+"""Attributes of the equality constraint that thingc writes for a mimic. `STIFF` in `targets/mjcf` contains the same values."""
 
 
 class Equalities:

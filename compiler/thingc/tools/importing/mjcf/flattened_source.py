@@ -36,7 +36,7 @@ LEFT_OUT = {
     "statistic": "MuJoCo computes them", "light": "lights belong to a scene", "visual": "rendering settings belong to a scene",
 }
 ABSENT = ".absent"
-"""Mark in the names of files that replace missing meshes, in front of the file extension."""
+"""Text in front of the file extension in the names of files that replace missing meshes."""
 SMALL_SOLID = b"v 0 0 0\nv .001 0 0\nv 0 .001 0\nv 0 0 .001\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 
@@ -67,9 +67,9 @@ class FlattenedSource(FrozenStruct):
         return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
 
     def named(self, element: SourceElement) -> SourceElement:
-        """Return the root element that contains the model name for an element.
+        """Return the root element whose attribute `model` is the model name for an element.
 
-        This is the root element of the element's file, or of the main file if that root element has no attribute `model`.
+        The result is the root element of the element's file, or of the main file if the element's file does not specify a model name.
         """
         roots = (one for one in self.included if one.where.file == element.where.file and one.attributes.get("model", "").strip())
         return next(roots, self.root)

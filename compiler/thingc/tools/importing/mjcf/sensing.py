@@ -29,7 +29,10 @@ OF_ALL: dict[str, tuple[SensorType, ReadingName]] = {
 OF_ROOT: dict[str, ReadingName] = {"subtreecom": "position", "subtreelinvel": "velocity", "subtreeangmom": "momentum"}
 IMU: frozenset[SensorType] = frozenset({"accelerometer", "gyro"})
 LOOKING = turned_y(math.pi)
-"""Rotation from a MuJoCo camera, which looks along -z, to a mount in a document, which looks along z. The y axis is up in both."""
+"""Rotation from a MuJoCo camera, which looks along -z, to a camera mount in a document, which looks along z.
+
+In both frames, the y axis points up.
+"""
 
 
 class _Place(FrozenStruct):

@@ -22,7 +22,7 @@ USUAL = {
 }
 """MuJoCo's default values of geom attributes."""
 SPHERE, CYLINDER = 4, 5
-"""Values of `mjtWrap` for a tendon that wraps around a geom. If such a geom is hidden, it serves only the tendon."""
+"""Values of `mjtWrap` for a tendon that wraps around a geom. A hidden geom around which a tendon wraps has no other purpose."""
 GREY = (0.5, 0.5, 0.5, 1.0)
 
 
