@@ -361,7 +361,7 @@ def hand_on(content: bytes | str) -> None:
 
 
 def say_in_place(line: str = "") -> None:
-    """Print a line to standard error that the next printed line overwrites. Do nothing if standard error is not a terminal."""
+    """Print a line to standard error, which the next printed line overwrites. Do nothing if standard error is not a terminal."""
     if sys.stderr.isatty():
         sys.stderr.write(f"\r\x1b[K{escape_control(line)}")
         sys.stderr.flush()

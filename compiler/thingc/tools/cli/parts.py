@@ -118,7 +118,7 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
 def unreadable(called: str, done: str, failure: PartFailure) -> Diagnostic:
     """Create the error diagnostic for a part that could not be described or built.
 
-    `done` is the operation that failed, for example `described`. `called` is the name of the part in the error message.
+    `done` is the past participle of the failed operation, such as `described`. `called` is the name of the part in the error message.
     """
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     return Diagnostic(

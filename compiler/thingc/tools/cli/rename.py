@@ -37,7 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc rename`, and return the exit code, which is 0 if the element was renamed (with `--diff`: could be renamed)."""
+    """Run `thingc rename`, and return the exit code, which is 0 if the element was renamed (with `--diff`: can be renamed)."""
     report = Report()
     try:
         console.require_document(arguments.document)

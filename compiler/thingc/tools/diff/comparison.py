@@ -139,7 +139,7 @@ class _Following:
     # --- places ------------------------------------------------------------------------------------------------------
 
     def _places(self) -> None:
-        """Compare the poses of parts and frames at q = 0. Both poses are relative to the base of the old robot."""
+        """Compare the poses of parts and frames at q = 0, relative to the base of the old robot."""
         base = next((occurrence for occurrence in self.old.occurrences.values() if occurrence.parent is None), None)
         there = self.pairing.path("component", base.path) if base is not None else None
         if base is None or there is None or base.place is None or there not in self.new.occurrences:
@@ -288,7 +288,7 @@ class _Following:
         self._prints()
 
     def _listed(self, members: Sequence[str]) -> dict[str, None]:
-        """Return the changes by the user that explain a change of a row of the bill of materials.
+        """Return the user's changes that explain the changes in a row of the bill of materials.
 
         `members` are the paths of the parts that the row counts.
         """

@@ -244,7 +244,7 @@ class StatedChanges:
         return tuple(causes)
 
     def _driven(self, pair: Pair) -> tuple[str, ...]:
-        """Return the changes of a drive that changed the values that a joint inherits from the drive."""
+        """Return the changes of a drive that affected values that a joint inherits from the drive."""
         own = self.changes.causes("joint", [pair.new.path], ("type", "drive", "drive.", "limit.", "dynamics."))
         drives = [
             fact.value.path for thing in (pair.old, pair.new)

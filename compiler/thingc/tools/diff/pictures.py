@@ -17,9 +17,10 @@ Model = tuple[str, dict[str, bytes]]
 
 
 def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, bytes]:
-    """Render two MuJoCo models with their meshes. Return PNG data for `before`, `after` and `overlay`, or nothing if no geom is visible.
+    """Render two MuJoCo models with their meshes.
 
-    Call `render.ready` before the first import of MuJoCo.
+    Return PNG data for `before`, `after` and `overlay`, or an empty mapping if no geom is visible. Call `render.ready` before the first
+    import of MuJoCo.
     """
     seen = [extent(xml, assets, None) for xml, assets in (old, new)]
     points = [point for corners, _ in seen for point in corners]

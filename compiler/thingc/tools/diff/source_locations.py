@@ -67,17 +67,17 @@ class DocumentTrees:
         return lines[span.line - 1][span.column - 1 : span.end_column - 1]
 
     def parameter(self, document: str, name: str) -> dict[str, tuple[str, Span]]:
-        """Return the text and the source location of the value of a parameter, and of its bounds, in a document."""
+        """Return the texts and the source locations of the value and the bounds of a parameter in a document."""
         node = _at(self._trees.get(document), ("parameters", name))
         if isinstance(node, MappingNode):
             return {key: _node_text(inner) for key, inner in node.entries.items() if key in ("value", "min", "max")}
         return {} if node is None else {"value": _node_text(node)}
 
     def fact(self, value: Value, section: Section, keys: Sequence[str], *, scope: str = "", otherwise: Span | None = None) -> Fact:
-        """Create a fact for the value at the given keys of a section.
+        """Create a `Fact` for the value at the given keys of a section.
 
-        If the section does not contain the keys, the location of the fact is `otherwise`. The key `rpy` also finds an orientation under the
-        key `quat`. In this case, `Fact.words` is the text of the quaternion.
+        If the section does not contain the keys, the source location of the `Fact` is `otherwise`. The key `rpy` also finds an orientation
+        under the key `quat`. In this case, `Fact.words` is the text of the quaternion.
         """
         for node in section:
             place = _at(node, keys)

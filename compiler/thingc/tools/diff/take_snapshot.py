@@ -232,7 +232,7 @@ class _Reader:
         self._materials(definition)
 
     def _placed(self, value: Value, origin: Origin) -> Fact:
-        """Create a fact for a value in the top-level document, with the first source location in `origin`."""
+        """Create a `Fact` for a value in the top-level document, with the first source location in `origin`."""
         span = origin[0] if origin else None
         return Fact(value=value, written=self.written.words_at(span), span=span)
 

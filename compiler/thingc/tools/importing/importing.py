@@ -154,7 +154,7 @@ def _content(path: str, report: Report) -> bytes | None:
 def _load_source(
     path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report, *, meshes: bool,
 ) -> SourceRobot | None:
-    """Read the robot with the reader for the suffix of the file. A file with the suffix `.xml` can be MJCF or URDF."""
+    """Read the robot with the reader that supports the suffix of the file. A file with the suffix `.xml` can be MJCF or URDF."""
     if path.lower().endswith(".xacro"):
         made = expanded(path, arguments, packages.given, report)
         return None if made is None else read_urdf(path, made[0], report, files=made[1])

@@ -1,12 +1,12 @@
 """Check that the inertias of an imported robot are physically possible, and repair invalid inertias.
 
 Links that are rigidly connected form one body, and the total inertia of the body is checked. Invalid inertias are errors unless a repair
-method is given. This method is applied to the links of an invalid body. The method `nearest` uses the nearest inertia that a solid of the
-same mass can have. The method `shapes` computes the inertia from the shapes of the link.
+method is given. This method is applied to the links of an invalid body. The method `nearest` computes the nearest physically possible
+inertia for the same mass. The method `shapes` computes the inertia from the shapes of the link.
 
-The method `nearest` raises the eigenvalues of the pseudo-inertia about the centre of mass to a lower bound. The pseudo-inertia is
-`diag(S, m)` with the second moments of mass `S = tr(I)/2 1 - I`. The result is the nearest in the Frobenius norm (Wensing, Kim and Slotine,
-"Linear Matrix Inequalities for Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
+The method `nearest` raises the eigenvalues of the pseudo-inertia about the centre of mass to a lower bound. The pseudo-inertia is `diag(S,
+m)` with the second moments of mass `S = tr(I)/2 1 - I`. The result is the nearest in the Frobenius norm (Wensing, Kim and Slotine, "Linear
+Matrix Inequalities for Physically-Consistent Inertial Parameter Identification", 2018, equation 17).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def repaired(
     """Repair the invalid inertias of an imported robot. Return the robot and the links that were repaired.
 
     The function checks the bodies in the mode `source` and in one mode for each link in `roots`. If `how` is None, or if the method `how`
-    cannot repair an inertia, the function reports an error. The function `matter` returns the mass properties of the mesh of a shape.
+    cannot repair an inertia, the function reports an error. The function `matter` computes the mass properties of a shape's mesh.
     """
     between = _between(robot)
     bodies, done = _bodies(robot), dict[str, RepairedLink]()

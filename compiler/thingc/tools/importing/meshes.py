@@ -98,7 +98,7 @@ def gathered(
     """Read the meshes of an imported robot.
 
     Return the paths in the workspace keyed by URI, the file contents keyed by path, and the import losses. A missing mesh is reported only
-    for the first shape that uses the mesh. If `packages` is None, no mesh is read, and each mesh is a loss.
+    for the first shape that uses the mesh. If `packages` is None, no mesh is read, and each mesh is recorded as a loss.
     """
     named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
     lost = Losses()

@@ -211,7 +211,7 @@ def tendon_lines(words: DocumentNaming) -> Iterator[str]:
 
 
 def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
-    """Format the factor of a joint in a tendon with its unit.
+    """Format the factor by which a tendon multiplies a joint coordinate, with the unit.
 
     The text contains a unit of length, divided by the unit of the joint coordinate.
     """

@@ -183,7 +183,7 @@ class Blocks:
             self._rest((one for one in block.children if one.tag != "joint"), "of `<ros2_control>`")
 
     def _interfaces(self, name: str, kinds: set[str], joint: SourceElement) -> None:
-        """Record that a joint with a position or velocity command becomes a motor, because URDF does not contain controller gains."""
+        """Record as a loss that a joint's position or velocity command becomes a motor, because URDF does not contain controller gains."""
         if kinds & {"position", "velocity"} and "effort" not in kinds:
             kind = "position" if "position" in kinds else "velocity"
             what = f"the {kind} command interface of joint `{name}`"

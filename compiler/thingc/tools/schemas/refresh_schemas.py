@@ -289,8 +289,9 @@ class Schemas:
         return write_schema(root, name, schema)
 
     def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
-        """Return the headers and parameters of the other documents of a kind, keyed by path relative to the given document, the nearest
-        document first.
+        """Return the headers and parameters of the other documents of a kind.
+
+        The keys are paths relative to the given document, the nearest document first.
         """
         others = {near(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
         order = sorted(others, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]

@@ -242,7 +242,7 @@ class _Reader:
         return geoms + sites
 
     def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
-        """Return the link that represents each body, and the pose of the body in the frame of this link.
+        """Map each body to the link that represents the body, and to the pose of the body in the frame of this link.
 
         A body becomes a mount of its parent if the body and all its descendants are fixed and have neither mass nor shapes.
         """
