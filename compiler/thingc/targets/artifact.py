@@ -14,11 +14,11 @@ from thingc.base.source import Origin, Span
 from thingc.geometry.store.local import Store
 
 MANIFEST = "manifest.json"
-"""The path of the manifest in a build folder. It is the only file that the manifest does not list."""
+"""The path of the manifest in a build folder. The manifest lists all other files of the build folder, but not itself."""
 
 
 class StoredArtifact(FrozenStruct):
-    """A file in the content-addressed store. A build copies the file without reading it."""
+    """A file in the content-addressed store. A build copies such a file to the build folder without reading its content."""
 
     sha256: str
     size: int
@@ -27,9 +27,8 @@ class StoredArtifact(FrozenStruct):
 Content = bytes | StoredArtifact
 
 How = Literal["omitted", "approximated", "carried as custom data"]
-"""How a target treats a feature that it cannot express, from worst to best.
-
-"Carried as custom data" means that the feature is written as custom data, which only some readers support.
+"""How a target treats a feature that it cannot express, from worst to best. "Carried as custom data" means that the feature is written in a
+form that only some readers support.
 """
 
 CARRIED: Final = "carried as custom data"
@@ -40,8 +39,8 @@ HOW: tuple[How, ...] = get_args(How)
 class Loss(FrozenStruct):
     """An export loss: a feature of a robot that a target cannot express.
 
-    `mode` is None if the loss does not belong to a single mode. `path` is the path of the occurrence, joint or mount. `what` describes the
-    loss; `origin` lists its places in the documents.
+    `mode` is None if the export loss does not belong to a single mode. `path` is the path of the occurrence, joint or mount that the export
+    loss concerns. `what` describes the loss, and `origin` lists the locations in the documents that cause the loss.
     """
 
     target: str
@@ -58,7 +57,9 @@ class Loss(FrozenStruct):
 
     @staticmethod
     def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: How) -> Loss:
-        """Create an export loss for a place in the documents. Unlike the constructor, this method takes `origin` as its first argument."""
+        """Create an export loss with its location in the documents. Unlike the constructor, this method takes `origin` as its first
+        argument.
+        """
         return Loss(target=target, mode=mode, path=path, what=what, how=how, origin=origin)
 
 
@@ -75,5 +76,5 @@ class Artifacts(FrozenStruct):
     losses: tuple[Loss, ...] = ()
 
     def contents(self, store: Store) -> dict[str, bytes]:
-        """Return the bytes of all files by path. Files in the store are read."""
+        """Return the bytes of all files by path. Files that are in the store are read."""
         return {path: one if isinstance(one, bytes) else store.read(one.sha256) for path, one in self.files.items()}

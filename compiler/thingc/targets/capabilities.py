@@ -1,10 +1,11 @@
 """The features of robots that each target supports, as one table for each target.
 
-The table determines what the emitter writes, which losses it reports, and the target's column in `docs/formats.md`.
+Each table determines what the emitter writes, which export losses it reports, and the column of the target in `docs/formats.md`.
 
-Types ensure that tables are complete: mypy reports a missing feature. If a feature can be written in several ways, the cell contains a
-keyword of the target (`by`). The emitter matches on this keyword (`written`), and mypy reports an unknown keyword or a missing case. Losses
-depend on the robot: `losses` checks which features the robot uses, in the same way for all targets.
+The types of the tables ensure that they are complete, because mypy reports a missing feature. If a feature can be written in several ways,
+its table cell contains a keyword of the target (`by`). The emitter selects the way with a `match` statement on this keyword (`written`).
+mypy reports an unknown keyword or a missing case. The export losses of a build depend on the robot. The function `losses` checks which
+features the robot uses, in the same way for all targets.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ Sensor = TypeVar("Sensor")
 class Supported(FrozenStruct, Generic[By], kw_only=False):
     """A table cell for a feature that the format fully supports.
 
-    `how` is the name of the feature in the format, if the format uses another name. `by` is the emitter's keyword for how the feature
-    is written. It is None if the feature is always written in the same way.
+    `how` is the name of the feature in the format, if the format uses another name. `by` is the keyword that the emitter uses to select how
+    the feature is written. `by` is None if the feature is always written in the same way.
     """
 
     by: By
@@ -48,7 +49,7 @@ class Supported(FrozenStruct, Generic[By], kw_only=False):
 class Lossy(FrozenStruct, Generic[By], kw_only=False):
     """A table cell for a feature that the format supports only partly.
 
-    The feature is written as `by` specifies, and a `Loss` with the given `how` is reported. `words` is appended to the description of
+    The feature is written as `by` specifies, and a `Loss` with the treatment `how` is reported. `words` is appended to the description of
     the loss and begins with a comma or colon.
     """
 
@@ -72,9 +73,9 @@ class Omitted(FrozenStruct, kw_only=False):
 
 
 class Companion(FrozenStruct, kw_only=False):
-    """A table cell for a feature that does not belong in files of this format.
+    """A table cell for a feature that belongs in another file and not in files of this format.
 
-    The feature is not written, and no export loss is reported.
+    The feature is not written, but no export loss is reported.
     """
 
 
@@ -88,9 +89,9 @@ BESIDE = Companion()
 
 
 def written(cell: Cell[By]) -> By | None:
-    """Return the keyword of a table cell.
+    """Return the keyword of a table cell, which the emitter uses to decide how to write the feature.
 
-    The emitter uses this keyword to decide how to write the feature. Return None if the feature has no keyword or is not written.
+     Return None if the feature has no keyword or is not written.
     """
     return cell.by if isinstance(cell, (Supported, Lossy)) else None
 
@@ -138,7 +139,7 @@ class Drives(TypedDict, Generic[By]):
 class LoopKinds(TypedDict, Generic[By]):
     """The loops that a format supports, by the motion that remains free at the cut.
 
-    The cell `hold` concerns mounts that are held at their positions in the world.
+    The cell `hold` applies to mounts that are held at their positions in the world.
     """
 
     hold: Cell[By]
@@ -174,8 +175,8 @@ class Modes(TypedDict):
 class Links(TypedDict):
     """The properties of links that a format supports.
 
-    `rolling` is rolling friction. `weightless` is a massless link that a joint moves, and `weightless_base` is a massless base. `point` and
-    `line` are masses at a point or on a line; no solid can have such an inertia.
+    The cell `rolling` is for rolling friction. `weightless` is for a massless link that a joint moves, and `weightless_base` is for a
+    massless base. `point` and `line` are for masses at a point or on a line, because no solid can have such an inertia.
     """
 
     frames: Plain
@@ -192,7 +193,7 @@ class Links(TypedDict):
 class ContactShapes(TypedDict, Generic[By]):
     """The collision shapes that a format supports.
 
-    `mesh` is a non-convex mesh that is not replaced by its convex hull. Visual primitives use the same cells.
+    The cell `mesh` is for a non-convex mesh that is not replaced by its convex hull. The same cells also apply to visual primitives.
     """
 
     box: Cell[By]
@@ -243,8 +244,8 @@ class OfSensors(TypedDict):
 class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
     """All features that a format may or may not support.
 
-    The type parameters are the emitter's keywords for writing joints, drives, loops, shapes and sensors. A parameter is `Never` if the
-    emitter does not write the feature.
+    The type parameters are the keywords with which the emitter writes joints, drives, loops, shapes and sensors. A type parameter is
+    `Never` if the emitter does not write the feature.
     """
 
     joints: Joints[Joint]
@@ -260,7 +261,7 @@ class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
 
 
 AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
-"""The type of the capabilities of any target."""
+"""Type of the capabilities of an arbitrary target."""
 
 
 def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
@@ -278,7 +279,7 @@ def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Seque
 class _Lost:
     """Yields an export loss for each feature of a robot that a target does not fully support.
 
-    An export loss that is common to all modes has no mode.
+    If an export loss is common to all modes, its `mode` is None.
     """
 
     def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
@@ -325,7 +326,7 @@ class _Lost:
             yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, what, drive.origin)
 
     def of_coordinate(self, joint: TreeJoint | JointEdge, path: str) -> Iterator[Loss]:
-        """Yield the export losses for a joint coordinate that moves, or for a whole ball joint."""
+        """Yield the export losses for a joint coordinate that moves. A ball joint counts as one coordinate."""
         of, dynamics = self.says["of_joints"], joint.dynamics
         q, push, inertia = ("rad", "N m", "kg m^2") if joint.twist.turns else ("m", "N", "kg")
         for cell, value, what, unit in (
@@ -368,9 +369,9 @@ class _Lost:
                 yield from self(cell, mode.name, mode.name, what, mode.origin)
 
     def of_base(self, robot: Robot) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return the properties of a mode's base as a tuple.
+        """Return the properties of the base of a mode as a tuple.
 
-        Each item contains the capability for the property, a description, and whether the robot uses the property.
+        Each item contains the capability for the property, a description of the property, and whether the robot uses it.
         """
         base, bases = robot.base, self.says["bases"]
         match base:
@@ -387,9 +388,9 @@ class _Lost:
                 assert_never(base)
 
     def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return the settings in `simulation` as a tuple.
+        """Return the simulation settings in `simulation` as a tuple.
 
-        Each item contains the capability for the setting, a description, and whether the document uses the setting.
+        Each item contains the capability for the setting, a description of the setting, and whether the document uses it.
         """
         modes = self.says["modes"]
         return (
@@ -398,10 +399,10 @@ class _Lost:
         )
 
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
-        """Yield the export loss for a sensor that is not written.
+        """If a sensor is not written, yield an export loss for the sensor.
 
-        For a sensor that is written, yield the export losses for its properties. For a rangefinder, `cutoff` is the range of the sensor
-        and does not clip its values.
+        Otherwise, yield export losses for the properties of the sensor. The property `cutoff` of a rangefinder is the range of the sensor,
+        and does not limit its values.
         """
         cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
         yield from self(cell, None, sensor.path, "this sensor", sensor.origin)
@@ -451,12 +452,12 @@ class _Lost:
 
 
 def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:
-    """Return the name of the table cell for the drive of a joint."""
+    """Return the name of the table cell for the drive of a joint, such as `position` or `ball`."""
     return joint.kind.name if joint.kind.name in ("ball", "universal") else drive.kind
 
 
 def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball"]:
-    """Return the name of the table cell for a joint, from its coordinates and its motion. Raises `ValueError` for a fixed joint."""
+    """Return the name of the table cell for a joint, from its coordinates and its motion. Raises `ValueError` if the joint is fixed."""
     if not kind.moves:
         raise ValueError("a fixed joint does not move")
     if kind.at_once:
@@ -469,5 +470,5 @@ def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "sc
 
 
 def shape_cell(kind: Literal["mesh"] | PrimitiveShape) -> Literal["hull"] | PrimitiveShape:
-    """Return the name of the table cell for a collision shape. A mesh is treated as convex."""
+    """Return the name of the table cell for a collision shape. A mesh counts as convex."""
     return "hull" if kind == "mesh" else kind

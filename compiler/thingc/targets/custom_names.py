@@ -1,10 +1,10 @@
 """Apply the custom names in `names:` of the documents to the robot.
 
-Emitters of targets with `Target.by_name` get the renamed robot and do not see the original names. A `/` in a custom name is written in the
-same way as a `/` in a path.
+Emitters of targets with `Target.by_name` get the renamed robot and do not see the original names. A `/` in a custom name is converted in
+the same way as a `/` in a path.
 
-This module finds paths in records by the types of their fields (see `base/export_names.py`). For other records, there are explicit
-rules (see `_Caller.rules`).
+The module finds the paths in a record by the types of its fields (see `base/export_names.py`). Records for which this is not sufficient
+have explicit rules (see `_Caller.rules`).
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from thingc.model.robot.types import Closure, TreeJoint
 from thingc.targets.request import EmitRequest
 
 MADE = "called"
-"""Key under which the renamed request is cached in the original request."""
+"""Key under which a request caches the renamed request."""
 
 AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, LinkedTest, Occurrence})
-"""Records that keep the names of the documents."""
+"""Classes of records in which the names of the documents are kept."""
 
 
 def called(request: EmitRequest) -> EmitRequest:
     """Apply the custom names of the documents to the robot in a request.
 
-    If the documents contain no custom names, return the same request.
+    If the documents contain no custom names, return the request unchanged.
     """
     names = request.assembly.names
     if names is None:
@@ -51,7 +51,7 @@ def called(request: EmitRequest) -> EmitRequest:
 
 @cache
 def fields_of(record: type) -> Mapping[str, Any]:
-    """Return the fields of a record class that contain paths at any depth, by name and with their types."""
+    """Return the fields of a record class that contain paths at any depth, with their types."""
     return {name: hint for name, hint in get_type_hints(record, include_extras=True).items() if _holds(hint, frozenset())}
 
 

@@ -1,9 +1,10 @@
-"""The visual and collision shapes of each occurrence for any target: primitives, and meshes that all occurrences of a definition share.
+"""Collect the visual and collision shapes of each occurrence for any target. The shapes are primitives, or meshes that all occurrences of a
+definition share.
 
-This module also computes the size of a robot.
+The module also computes the size of a robot.
 
-Shapes are the same in every mode and are therefore computed once. Meshes are copied from the store by hash, without parsing. Each target
-reports the shapes that it does not accept (see `Takes`).
+The shapes of an occurrence are the same in every mode, and are therefore computed only once. Meshes are copied from the store by their
+hash, and are not parsed. Each target reports an error or an export loss for shapes that it does not accept (see `Takes`).
 """
 
 from __future__ import annotations
@@ -25,21 +26,21 @@ from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss, StoredArtifact
 
 PIECES = {"decompose": "convex"}
-"""Words in the file names of convex pieces, for values of `collision` that differ from these words."""
+"""Words in the file names of convex pieces, for the values of `collision` that use a different word."""
 
 ENDLESS = 100.0
-"""Half the size [m] of a plane that represents an infinite plane, in formats without infinite planes."""
+"""Half of the side length [m] of a plane that replaces an infinite plane. Some formats do not support infinite planes."""
 
 Takes = Callable[[Occurrence, Mesh | Primitive], bool]
-"""Function that returns whether a target accepts a collision shape of an occurrence. The function also reports the losses."""
+"""A function that returns whether a target accepts a collision shape of an occurrence. The function also reports export losses."""
 
 
 class MeshAsset(FrozenStruct):
     """A mesh that a target writes to its own file.
 
-    `mesh` is the mesh in the store (OBJ) [m], and `volume` is the volume of its part [m^3]. `origin` is the place in the documents of
-    the first occurrence that uses the mesh. `own` is the content of the original mesh file, which MuJoCo reads. `scale` are the factors
-    that convert the original mesh to metres.
+    `mesh` is the mesh in the store (OBJ) [m], and `volume` is the volume of the part [m^3]. `origin` is the location in the documents of
+    the first occurrence that uses the mesh. `own` is the content of the original mesh file. It is used if MuJoCo can read this file.
+    `scale` contains the factors that convert the original mesh to metres.
     """
 
     name: str
@@ -51,19 +52,19 @@ class MeshAsset(FrozenStruct):
 
     @property
     def file(self) -> str:
-        """The file name of the mesh."""
+        """Return the file name of the mesh."""
         return f"{self.name}.obj" if self.own is None else self.name
 
     @property
     def stored(self) -> StoredArtifact:
-        """The content of the mesh file, as a reference to the store."""
+        """Return the content of the mesh file as a reference to the store."""
         return self.own or StoredArtifact(sha256=self.mesh.sha256, size=self.mesh.size)
 
 
 class Shape(FrozenStruct):
-    """A shape in the frame of its occurrence: a mesh with the name `mesh`, or a primitive with a `size` [m] as in `Primitive`.
+    """A shape in the frame of its occurrence. It is either a mesh with the name `mesh`, or a primitive with a `size` [m] as in `Primitive`.
 
-    `name` is the custom name of the shape, prefixed with the path of the document that defines it.
+    `name` is the custom name of the shape, with the path of the document that defines it as prefix.
     """
 
     kind: Literal["mesh"] | PrimitiveShape
@@ -85,8 +86,8 @@ class Shapes(FrozenStruct):
 
 
 class Geometry(FrozenStruct):
-    """The visual and collision geometry of an assembly. `shapes[i]` contains the shapes of occurrence i. Mesh assets are in order of first
-    use.
+    """The visual and collision geometry of an assembly. `shapes[i]` contains the shapes of occurrence i. Mesh assets are in the order in
+    which they are first used.
     """
 
     shapes: tuple[Shapes, ...]
@@ -94,12 +95,12 @@ class Geometry(FrozenStruct):
 
     @property
     def assets(self) -> dict[str, StoredArtifact]:
-        """The contents of all mesh files, by file name."""
+        """Return the contents of all mesh files, by file name."""
         return {mesh.file: mesh.stored for mesh in self.meshes}
 
 
 def material_name(material: Material | None, color: str | None) -> str | None:
-    """Return the name of a visual material, such as `petg_e6e6fa`. Return None without a colour.
+    """Return the name of a visual material, such as `petg_e6e6fa`. Return None if the shape has no colour.
 
     The name contains the material and the colour, because a material may have several colours.
     """
@@ -109,7 +110,9 @@ def material_name(material: Material | None, color: str | None) -> str | None:
 
 
 def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
-    """Return the colour and the origin of each visual material by its name, in order of first use."""
+    """Return the colour and the origin of each visual material. The keys are the names of the materials, in the order in which they are
+    first used.
+    """
     named: dict[str, tuple[str, Origin]] = {}
     for one in shapes:
         for shape in one.visual:
@@ -120,14 +123,15 @@ def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
 
 
 def numbered(name: str, index: int) -> str:
-    """Return a name with its index appended, such as `hand/cap_1` for index 1. For index 0, the name is unchanged."""
+    """Return a name with its index appended, such as `hand/cap_1` for index 1. If the index is 0, return the name unchanged."""
     return f"{name}_{index}" if index else name
 
 
 def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
     """Yield a unique name for each shape.
 
-    This is the custom name of the shape if no other shape uses it. Otherwise, it is the default name `usual` with a number.
+    The name is the custom name of the shape, if no other shape has the same custom name. Otherwise, the name is the default name `usual`
+    with a number.
     """
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
@@ -152,7 +156,7 @@ def channels(color: str) -> tuple[float, float, float, float]:
 
 
 def has_inside(piece: Mesh | Primitive) -> bool:
-    """Return whether a shape can collide: it has a volume or is a plane."""
+    """Return whether a shape can collide. This is the case if it has a volume or is a plane."""
     return not piece.flat if isinstance(piece, Mesh) else piece.shape == "plane" or numeric.minimum(piece.size) > 0.0
 
 
@@ -162,7 +166,9 @@ def linear(channel: float) -> float:
 
 
 def inputs_of(assembly: Assembly) -> tuple[object, ...]:
-    """Return a `Memo` key for the geometry of an assembly. The key contains everything in the assembly that affects the geometry."""
+    """Return a value that determines the geometry of an assembly. It is used as a key of `Memo`. The key contains everything in the
+    assembly that affects the geometry.
+    """
     return tuple(
         (
             one.path, one.definition, one.record, one.listed, one.component.definition, one.overrides.collision, one.overrides.visual,
@@ -175,14 +181,16 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
 def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
     """Compute the visual and collision shapes of every occurrence.
 
-    The function `takes` returns whether the target accepts a collision shape. With `own`, meshes have the content of their original
-    mesh files, if known. If meshes of two definitions have the same file name in `folder`, an error is reported.
+    The function `takes` returns whether the target accepts a collision shape. If `own` is True, meshes have the content of their original
+    mesh files, if it is available. If meshes of two definitions have the same file name in `folder`, an error is reported.
     """
     return _Collector(folder, takes, report, own).collect(assembly)
 
 
 def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report) -> tuple[Geometry, list[Loss]]:
-    """Compute the geometry for a target that only accepts collision shapes with a volume (or planes). Also return the export losses."""
+    """Compute the geometry for a target that only accepts collision shapes that have a volume or are planes. Also return the export losses
+    of the collision shapes.
+    """
     flat: list[Loss] = []
 
     def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
@@ -226,7 +234,7 @@ class _Collector:
     def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
         """Return the collision shapes that `collision:` selects for an occurrence.
 
-        The result contains a shape for each piece that can collide.
+        The result contains one shape for each piece that can collide.
         """
         choice = occurrence.overrides.collision
         if choice == "none":
@@ -242,7 +250,8 @@ class _Collector:
         return tuple(shapes)
 
     def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
-        """Convert a mesh or a primitive to a shape in the frame of its occurrence. A mesh is added to the files of the target.
+        """Convert a mesh or a primitive to a shape in the frame of its occurrence. If the shape is a mesh, the mesh is added to the files
+        of the target.
 
         The name of the mesh begins with `stem`. If another definition uses the same file name, report an error and return None.
         """
@@ -265,11 +274,11 @@ class _Collector:
 
 
 Box = tuple[Vector, Vector]
-"""Type of a bounding box: its lower and its upper corner [m]."""
+"""A bounding box, as its lower and its upper corner [m]."""
 
 
 def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple[tuple[tuple[Pose, Box | None], ...], ...]]:
-    """Return the parent and pose of every body, and the pose and bounding box of each part of the body."""
+    """Return two tuples: the parent and the pose of every body, and the pose and the bounding box of each part of the body."""
     links, occurrences = robot.assembly.links, robot.assembly.occurrences
     boxes = tuple(one.box for one in occurrences)
     return tuple((body.parent, body.X_PL) for body in robot.bodies), tuple(
@@ -279,7 +288,8 @@ def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple
 
 
 def bounds(bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[tuple[Pose, Box | None]]]) -> Box | None:
-    """Compute the bounding box [m] of the robot in the world at q = 0 from the bounding boxes of its parts. Return None without geometry.
+    """Compute the bounding box [m] of the robot in the world at q = 0 from the bounding boxes of its parts. Return None if the robot has no
+    geometry.
 
     The minimum of a coordinate of a rotated box is the sum of the minima of its three terms (Arvo, "Transforming axis-aligned bounding
     boxes", Graphics Gems, 1990).

@@ -1,4 +1,6 @@
-"""The JSON format of build outputs: two spaces of indentation, floats as `repr`, and each row of numbers on one line."""
+"""Encode values in the JSON format of build outputs. The format uses an indentation of two spaces and writes floats as `repr` does. Each
+row of numbers is on one line.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +13,22 @@ from thingc.base.safe_text import json_text
 
 
 def encode(value: object) -> bytes:
-    """Return `value` (mappings, sequences, strings, numbers, booleans, None) as UTF-8 JSON with a final newline. Keys keep their order.
+    """Encode a JSON value as UTF-8 with a final newline. The value can consist of mappings, sequences, strings, numbers, booleans and None.
+    The order of the keys is preserved.
 
-    Raises `ValueError` for a number that is not finite, which JSON does not support, and `TypeError` for any other type.
+    Raises `ValueError` for a number that is not finite, because JSON does not support such numbers. Raises `TypeError` for any other type.
     """
     return (json_text(_format_json(value, "\n")) + "\n").encode()
 
 
 class JsonFragment(str):
-    """A value that is already encoded as JSON, indented for its nesting depth (see `fragment`)."""
+    """A value that is already encoded as JSON. It is indented for its nesting depth (see `fragment`)."""
 
     __slots__ = ()
 
 
 def fragment(value: object, depth: int) -> JsonFragment:
-    """Encode a value that will be nested `depth` levels deep. Raises the same errors as `encode`."""
+    """Encode a value that is part of another JSON value, at the nesting depth `depth`. Raises the same exceptions as `encode`."""
     return JsonFragment(_format_json(value, "\n" + "  " * depth))
 
 

@@ -1,6 +1,5 @@
-"""Write `manifest.json`, which lists the contents and the sources of a build folder.
-
-thingc uses the manifest to check the folder and to replace it.
+"""Write `manifest.json`, which lists the contents and the sources of a build folder. thingc uses the manifest to check the folder and to
+replace it.
 """
 
 from __future__ import annotations
@@ -20,14 +19,15 @@ from thingc.targets import json_writer
 from thingc.targets.artifact import MANIFEST, Content, Loss, StoredArtifact
 
 DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "trimesh")
-"""Distributions, besides thingc, whose version affects a build. A distribution that is not installed is omitted."""
+"""Names of distributions whose version affects a build, in addition to thingc. Distributions that are not installed are omitted."""
 
 
 class BuildChoice(FrozenStruct):
     """The options of a build that the manifest records.
 
     `modes` contains the names of the modes in document order. `emit` contains the names of targets, and `compat` the names of programs
-    that read MuJoCo models. Both are in the order of their tables. Values of parameters and choices are strings.
+    that read MuJoCo models. Both tuples have the order of the tables of targets and programs. The values of parameters and choices are
+    strings.
     """
 
     modes: tuple[str, ...]
@@ -49,8 +49,9 @@ def manifest(
 ) -> bytes:
     """Create the content of the file `manifest.json` as bytes.
 
-    `document` and the keys of `documents` (path to SHA-256) are paths in the workspace. `files` are all other files of the folder. The
-    result does not depend on the order of the mappings. Raises `ValueError` if `files` contains a manifest.
+    `document` and the keys of `documents` are paths in the workspace. The values of `documents` are the SHA-256 of the files. `files`
+    contains all other files of the build folder. The result does not depend on the order of the mappings. Raises `ValueError` if `files`
+    already contains a manifest.
     """
     if MANIFEST in files:
         raise ValueError(f"{MANIFEST} cannot list itself")
@@ -87,7 +88,7 @@ def manifest(
 def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
     """Convert an export loss to a JSON object, as in the manifest and in `--format json`.
 
-    `file` (relative to the workspace) and `line` are null if unknown.
+    `file` (relative to the workspace) and `line` are null if the location is unknown.
     """
     return {
         "target": loss.target,
@@ -101,7 +102,7 @@ def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
 
 
 def sha256_of(content: Content) -> str:
-    """Return the hexadecimal SHA-256 of the content of a file. The hash of a file in the store is not computed again."""
+    """Return the hexadecimal SHA-256 of the content of a file. For a file in the store, the known hash is returned."""
     return content.sha256 if isinstance(content, StoredArtifact) else hashlib.sha256(content).hexdigest()
 
 
@@ -109,9 +110,9 @@ def sha256_of(content: Content) -> str:
 def versions() -> Mapping[str, str]:
     """Return the installed versions of Python, thingc and `DISTRIBUTIONS` by name. The result is cached.
 
-    If several versions are on the import path, the first version is returned. Versions are read from the names of the
-    `NAME-VERSION.dist-info` folders ("Recording installed projects", PyPA specifications), because importing `importlib.metadata` would
-    take longer than writing all other files.
+    If the import path contains several versions of a distribution, the first version is returned. Versions are read from the names of the
+    folders `NAME-VERSION.dist-info` (see "Recording installed projects" in the PyPA specifications). The module `importlib.metadata` is not
+    used, because importing it would take longer than writing all other files.
     """
     wanted = {_normal(name): name for name in DISTRIBUTIONS}
     version_of: dict[str, str] = {}

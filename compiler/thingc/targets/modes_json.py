@@ -1,13 +1,14 @@
-"""`modes.json`: the trees of all modes, for switching between modes at run time.
+"""Write `modes.json`, which contains the kinematic trees of all modes. Programs use this file to switch between modes at run time.
 
-The file is sufficient to compute the forward kinematics of any mode at any q without MuJoCo. P is the document's parent link of a joint and
-C its child; J is the parent mount's frame. With the joint's coordinates in order,
+The file is sufficient to compute the forward kinematics of any mode at any q without MuJoCo. Let P be the parent link of a joint in the
+document, C its child link, and J the frame of the parent mount. The pose of C in P depends on the coordinates q of the joint:
 
     X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ inv(X_CJ)
 
-A twist (`angular`, `linear`) rotates about `angular` and moves along `linear`, through the origin of J, per unit of q. The twists of a
-`ball` are exponential coordinates, `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`: its q is a rotation vector. If C is the parent in the
-mode's tree (`reversed`), use the inverse of the pose. None of these values depends on the root.
+A twist describes the motion per unit of q. It rotates about the vector `angular` through the origin of J, and moves along the vector
+`linear`. A ball joint has exponential coordinates: its factor is `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`, and its q is a rotation
+vector. If C is the parent in the tree of the mode (`reversed`), use the inverse of this pose. These values do not depend on the root of the
+mode.
 """
 
 from __future__ import annotations
@@ -33,19 +34,19 @@ from thingc.targets.mjcf.lowering import is_ball, lowered, sizes
 from thingc.targets.request import EmitRequest
 
 VERSION = 2
-"""Version of the data format of a mode. Readers reject other versions."""
+"""Version of the format of a mode in the file. Readers reject a file with any other version."""
 
 LISTED = 3
-"""Nesting depth of a link or joint in the file. Links and joints are items of lists in a mode."""
+"""Nesting depth of a link or a joint in the JSON file. Links and joints are items of lists in the object of a mode."""
 
 FREE = (7, 6)
 """Number of entries of a free base in `qpos` (position and quaternion) and in `qvel` (linear and angular velocity)."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Write `modes.json`, which describes the chosen modes in document order.
+    """Write `modes.json`, which describes the chosen modes in the order of the document.
 
-    The file contains addresses of joint values in the MJCF models.
+    The file contains the addresses of joint values in the MJCF models.
     """
     between = separator(request.compat)
     described = {robot.mode.name: describe(robot, request.memo, between) for robot in request.robots}
@@ -62,24 +63,32 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
 
     Names of links and of MuJoCo joints have the path separator `separator`, as in the model.
 
-    - `root` is the path of the site on which the mode stands. `base` is `fixed | held | free | planar | ball`. `gravity` [m/s^2] is
-      in the world frame. `X_world_root` is the pose of the root link in this mode (4 x 4, by rows). `X_world_at` exists only for a
-      `planar` or `ball` base. It is the frame in whose x-y plane the base moves, or about whose origin the base rotates.
-    - `links` lists the links in the order of the bodies of the model, with the root link first. `X_root_link` is the pose of the link's
-      frame in the root link's frame at q = 0. `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] are in the link's frame.
-    - `joints` lists the joints in the order of the model. `parent` and `child` are links as in this mode's tree; `reversed` means that they
-      are swapped in the document. `coordinates` are in the document's order. `in_model` contains the names of the MuJoCo joints of a
-      coordinate, each with its motion per unit of q. `qpos` and `dof` are the addresses of these joints in `MjData.qpos` and `.qvel`. A
-      free base comes first and has 7 and 6 entries. Each coordinate of a ball has the addresses of the whole ball, a quaternion and an
-      angular velocity.
-    - `holds` lists additional mounts that are held to the world, by path. `link` is the link of the mount, and `anchor` is the mocap body
-      that holds the mount. `carries` is `force` if only the mount's origin is held, so that the mount can rotate, else `force and torque`.
-      `X_LM` is the pose of the mount in the link, and `X_WM` is its pose in the world.
-    - `poses` contains the values of q by joint path for each pose. The mode's own pose comes first. `bases` contains `X_world_root` of the
-      poses in which a free base is elsewhere. `standing_on` contains the mounts on which the mode stands.
-    - `cuts` lists the joints that close the loops of the mode. These joints are not joints of this model. `X_PA` is the frame A on the
-      parent, which moves by `coordinates` as described above and includes the offsets. `X_CB` is the frame B on the child, which must
-      coincide with A. `residuals` contains the error [m, rad] of the worst loop in each pose.
+    The key `root` contains the path of the site at which the mode is rooted, and `base` is `fixed | held | free | planar | ball`. The key
+    `gravity` contains the gravity vector in the world frame [m/s^2]. `X_world_root` is the pose of the root link in this mode (4 x 4, by
+    rows). `X_world_at` exists only for a `planar` or `ball` base. A planar base moves in the x-y plane of this frame, and a ball base
+    rotates about its origin.
+
+    The key `links` lists the links in the order of the bodies of the model, with the root link first. `X_root_link` is the pose of a link
+    in the frame of the root link at q = 0. The mass properties `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] are
+    expressed in the frame of the link.
+
+    The key `joints` lists the joints in the order of the model. `parent` and `child` are the links in the tree of this mode. If `reversed`
+    is true, they are swapped in the document. `coordinates` are in the order of the document. `in_model` contains the names of the MuJoCo
+    joints of a coordinate, each with its motion per unit of q. `qpos` and `dof` are the addresses of these joints in `MjData.qpos` and
+    `MjData.qvel`. The entries of a free base come first: 7 in `qpos` and 6 in `qvel`. Each coordinate of a ball joint has the addresses of
+    the whole joint, which are a quaternion and an angular velocity.
+
+    The key `holds` contains additional mounts that are held to the world, by path. `link` is the link of the mount, and `anchor` is the
+    mocap body that holds the mount. `carries` is `force` if only the origin of the mount is held, so that the mount can rotate. Otherwise,
+    it is `force and torque`. `X_LM` is the pose of the mount in the link, and `X_WM` is the pose of the mount in the world.
+
+    The key `poses` contains the joint values of each pose, by joint path. The pose of the mode itself comes first. `bases` contains
+    `X_world_root` for each pose in which the pose of a free base is different. `standing_on` contains the mounts on which the robot stands
+    in this mode.
+
+    The key `cuts` lists the joints at which the mode cuts loops. These joints do not exist in the MuJoCo model. `X_PA` is the frame A on
+    the parent. It moves with the `coordinates` of the joint, including their offsets. `X_CB` is the frame B on the child, which must
+    coincide with A. `residuals` contains the error [m, rad] of the worst loop in each pose.
     """
     names = [robot.assembly.links[body.link].name.replace("/", separator) for body in robot.bodies]
     memo = memo or Memo()
@@ -115,7 +124,7 @@ def _hold(closure: Closure, names: Sequence[str], separator: str) -> dict[str, o
 
 
 def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]:
-    """Return the JSON entries of the links of a mode, in the order of the bodies. `names` contains the names of the bodies."""
+    """Return the JSON objects of the links of a mode, in the order of the bodies. `names` contains the names of the bodies."""
     links: list[JsonFragment] = []
     at_zero: list[Pose] = []
     for name, body in zip(names, robot.bodies, strict=True):
@@ -126,7 +135,7 @@ def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]
 
 
 def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> list[JsonFragment]:
-    """Return the JSON entries of the joints of a mode, in the order of the MJCF model. `names` contains the names of the bodies."""
+    """Return the JSON objects of the joints of a mode, in the order of the MJCF model. `names` contains the names of the bodies."""
     joints: list[JsonFragment] = []
     placed = in_link(robot.assembly)
     qpos, dof = FREE if robot.base == "free" else sizes(robot.moves)
@@ -151,10 +160,10 @@ def _joint_json(
     mate: Mate, parts: tuple[Pose, Pose], links: tuple[str, str], crossed: tuple[TreeJoint, ...], addresses: tuple[int, int],
     separator: str,
 ) -> JsonFragment:
-    """Return the JSON entry of a joint of the tree.
+    """Return the JSON object of a joint of the tree.
 
-    `parts` are the poses of the document's parent and child in their links. `links` are the parent and child in this mode. `addresses` are
-    the joint's first addresses in `qpos` and `qvel`.
+    `parts` contains the poses of the document's parent and child in their links. `links` contains the names of the parent and the child in
+    this mode. `addresses` contains the first addresses of the joint in `qpos` and `qvel`.
     """
     (parent_part, child_part), (parent, child), (qpos, dof) = parts, links, addresses
     in_model: dict[str, tuple[dict[str, float], list[int], list[int]]] = {}
@@ -188,7 +197,7 @@ def _joint_json(
 
 
 def _coordinate(path: str, twist: Twist) -> dict[str, object]:
-    """Return the JSON entry of a joint coordinate with its twist. The axis of the twist passes through the origin."""
+    """Return the JSON object of a joint coordinate with its twist. The axis of the twist passes through the origin."""
     linear, angular = twist.velocity((0.0, 0.0, 0.0))
     return {"name": path, "angular": angular, "linear": linear}
 

@@ -1,7 +1,7 @@
-"""Convert paths in documents to names for formats other than MJCF. The character `_` replaces `/` and also `::`, which is the separator of
-Gazebo.
+"""Convert paths in documents to the names that formats other than MJCF use. The character `_` replaces `/`. It also replaces `::`, which
+Gazebo uses as a separator.
 
-Each name must be unique.
+Each resulting name must be unique.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ def safe(path: str) -> str:
 
 
 def package_name(robot: str) -> str:
-    """Return the name of the robot's ROS package, with the letters that REP 144 allows: `arm_description` for `Arm`."""
+    """Return the name of the ROS package of a robot, such as `arm_description` for `Arm`. It contains only the characters that REP 144
+    allows.
+    """
     return re.sub("_+", "_", f"{robot.lower()}_description")
 
 
 def frames(robot: Robot) -> dict[int, list[Site]]:
-    """Return the frames that are written as extra links or frames, by the index of the body to which they belong.
+    """Return the frames that are written as additional links or frames, by the index of the body to which they belong.
 
     If several paths have the same name and frame, only the first path is included.
     """
@@ -41,9 +43,10 @@ def frames(robot: Robot) -> dict[int, list[Site]]:
 
 
 class MangledNames:
-    """The names in one namespace of a file of the format `target` (such as `URDF`). A duplicate name is reported at its second use.
+    """The names in one namespace of a file of the format `target` (such as `URDF`). If a name is used twice, an error is reported at the
+    second use.
 
-    `both` is a phrase for the error message about a duplicate name: `be the link` or `have the name`.
+    `both` is a phrase for this error message: `be the link` or `have the name`.
     """
 
     def __init__(self, both: str, target: str, report: Report) -> None:
@@ -53,15 +56,15 @@ class MangledNames:
         self._owners: dict[str, tuple[str, Origin]] = {}
 
     def take(self, path: str, origin: Origin, made: str | None = None) -> str:
-        """Reserve the name for a path, and return it. If the name is already in use, report an error.
+        """Reserve the name for a path, and return the name. If the name is already in use, report an error.
 
-        `made` describes an element that has no path in the document. The origin is empty for a name that every file contains.
+        The text `made` describes an element that has no path in the document. `origin` is empty for a name that every file contains.
         """
         self.free(path, origin, made)
         return safe(path)
 
     def free(self, path: str, origin: Origin, made: str | None = None) -> bool:
-        """Reserve the name for a path. If the name is already in use, report it and return False."""
+        """Reserve the name for a path, and return True. If the name is already in use, report an error and return False."""
         name, this = safe(path), (made or f"`{path}`", origin)
         owner, before = self._owners.setdefault(name, this)
         if (owner, before) != this:

@@ -1,6 +1,6 @@
 """Export the graphs of a robot to networkx. The compiler itself does not use networkx.
 
-Attributes without a value are omitted, because GraphML has no null.
+Attributes without a value are omitted, because GraphML has no null value.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ from thingc.model.robot.loop_cuts import worths
 from thingc.model.robot.types import Robot
 
 Graph: TypeAlias = Any
-"""A `networkx.MultiDiGraph`, which has no type annotations."""
+"""Type of a `networkx.MultiDiGraph`. networkx has no type annotations."""
 
 
 def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
     """Convert the hierarchical assembly graph to a graph of networkx.
 
-    The nodes are the texts of definitions. Their attributes are `label`, `reference`, `kind` and `quantity`, which is the number of
-    these parts in the robot. A mirror image also has `mirror` and `mirrors`, which is the text of the original. Edges go from an
-    assembly to its components. The key of an edge is the component; its attributes are `mounts` and `joint`.
+    The nodes are identified by the texts of definitions. The attributes of a node are `label`, `reference`, `kind` and `quantity`. The
+    quantity is the number of these parts in the robot. The node of a mirror image also has the attributes `mirror` and `mirrors`. The
+    latter is the definition text of the original part. Each edge goes from an assembly to one of its components. The key of an edge is the
+    name of the component, and its attributes are `mounts` and `joint`.
     """
     graph = networkx.MultiDiGraph(name=hag.label)
     for one in hag.definitions:
@@ -41,9 +42,9 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
 def mate_graph(assembly: Assembly) -> Graph:
     """Return a graph whose nodes are the occurrences of an assembly and whose edges are the mates between them.
 
-    Each node is the path of an occurrence. The attributes of a node are `definition` (the text of its definition), `link` and `mass`
-    [kg]. Edges go from the parent of a mate to its child. The key of an edge is `mount -> mount`; its attributes are `parent_mount`,
-    `child_mount`, `joint` (omitted if rigid) and `loop`.
+    The nodes are identified by the paths of occurrences. The attributes of a node are `definition` (the definition text), `link` and `mass`
+    [kg]. Each edge goes from the parent of a mate to its child. The key of an edge has the form `mount -> mount`. Its attributes are
+    `parent_mount`, `child_mount`, `joint` (omitted if the mate is rigid) and `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     names = [occurrence.path for occurrence in assembly.occurrences]
@@ -60,9 +61,9 @@ def mate_graph(assembly: Assembly) -> Graph:
 def link_graph(assembly: Assembly) -> Graph:
     """Return a graph whose nodes are the links of an assembly and whose edges are the joints between them.
 
-    Each node is the name of a link. The attributes of a node are `mass` [kg] and `occurrences`. Edges go from the document's parent of
-    a joint to its child. The key of an edge is the path of the joint; its attributes are `kind`, `coordinates` (their paths) and
-    `loop`.
+    The nodes are identified by the names of links. The attributes of a node are `mass` [kg] and `occurrences`. Each edge goes from the
+    parent of a joint in the document to its child. The key of an edge is the path of the joint. Its attributes are `kind`, `coordinates`
+    (their paths) and `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     for link in assembly.links:
@@ -86,7 +87,8 @@ def _said(**attributes: Any) -> dict[str, Any]:
 def graphml(graph: Graph) -> str:
     """Convert a graph to GraphML text. The attributes of the graph must not contain lists.
 
-    The ids of edges are numbers, because ids must be unique in a file. The attribute `name` of an edge contains its key in the graph.
+    The ids of edges are numbers, because ids must be unique in a GraphML file. The attribute `name` of an edge contains its key in the
+    graph.
     """
     spoken = networkx.MultiDiGraph(**_displayable(graph.graph))
     for node, attributes in graph.nodes(data=True):
@@ -110,8 +112,8 @@ def plain(graph: Graph) -> dict[str, Any]:
 class Loop(FrozenStruct):
     """A kinematic loop that is cut at the joint `cut`.
 
-    `through` contains the other joints of the loop, each with the reason why it was not cut. They are ordered from the parent of the
-    cut joint to its child. The reasons are empty if a rigid mate closes the loop.
+    `through` contains the other joints of the loop, each with the reason why it was not cut. These joints are ordered from the parent of
+    the cut joint to its child. `through` has no reasons if a rigid mate closes the loop.
     """
 
     cut: str
@@ -119,7 +121,9 @@ class Loop(FrozenStruct):
 
 
 def loops_of(robot: Robot) -> tuple[Loop, ...]:
-    """Return the loops that a mode cuts at joints and that pass through at least two links: the fundamental cycles of its tree."""
+    """Return the loops that a mode cuts at joints and that pass through at least two links. These are the fundamental cycles of its
+    tree.
+    """
     assembly = robot.assembly
     cuts = {closure.path for closure in robot.closures if not closure.hold}
     graph = link_graph(assembly)

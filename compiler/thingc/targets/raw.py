@@ -1,9 +1,9 @@
-"""Apply raw attributes to formats whose links and joints have names: `raw: {urdf: ...}` and `raw: {sdf: ...}`.
+"""Apply raw attributes to URDF and SDF, in which links and joints have names: `raw: {urdf: ...}` and `raw: {sdf: ...}`.
 
     urdf: {joint: {crane.swing: {limit: {effort: 20}}}}            a kind of element, its name, elements in it, an attribute
     sdf: {joint: {crane.swing: {axis: {limit: {effort: 20}}}}}     the same, but the last key is an element, which contains the value
 
-This module only checks the names, and that the result is valid XML. Missing elements on the path are added.
+This module only checks the names, and that the result is valid XML. Elements on the path that do not exist are added.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from thingc.targets.name_mangling import safe
 from thingc.targets.xml_writer import NAMESPACES, Element, unwritable
 
 KINDS = ("link", "joint")
-"""Kinds of elements that have names."""
+"""Kinds of elements that can be selected by name."""
 
 PREFIXES = {"urdf": ("drake",), "sdf": ("drake", "gz")}
-"""Prefixes that readers use for their own elements and attributes."""
+"""Namespace prefixes that readers use for their own elements and attributes."""
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report) -> None:
     """Apply the raw attributes of the documents to the XML files of a target.
 
-    There is one file per chosen mode. Report attributes that match no file. An element that only some modes have gets its attributes in
-    these modes.
+    `files` contains one element for each chosen mode. Attributes that match no file are reported. If only some modes contain an element,
+    its attributes are applied in these modes.
     """
     for attribute in assembly.raw:
         if attribute.target == target:
@@ -41,7 +41,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sd
 
 
 Fault = tuple[str, Hint, int]
-"""The fault of a raw attribute: a message, a hint, and the index of the invalid key."""
+"""An error in the path of a raw attribute: the message, a hint, and the index of the invalid key."""
 
 
 def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
@@ -97,7 +97,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
 
 
 REFERRING = ("transmission", "ros2_control")
-"""Elements of URDF that contain elements named after joints of the robot."""
+"""URDF elements whose children refer to joints of the robot by name."""
 
 
 def _matching_elements(file: Element, attribute: RawAttribute) -> list[Element]:
@@ -110,5 +110,5 @@ def _matching_elements(file: Element, attribute: RawAttribute) -> list[Element]:
 
 
 def in_files(name: str) -> str:
-    """Convert the name of a link or joint from the form in documents, `hand.cap` or `hand/cap`, to the form in output files."""
+    """Convert the name of a link or joint from its form in documents (`hand.cap` or `hand/cap`) to its form in output files."""
     return safe(name.replace(".", "/"))

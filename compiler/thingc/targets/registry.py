@@ -1,8 +1,7 @@
-"""The table of all targets. The package of each target contains its declaration. The emitter of a target is imported when it is first
-needed.
+"""The table of all targets. Each target is declared in its own package. The emitter of a target is imported when it is first needed.
 
-A folder beside this module is a target if its `__init__.py` has a `TARGET`. Other packages can add targets through the entry-point group
-`thingc.emitters`, with the same function signature.
+A folder beside this module is a target if the `__init__.py` of the folder defines `TARGET`. Other packages can add targets through the
+entry-point group `thingc.emitters`. Their emitters have the same function signature.
 """
 
 from __future__ import annotations
@@ -35,7 +34,9 @@ GROUP = "thingc.emitters"
 
 
 def _declared() -> dict[str, Target]:
-    """Return the targets of thingc: the packages beside this module with a `TARGET`. Emitters are not imported."""
+    """Return the targets of thingc. They are declared by the packages beside this module that define `TARGET`. The emitters are not
+    imported.
+    """
     folders = (entry for entry in os.scandir(os.path.dirname(__file__)) if os.path.isfile(os.path.join(entry.path, "__init__.py")))
     packages = {entry.name: import_module(f"{__package__}.{entry.name}") for entry in folders}
     declared: dict[str, Target] = {name: package.TARGET for name, package in packages.items() if hasattr(package, "TARGET")}
@@ -46,13 +47,13 @@ TARGETS = _declared()
 """The targets of thingc, in the order in which a build writes them. Targets of other packages list their files in `WRITES`."""
 
 ALL = "all"
-"""The argument that selects all targets."""
+"""The argument of `--emit` that selects all targets."""
 
 
 def written() -> re.Pattern[str]:
-    """Return a regular expression that matches every path in a build folder that a target may write.
+    """Return a regular expression that matches the path of every file in a build folder that a target may write.
 
-    Targets of installed packages are included.
+    The expression includes the targets of installed packages.
     """
     patterns = [pattern for target in TARGETS.values() for pattern in target.writes]
     for name in targets():
@@ -63,7 +64,9 @@ def written() -> re.Pattern[str]:
 
 
 def _unstated(target: str, paths: Iterable[str]) -> list[str]:
-    """Return the paths that the `WRITES` of an installed target does not match. The next build would not recognise these files."""
+    """Return the paths that do not match the patterns in `WRITES` of an installed target. The next build would not recognise files with
+    these paths.
+    """
     if target in TARGETS:
         return []
     own = _fitting(_stated(target))
@@ -78,7 +81,7 @@ def module_of(target: str) -> str:
 def _stated(target: str) -> tuple[str, ...]:
     """Return the file patterns in `WRITES` of a target from an installed package.
 
-    Raises `ImportError`.
+    Raises `ImportError` if the package cannot be imported.
     """
     stated = getattr(import_module(module_of(target)), "WRITES", ())
     return (stated,) if isinstance(stated, str) else tuple(stated)
@@ -94,7 +97,9 @@ def targets() -> tuple[str, ...]:
 
 
 def unknown(words: Sequence[str]) -> tuple[tuple[int, str, Hint], ...]:
-    """Return an error message and a hint for each argument that names an unknown target, with the index of the argument."""
+    """Return an error message and a hint for each argument that names an unknown target. Each item also contains the index of the
+    argument.
+    """
     known = [*targets(), ALL]
     wrong = [(index, word) for index, text in enumerate(words) for word in text.split(",") if word not in ("", *known)]
     return tuple((index, f"there is no target `{shortened(word)}`", did_you_mean(word, known, what="targets")) for index, word in wrong)
@@ -103,14 +108,14 @@ def unknown(words: Sequence[str]) -> tuple[tuple[int, str, Hint], ...]:
 def chosen(words: Sequence[str]) -> tuple[str, ...]:
     """Parse the target names in arguments such as `mjcf`, `mjcf,urdf` and `all`.
 
-    Return the targets in the order in which a build writes them. Without arguments, return the default targets.
+    Return the targets in the order in which a build writes them. If there are no arguments, return the default targets.
     """
     wanted = {word for text in words for word in text.split(",")}
     return tuple(target for target in targets() if (wanted & {target, ALL} if words else target not in TARGETS or TARGETS[target].unasked))
 
 
 def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
-    """Return the modules of thingc's own targets and of the libraries that they need, so that they can be imported early."""
+    """Return the names of the modules that thingc's own targets need, including libraries, so that these modules can be imported early."""
     ours = {function.partition(":")[0]: None for target in wanted if target in TARGETS for function in TARGETS[target].emitters}
     return (*ours, *dict.fromkeys(library for target in wanted if target in TARGETS for library in TARGETS[target].libraries))
 
@@ -118,7 +123,7 @@ def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
 def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
     """Call the emitters of the given targets, and return the files and export losses of each target in the given order.
 
-    An export loss that several targets share is included only with the first target.
+    If several targets report the same export loss, it is only included with the first target.
     """
     from thingc.targets.custom_names import called
 
@@ -140,7 +145,7 @@ def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts
 def emitter(target: str) -> Emitter:
     """Return the function that writes the files of a target.
 
-    Raises `KeyError` for an unknown target, and `ImportError` if its package is broken.
+    Raises `KeyError` for an unknown target, and `ImportError` if its package cannot be imported.
     """
     functions = [_function(name) for name in (TARGETS[target].emitters if target in TARGETS else (_installed()[target],))]
     return functions[0] if len(functions) == 1 else partial(_joined, functions)
@@ -164,9 +169,9 @@ def _function(name: str) -> Emitter:
 def _installed() -> Mapping[str, str]:
     """Return the entry points of installed packages that declare targets, read from the metadata files of the packages.
 
-    `importlib.metadata` returns the same result but takes 40 ms, a third of the time of a build without changes. As in
-    `importlib.metadata`, the first package on the path has precedence if two packages use the same name. The cache is valid until a folder
-    on the path changes.
+    `importlib.metadata` returns the same result, but takes 40 ms. This is a third of the time of a build without changes. If two packages
+    declare the same name, the first package on the path takes precedence, as in `importlib.metadata`. The cached result is valid until a
+    folder on the import path changes.
     """
     return _entry_points(tuple((folder, _changed(folder)) for folder in sys.path))
 
@@ -192,7 +197,9 @@ def _entry_points(path: tuple[tuple[str, int], ...]) -> Mapping[str, str]:
 
 
 def _entries(path: str) -> list[tuple[str, str]]:
-    """Parse an `entry_points.txt` file (entry points specification). Return the names and references in the group `thingc.emitters`."""
+    """Parse an `entry_points.txt` file, whose format is defined in the entry points specification. Return the names and the object
+    references in the group `thingc.emitters`.
+    """
     try:
         with open(path, encoding="utf-8", errors="replace") as stream:
             text = stream.read()

@@ -19,11 +19,11 @@ from thingc.model.robot.types import Robot
 class EmitRequest(FrozenStruct, eq=False):
     """The input of an emitter: the assembly, the robots, and the options of a build.
 
-    `assembly` is the robot without a root. `robots` contains the robot once for each chosen mode, in document order. `store` contains
-    the meshes, `geometry` writes STEP files, and `report` collects diagnostics. `verify` is the interval at which MuJoCo compiles
-    models that differ only in numbers (1: all, 0: none). `compat` names additional programs that will read the MuJoCo models. `folder`
-    is the absolute path of the build folder (None if unknown). `repeated` is True for one of many requests in a process; the results of
-    such a request are not cached individually.
+    `assembly` is the robot before a root is selected. `robots` contains one robot for each chosen mode, in the order of the document.
+    `store` contains the meshes, `geometry` writes STEP files, and `report` collects diagnostics. `verify` controls how many models MuJoCo
+    compiles: one out of every `verify` models that differ only in numbers (1: all, 0: none). `compat` names additional programs that will
+    read the MuJoCo models. `folder` is the absolute path of the build folder (None if unknown). `repeated` is True if a process handles
+    many similar requests. In this case, the results of a single request are not cached.
     """
 
     assembly: Assembly
@@ -37,6 +37,6 @@ class EmitRequest(FrozenStruct, eq=False):
     folder: str | None = None
     repeated: bool = False
     memo: Memo = field(default_factory=Memo)
-    """A cache of results for all modes and, in a session, for all requests."""
+    """A cache of results for all modes. In a session, the cache is used for all requests."""
     made: dict[str, Any] = {}
-    """Results of targets that other targets use, by name."""
+    """Results of targets that other targets also use, by name."""

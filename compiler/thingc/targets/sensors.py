@@ -1,4 +1,4 @@
-"""Find where sensors are in a robot, and which quantities simulators measure there."""
+"""Find the places of sensors in a robot, and the quantities that simulators measure there."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ def on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
 
 
 def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
-    """Describe the place where simulators measure the force of a sensor.
+    """Describe the place at which simulators measure the force of a sensor.
 
-    Return None if the measured force equals the force through the mount. Simulators measure the force between a body and its parent in
-    the tree. This force equals the force through the mount if the mount belongs to the root, or to the joint that leads to the parent.
-    It also equals this force if no other body is attached to the body, so that only external forces act on the body.
+    Return None if the force that they measure equals the force through the mount. Simulators measure the force between a body and its
+    parent in the tree. This force equals the force through the mount in two cases: if the mount belongs to the root, or if it belongs to
+    the joint that leads to the parent. It also equals the force through the mount if no other body is attached to the body, because then
+    only external forces act on the body.
     """
     index = body_of(robot, sensor)
     body = robot.bodies[index]

@@ -1,4 +1,4 @@
-"""The declaration of a target, which the `__init__.py` of each target's folder contains."""
+"""The declaration of a target. Each target declares itself in the `__init__.py` of its folder."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from thingc.base.frozen_struct import FrozenStruct
 class Target(FrozenStruct):
     """A target: its name, its files, and its emitter.
 
-    `position` is the position of the target in the order in which a build writes targets. `says` is a short description, `emitters` are
-    references of the form `module:function`, and `writes` are patterns of file paths. `files` describes the files by path, for the
-    picture of the build folder in the documentation. A path that ends with `/` stands for all files below it; NAME, MODE and DEFINITION
-    stand for names. If `numbers_in_text` is True, numbers that depend on settings occur only in text, not in binary data or in a
-    layout. For other settings, a batch then inserts other numbers into the files.
+    `position` determines the order in which a build writes targets. `says` is a short description. `emitters` contains references of the
+    form `module:function`, and `writes` contains patterns of file paths. `files` contains a description for each file path. The
+    documentation shows them in the picture of the build folder. A path that ends with `/` represents all files below the folder. NAME, MODE
+    and DEFINITION represent names. Set `numbers_in_text` to True if numbers that depend on settings only occur in text, and not in binary
+    data or in a layout. Batches can then insert other numbers into the files instead of calling the emitter again.
 
-    If `unasked` is True, builds without `--emit` write the target. `capabilities` is the module with the `CAPABILITIES` of a format for
-    whole robots. If `by_name` is True, custom names are applied, because readers of the files use names. `libraries` are the modules of
-    other packages that the emitters import; these modules can be imported early.
+    If `unasked` is True, the target is also written by builds without `--emit`. `capabilities` is the module that contains the
+    `CAPABILITIES` of a format for whole robots. If `by_name` is True, custom names are applied, because readers refer to elements of these
+    files by name. `libraries` lists modules of other packages that the emitters import. These modules can be imported early.
     """
 
     position: int

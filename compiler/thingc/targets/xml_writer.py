@@ -1,6 +1,8 @@
-"""XML elements with their origin in the documents. Elements are written at full precision, with two spaces of indentation per level.
+"""XML elements with their origin in the documents. Documents are written with numbers at full precision, and with two spaces of indentation
+per level.
 
-The XML writers of simulators use fewer digits (MuJoCo's `to_xml`: six) and do not track the origin of elements.
+The XML writers of simulators are not used, because they write fewer digits (MuJoCo's `to_xml`: six) and do not track the origin of
+elements.
 """
 
 from __future__ import annotations
@@ -30,11 +32,11 @@ class RawValue(FrozenStruct):
 class Element:
     """An XML element with its origin in the documents.
 
-    `text` is the content of an element without children, `origin` is its place in the documents, and `raw` are its raw attributes. All
-    three are empty by default.
+    `text` is the content of an element without children. `origin` is the location of the element in the documents, and `raw` contains its
+    raw attributes. These three fields are empty by default.
 
-    The class is mutable, because trees are built from the top and raw attributes are applied later. An element shared by several trees
-    is never changed; a tree that needs a different element makes a `copy`.
+    The class is mutable, because trees are built from the top and raw attributes are applied later. An element that several trees share
+    must not be changed. A tree that needs a different element makes a `copy`.
     """
 
     tag: str
@@ -47,7 +49,7 @@ class Element:
 
     @property
     def opening(self) -> str:
-        """The tag and its attributes, escaped, without the closing bracket: `<joint name="yaw"`."""
+        """Return the tag with its escaped attributes, without the closing bracket, such as `<joint name="yaw"`."""
         if self._opening is None:
             self._opening = f"<{self.tag}" + "".join([f' {name}="{_escaped(value)}"' for name, value in self.attributes.items()])
         return self._opening
@@ -58,7 +60,7 @@ class Element:
 
     @property
     def texts(self) -> dict[str, str]:
-        """The values of all attributes as strings."""
+        """Return the values of all attributes as strings."""
         return {name: format_value(value) for name, value in self.attributes.items()}
 
     def copy(self) -> Element:
@@ -91,7 +93,7 @@ class Element:
     def walk(self) -> Iterator[Element]:
         """Yield this element and its descendants in the order in which they are written.
 
-        The method is not recursive, because chains of links may be long.
+        The method is not recursive, because the nesting of links can be deep.
         """
         waiting = [self]
         while waiting:
@@ -101,7 +103,7 @@ class Element:
 
     @property
     def label(self) -> str:
-        """The display name of the element, such as joint `yaw`. For an element without a name, this is the tag."""
+        """Return the display name of the element, such as joint `yaw`. If the element has no name, return its tag."""
         return f"{self.tag} `{self.get('name')}`" if "name" in self.attributes else f"`{self.tag}`"
 
     def lay(self, name: str, attribute: RawAttribute) -> None:
@@ -112,7 +114,7 @@ class Element:
         self._opening = None
 
     def lift(self, name: str) -> RawValue:
-        """Undo `lay`: restore the attribute as the compiler wrote it, and return the raw value."""
+        """Undo the change of `lay`. The attribute gets the value that the compiler wrote, and the raw value is returned."""
         value = self.raw.pop(name)
         if value.before is None:
             del self.attributes[name]
@@ -123,7 +125,9 @@ class Element:
 
 
 class XmlText(FrozenStruct):
-    """The text of an XML document. `lines[k]` is the element that opens on line `k + 1` (None for a closing tag or a blank line)."""
+    """The text of an XML document. `lines[k]` is the element whose opening tag is on line `k + 1`. It is None for a closing tag or a blank
+    line.
+    """
 
     text: str
     lines: tuple[Element | None, ...]
@@ -131,7 +135,7 @@ class XmlText(FrozenStruct):
     def element_at(self, line: int) -> Element | None:
         """Return the element whose opening tag is on a line (counted from 1).
 
-        If there is none, return the element on the nearest line above.
+        If no tag opens on the line, return the element on the nearest line above.
         """
         for index in range(min(line, len(self.lines)) - 1, -1, -1):
             if self.lines[index] is not None:
@@ -158,7 +162,8 @@ def _escaped(value: XmlValue) -> str:
 
 
 def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
-    """Format an XML document as text, with one element per line, two spaces of indentation per level, and `heading` as a comment.
+    """Format an XML document as text. Each element is on its own line, with an indentation of two spaces per level. `heading` is written as
+    a comment.
 
     If `sections` is True, blank lines separate the children of the root element.
     """
@@ -196,7 +201,7 @@ A file that uses a prefix declares its namespace, for example `xmlns:drake`.
 """
 
 NO_CHARACTER = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Characters that XML cannot contain, escaped or not (XML 1.0, `Char`)."""
+"""Characters that an XML document cannot contain, even if they are escaped (`Char` in XML 1.0)."""
 
 
 def unwritable(name: str, value: str) -> str | None:

@@ -1,4 +1,4 @@
-"""The bill of materials. `emit.py` is the target."""
+"""Write the bill of materials. The module `emit.py` writes the files."""
 
 from thingc.targets.target import Target
 

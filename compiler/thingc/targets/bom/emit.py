@@ -1,4 +1,4 @@
-"""`bom.csv` and `bom.json`: the parts to print, machine and buy, with quantities."""
+"""Write `bom.csv` and `bom.json`, which list the parts to print, to machine and to buy, with their quantities."""
 
 from __future__ import annotations
 
@@ -17,13 +17,15 @@ from thingc.targets.artifact import Artifacts
 from thingc.targets.request import EmitRequest
 
 MACHINED = frozenset({"cnc", "machine", "machined", "mill", "milled", "milling", "lathe", "turning", "laser", "waterjet"})
-"""Kinds of subtractive processes. A part with any other kind of process is printed."""
+"""Kinds of manufacturing processes that remove material. A part with any other kind of process is printed."""
 
 _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
 
 class BomRow(FrozenStruct):
-    """A row of the bill of materials: `quantity` equal pieces, each with `mass` [kg]. `cost` is a string from the document."""
+    """A row of the bill of materials. It represents `quantity` equal pieces, each with the mass `mass` [kg]. `cost` is a string that the
+    document or the Thing specifies.
+    """
 
     number: str
     name: str
@@ -38,16 +40,16 @@ class BomRow(FrozenStruct):
 
 
 COLUMNS = BomRow.__struct_fields__
-"""The columns of `bom.csv` and the keys of every entry of `bom.json`, in order."""
+"""The columns of `bom.csv`, which are also the keys of each object in `bom.json`, in this order."""
 
 
 def make_of(occurrence: Occurrence) -> str:
     """Return how an occurrence is made: `buy`, `print` or `machine`.
 
-    The value comes from the document, else from the Thing, else it depends on the manufacturing process.
+    The value comes from the document, or else from the Thing. If neither specifies a value, it is derived from the manufacturing process.
 
-    Without a value, an occurrence without geometry (a frame with a mass, such as a circuit board) counts as bought, because it cannot be
-    manufactured. An occurrence with geometry is bought, machined (for subtractive processes) or printed, depending on its process.
+    In this case, an occurrence without geometry (a frame with a mass, such as a circuit board) counts as bought, because it cannot be
+    manufactured. An occurrence with geometry is bought, machined (if its process removes material) or printed.
     """
     record = occurrence.record
     stated = occurrence.bom.make or (record.bom.get("make") if record is not None else None)
@@ -83,13 +85,13 @@ def items(assembly: Assembly) -> tuple[BomRow, ...]:
 
 
 def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...]], ...]:
-    """Return each row of the bill of materials with its occurrences.
+    """Return each row of the bill of materials with the occurrences that it represents.
 
-    Printed items come first, then machined, then bought items. Each group is in document order. Occurrences with equal values share a
-    row.
+    Printed items come first, then machined, then bought items. Each of these groups is in the order of the document. If all values of
+    several occurrences are equal, the occurrences share a row.
 
-    The part number comes from the document, else from the Thing. Rows without a part number get the numbers 1, 2, 3 in order; numbers
-    already in use are skipped.
+    The part number comes from the document, or else from the Thing. Rows without a part number get the numbers 1, 2, 3 and so on. Numbers
+    that are already in use are skipped.
     """
     rows: dict[tuple[object, ...], list[list[Occurrence]]] = {}
     for occurrence in assembly.occurrences:
@@ -124,8 +126,8 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
 def csv_text(rows: tuple[BomRow, ...]) -> str:
     """Format the bill of materials as CSV (RFC 4180) with a header line and line feeds as line ends.
 
-    The mass is per piece [kg]; unknown values are empty. A cell that a spreadsheet would evaluate begins with `'` (see `format_cell`).
-    The table has no row of totals, so a spreadsheet can sum its columns.
+    The mass is the mass of one piece [kg]. Unknown values are empty. If a spreadsheet would evaluate a cell, `'` is inserted at its
+    beginning (see `format_cell`). The table has no row of totals, so a spreadsheet can sum its columns.
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -147,9 +149,9 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _key(occurrence: Occurrence) -> tuple[object, ...]:
-    """Return the values that distinguish rows of the bill of materials, except the mass, the quantity and the assigned number.
+    """Return the values that distinguish rows of the bill of materials. The mass, the quantity and the assigned number are not included.
 
-    A frame or link with a part number is identified by that number, regardless of the component's name.
+    If a frame or link has a part number, the number identifies it, regardless of the name of the component.
     """
     number = _said(occurrence, "number")
     return (
@@ -164,7 +166,9 @@ def _key(occurrence: Occurrence) -> tuple[object, ...]:
 
 
 def _definition(occurrence: Occurrence) -> Definition:
-    """Return the definition that is manufactured or bought for an occurrence. For a bought mirror image, this is the original part."""
+    """Return the definition that is manufactured or bought for an occurrence. For a mirror image that is bought, return the definition of
+    the original part.
+    """
     own = occurrence.definition
     return own.plain if own.plain is not None and make_of(occurrence) == "buy" else own
 
@@ -172,7 +176,7 @@ def _definition(occurrence: Occurrence) -> Definition:
 def _said(occurrence: Occurrence, key: str) -> str | None:
     """Return the value of a key of the bill of materials for an occurrence.
 
-    The document has precedence over the Thing. Return None if both have no value.
+    A value in the document takes precedence over the value of the Thing. Return None if neither specifies a value.
     """
     own: str | None = getattr(occurrence.bom, key)
     if own is None and occurrence.record is not None:
@@ -181,15 +185,15 @@ def _said(occurrence: Occurrence, key: str) -> str | None:
 
 
 def _material(occurrence: Occurrence) -> str | None:
-    """Return the material's name, or None if the occurrence has no geometry or several materials."""
+    """Return the name of the material. Return None if the occurrence has no geometry or has several materials."""
     has_geometry = occurrence.record is not None and occurrence.record.box is not None
     return occurrence.material.name if occurrence.material is not None and has_geometry else None
 
 
 def _name(occurrence: Occurrence) -> str:
-    """Return the display name of an occurrence's definition, with the mirror axis, if any.
+    """Return the display name of the definition of an occurrence. For a mirror image, it includes the mirror axis.
 
-    The display name is the name of the Thing, else of the class, else of the file without suffix, else of the component.
+    The display name is the name of the Thing, or else the name of the class, of the file without suffix, or of the component.
     """
     mirror = _definition(occurrence).mirror
     return _plain_name(occurrence) + (f" (mirror={mirror})" if mirror is not None else "")

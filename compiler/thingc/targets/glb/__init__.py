@@ -1,4 +1,4 @@
-"""GLB files of each mode for viewers of glTF. `emit.py` is the target."""
+"""Write a GLB file for each mode, for viewers of glTF. The module `emit.py` writes the files."""
 
 from thingc.targets.target import Target
 

@@ -1,11 +1,11 @@
-"""`glb/<name>_<mode>.glb`: the robot in the start pose of a mode, for glTF 2.0 viewers, as a tree of links with movable joints.
+"""Write `glb/<name>_<mode>.glb`: the robot in the start pose of a mode, as a tree of links with movable joints, for glTF 2.0 viewers.
 
     arm_bench:world  ->  base_link  ->  plate:visual (a mesh)
                                     ->  yaw:joint  ->  bracket  ->  ...
 
-The node of a link has the same frame as the link in MJCF and `modes.json`. The z axis of a coordinate's node is the axis of motion: to
-change q, rotate the node about z or move it along z. Lengths are in metres. In glTF, y points up and colours are linear (glTF 2.0, sections
-3.4 and 3.9.2).
+The node of a link has the same frame as the link in MJCF and `modes.json`. Each joint coordinate is a node whose z axis is the axis of
+motion. To change q, rotate this node about z or move it along z. Lengths are in metres. In glTF, the y axis points up, and colours are
+linear (glTF 2.0, sections 3.4 and 3.9.2).
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from thingc.targets.geometry import ENDLESS, channels, linear, material_name, nu
 from thingc.targets.request import EmitRequest
 
 Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
-"""Pose of the world frame (z up) in the frame of glTF (y up)."""
+"""Pose of the world frame (z points up) in the frame of glTF (y points up)."""
 
 ROUND = (16, 16)
-"""Number of segments of round shapes, from pole to pole and half around."""
+"""Number of segments of round shapes, from pole to pole and along half of the circumference."""
 
 JointForm = Literal["nodes", "node"]
-"""How a joint is written: a node for each coordinate, or a single node for all coordinates."""
+"""How a joint is written: as one node for each coordinate, or as a single node for all coordinates."""
 
 _OPENS = Omitted(": rotating the nodes of joints opens the loop")
 _NODE: Supported[JointForm] = Supported("nodes")
@@ -75,16 +75,18 @@ CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "sensors": all_sensors(BESIDE),
     "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
 }
-"""The features of a robot that glTF can express. Users do not expect masses, drives and similar properties in glTF files."""
+"""The features of a robot that glTF can express. Masses, drives and similar properties are not reported as export losses, because users do
+not expect them in glTF files.
+"""
 
 ROUGHNESS = 0.6
-"""Roughness of all surfaces. Documents specify colours but no gloss."""
+"""Roughness of the material of all surfaces. The value is constant because documents specify colours but no gloss."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Write a GLB file for each chosen mode. For a robot without visual shapes, return an export loss instead.
+    """Write a GLB file for each chosen mode. If the robot has no visual shapes, return an export loss instead.
 
-    A file contains each mesh once per colour; the colours share the vertex coordinates.
+    A file contains each mesh once for each colour. The colours share the coordinates of the vertices.
     """
     if not any(occurrence.drawn for occurrence in request.assembly.occurrences):
         assembly = request.assembly
@@ -98,7 +100,7 @@ def emit(request: EmitRequest) -> Artifacts:
 class _Node(FrozenStruct):
     """A node of a glTF scene, with its pose relative to its parent node.
 
-    `shown` is the surface of the node, `called` is the name of its mesh, and `extras` is custom data.
+    `shown` is the surface of the node, `called` is the name of its mesh, and `extras` contains custom data.
     """
 
     name: str
@@ -110,7 +112,7 @@ class _Node(FrozenStruct):
 
 
 def _nodes(robot: Robot) -> Iterator[_Node]:
-    """Yield the nodes of the glTF scene for a robot in the start pose of its mode. Parents come before their children."""
+    """Yield the nodes of the glTF scene for a robot in the start pose of its mode. Each node comes after its parent."""
     assembly = robot.assembly
     frame = robot.start
     q = coordinates(joints_of(assembly), frame.q if frame is not None else {})
@@ -147,7 +149,7 @@ def _called(surface: Surface) -> str:
 def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, float]) -> Iterator[_Node]:
     """Yield the glTF nodes for the joint coordinates of a body.
 
-    Each node is the parent of the next; a ball has a single node. `pose` is the body's pose at 0.
+    Each node is the parent of the next node. A ball joint has a single node. `pose` is the pose of the body if all coordinates are 0.
     """
     if body.parent is None or not body.joints:
         return
@@ -171,22 +173,22 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
-    """Return a frame whose z axis lies on the axis of rotation, or along the direction of motion, of a twist.
+    """Return a frame for a twist. The z axis of the frame lies on the axis of rotation, or points in the direction of motion.
 
-    For a ball, return a frame at its centre with unchanged axes.
+    For a ball joint, return a frame at its centre whose axes are not changed.
     """
     return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 
 
 class _Drawn:
-    """The meshes of a scene, which are loaded when they are first used."""
+    """A cache of the meshes of a scene. A mesh is loaded when it is first used."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._known: dict[str, Any] = {}
 
     def __call__(self, mesh: Mesh | Primitive) -> Any:
-        """Load a mesh of the store (OBJ, in metres) as a trimesh object. A primitive is approximated by a mesh."""
+        """Load a mesh of the store (OBJ, in metres) as a trimesh object. A primitive is converted to a mesh that approximates it."""
         if isinstance(mesh, Primitive):
             return _tessellated(mesh)
         if mesh.sha256 not in self._known:
@@ -236,7 +238,7 @@ def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
         scene.graph.update(**place, geometry=key)
 
     def finish(tree: dict[str, Any]) -> None:
-        """Set values of the glTF file that trimesh cannot write: the generator, exact colours and mesh names."""
+        """Set values in the JSON part of a glTF file that trimesh cannot write: the generator, exact colours and mesh names."""
         tree["asset"]["generator"] = "thingc"
         tree["materials"] = list(materials.values())
         numbers = {name: number for number, name in enumerate(materials)}
@@ -252,7 +254,7 @@ def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
 def _material(surface: Surface) -> dict[str, object]:
     """Return the glTF material of a surface, with the same name as in the MJCF model.
 
-    The default colour is light grey. Open surfaces are double-sided.
+    If no colour is specified, the material is light grey. The material of an open surface is double-sided.
     """
     red, green, blue, alpha = channels(surface.color or "#bfbfbf")
     name = material_name(surface.material, surface.color) or "color"

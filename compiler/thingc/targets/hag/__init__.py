@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph as text and as a picture. `emit.py` is the target."""
+"""Write the hierarchical assembly graph (HAG) as text and as a picture. The module `emit.py` writes the files."""
 
 from thingc.targets.target import Target
 

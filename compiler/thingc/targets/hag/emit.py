@@ -1,4 +1,4 @@
-"""Write the hierarchical assembly graph as text: as an indented tree for the terminal, as DOT and as Mermaid."""
+"""Write the hierarchical assembly graph in text formats: as an indented tree for the terminal, as DOT, and as a Mermaid flowchart."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ def graphml(hag: Hag) -> str:
 
 
 def json(hag: Hag) -> str:
-    """Convert the hierarchical assembly graph to node-link JSON."""
+    """Convert the hierarchical assembly graph to JSON in the node-link format of networkx."""
     from thingc.targets import networkx_export
 
     return json_writer.encode(networkx_export.plain(networkx_export.hag_graph(hag, quantities(hag)))).decode()
 
 
 def text(hag: Hag) -> str:
-    """Format the hierarchical assembly graph for the terminal: an indented tree of components, followed by the quantity of each
-    definition.
+    """Format the hierarchical assembly graph for the terminal, as an indented tree of components. The tree is followed by the quantity of
+    each definition.
 
-    A nested assembly is expanded only once. The components of a `repeat` share one line.
+    A nested assembly is only expanded at its first occurrence. All components of a `repeat` share one line.
     """
     below = children(hag)
     labels = {definition.text: escape_control(definition.label) for definition in hag.definitions}
@@ -73,14 +73,16 @@ def text(hag: Hag) -> str:
     return "\n".join(lines) + "\n"
 
 def _remark(definition: Definition) -> str:
-    """Return a remark about a definition: its kind ("" for a part) and, for a mirror image, the original part."""
+    """Return a remark about a definition. It contains the kind of the definition (nothing for a part) and, for a mirror image, the original
+    part.
+    """
     kind = f" ({definition.kind})" if definition.kind != "part" else ""
     return kind if definition.plain is None else f"{kind} mirrors {escape_control(definition.plain.label)}"
 
 def dot(hag: Hag) -> str:
     """Convert the hierarchical assembly graph to the DOT language of Graphviz.
 
-    Each definition is a node, and each component is an edge with its mounts and joint.
+    Each definition becomes a node. Each component becomes an edge, labelled with its mounts and its joint.
     """
     style = {
         "assembly": 'shape=box style="rounded,filled" fillcolor="#dbe7f6" color="#3d6fae"',
@@ -111,7 +113,7 @@ def dot(hag: Hag) -> str:
 def mermaid(hag: Hag) -> str:
     """Convert the hierarchical assembly graph to a Mermaid flowchart.
 
-    Each definition is a node. An edge between two definitions lists all components that connect them.
+    Each definition becomes a node. If several components connect two definitions, the edge between them lists all these components.
     """
     shapes = {"assembly": ('(["', '"])'), "part": ('["', '"]'), "file": ('[/"', '"/]'), "link": ('[["', '"]]'), "frame": ('("', '")')}
     names = _names(hag)
@@ -139,13 +141,15 @@ def _names(hag: Hag) -> dict[str, str]:
     return {definition.text: f"n{index}" for index, definition in enumerate(hag.definitions)}
 
 def _dot_quoted(*lines: str) -> str:
-    """Return a quoted DOT string. The character `"` and, in labels, `\\` and `&` (HTML entities) are escaped. Lines end with `\\n`."""
+    """Format lines of text as a quoted DOT string. The character `"` is escaped. In labels, `\\` and `&` (HTML entities) are also
+    escaped. Each line ends with `\\n`.
+    """
     escaped = (escape_control(line).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"') for line in lines)
     return '"' + "\\n".join(escaped) + '"'
 
 def _mermaid_escaped(text: str) -> str:
     """Escape a string for a quoted Mermaid label.
 
-    Characters that end the label or begin an entity, HTML or Markdown become entity codes.
+    Characters that end the label, or begin an entity, HTML or Markdown, are replaced by entity codes.
     """
     return "".join(f"#{ord(character)};" if character in "\"#&<`\\" else character for character in escape_control(text))

@@ -1,4 +1,6 @@
-"""Labels for the hierarchical assembly graph: grouped edges, quantities of definitions, and placements of components."""
+"""Create labels for the hierarchical assembly graph. This module groups edges, counts the quantities of definitions, and describes the
+placements of components.
+"""
 
 from __future__ import annotations
 
@@ -13,27 +15,29 @@ from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Definition, DefinitionEdge, DefinitionKind, Hag
 
 KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
-"""Kinds of definitions, in the order of the legend."""
+"""Kinds of definitions, in the order in which the legend lists them."""
 
 
 class EdgeBundle(FrozenStruct):
-    """All edges from one definition to another definition, which are drawn as one line."""
+    """All edges from one definition to another definition. They are drawn as one line."""
 
     parent: str
     child: str
     edges: tuple[DefinitionEdge, ...]
 
 def bundles(hag: Hag) -> tuple[EdgeBundle, ...]:
-    """Group the edges of the graph by the pair of definitions that they connect. The groups are in order of first use."""
+    """Group the edges of the graph by the pair of definitions that they connect. The groups are in the order in which the pairs first
+    occur.
+    """
     grouped: dict[tuple[str, str], list[DefinitionEdge]] = {}
     for edge in hag.edges:
         grouped.setdefault((edge.parent, edge.child), []).append(edge)
     return tuple(EdgeBundle(parent=parent, child=child, edges=tuple(edges)) for (parent, child), edges in grouped.items())
 
 def quantities(hag: Hag) -> dict[str, int]:
-    """Return the quantity of each definition in the robot, by its text.
+    """Return the quantity of each definition in the robot, by definition text.
 
-    The quantity is the number of paths from the root to the definition.
+    The quantity is the number of paths from the root of the graph to the definition.
     """
     above: dict[str, list[str]] = {definition.text: [] for definition in hag.definitions}
     for edge in hag.edges:
@@ -47,7 +51,7 @@ def quantities(hag: Hag) -> dict[str, int]:
 def how(edge: DefinitionEdge) -> str:
     """Describe the placement of a component on one line, such as `joint yaw: yaw_seat -> yaw_servo.rotor`.
 
-    Return "" for the base component.
+    Return an empty string for the base component.
     """
     parts = [f"joint {edge.joint}"] if edge.joint is not None else []
     if edge.mounts:
@@ -55,9 +59,9 @@ def how(edge: DefinitionEdge) -> str:
     return escape_control(": ".join(parts))
 
 def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
-    """Return each mirror image in the graph with the text of its original definition.
+    """Return each mirror image in the graph, with the definition text of its original part.
 
-    Mirror images without their original in the graph are omitted.
+    Mirror images are omitted if the graph does not contain the original part.
     """
     texts = {definition.text for definition in hag.definitions}
     return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in texts]
@@ -68,10 +72,10 @@ def total(hag: Hag) -> str:
     return f"{counted(len(hag.definitions), 'definition')}, {counted(components, 'component')}"
 
 def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
-    """Return the edges of one bundle as `(component, placement)`.
+    """Return the edges of a bundle as tuples `(component, placement)`.
 
-    Three or more components of a `repeat` (`leg_0`, `leg_1`, ...) are one entry: `leg_0 ... leg_5`. The entry has the placement of the
-    first component, with `*` in place of the number.
+    Three or more components of a `repeat` (`leg_0`, `leg_1`, ...) form one entry: `leg_0 ... leg_5`. Such an entry has the placement of the
+    first component, in which `*` replaces the number.
     """
     placements: list[tuple[str, str]] = []
     position = 0
@@ -91,7 +95,9 @@ def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
     return placements
 
 def short(definition: Definition) -> tuple[str, str, str]:
-    """Return the texts `(name, where, parameters)` for the box of a definition, such as `("RotorBrace", "arm", "length=100 mm")`."""
+    """Return the texts in the box of a definition as a tuple `(name, where, parameters)`, such as `("RotorBrace", "arm", "length=100
+    mm")`.
+    """
     text = escape_control(definition.label).removesuffix(f" [{escape_control(definition.reference)}]")
     head, opening, rest = text.partition("(") if definition.kind != "file" else (text, "", "")
     parameters = rest[:-1] if opening and rest.endswith(")") else rest
@@ -104,7 +110,7 @@ def short(definition: Definition) -> tuple[str, str, str]:
     return head, escape_control(definition.reference) if definition.kind == "assembly" else "", parameters
 
 def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
-    """Return the number of consecutive edges from `start` whose names are `stem_k`, `stem_k+1`, ..."""
+    """Return the number of consecutive edges from the index `start` whose names are `stem_k`, `stem_k+1` and so on."""
     stem, _, number = edges[start].component.rpartition("_")
     if not stem or not number.isdecimal():
         return 1
@@ -114,7 +120,7 @@ def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
     return length
 
 def children(hag: Hag) -> dict[str, list[DefinitionEdge]]:
-    """Return the edges from each assembly to its components, by the text of the assembly's definition."""
+    """Return the edges from each assembly to its components. The keys are the definition texts of the assemblies."""
     below: dict[str, list[DefinitionEdge]] = {}
     for edge in hag.edges:
         below.setdefault(edge.parent, []).append(edge)

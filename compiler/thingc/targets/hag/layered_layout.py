@@ -1,11 +1,11 @@
-"""A layered layout of an acyclic graph: the positions of boxes, labels and lines.
+"""Compute a layered layout of an acyclic graph: the positions of boxes, labels and lines.
 
-The method follows Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981. Layers are given
-by the longest path, a line has a dummy item in each layer that it crosses, and barycentres reduce the number of crossings. Labels have
-their own layers between the layers of boxes. Therefore boxes and labels do not overlap. The heights in a layer are a least-squares fit to
-the heights of the neighbours that respects order and separation (pool adjacent violators: Barlow et al., "Statistical Inference under Order
-Restrictions", 1972). Layers are columns from left to right, because graphs of assemblies are wide and shallow, and lists of components are
-read downwards.
+The method follows Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981. The layer of a box
+is given by the longest path to the box. A line has a dummy item in each layer that it crosses. Barycentres are used to reduce the number of
+crossings. Labels are placed in their own layers between the layers of boxes. Therefore, boxes and labels do not overlap. The heights in a
+layer are a least-squares fit to the heights of the neighbours. The fit keeps the order and the minimum distances of the items (pool
+adjacent violators: Barlow et al., "Statistical Inference under Order Restrictions", 1972). The layers are columns from left to right. The
+reasons are that graphs of assemblies are wide and shallow, and that lists of components are read downwards.
 """
 
 from __future__ import annotations
@@ -19,17 +19,19 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import sum_of
 
 GAP = 40.0
-"""Smallest gap between two columns. The lines need this space."""
+"""Smallest gap between two columns. The lines between the columns need this space."""
 STEEP = 0.14
-"""Factor of the largest height difference of a line between two columns. The product is added to the gap, which is at most `WIDEST`."""
+"""The largest height difference of a line between two columns is multiplied by this factor. The product is added to the gap between the
+columns, which is at most `WIDEST`.
+"""
 WIDEST = 110.0
 ROW = 14.0
-"""Gap between two boxes of a column."""
+"""Minimum gap between two boxes in a column."""
 LINE_ROW = 10.0
-"""Gap between a line and its neighbour in a column."""
+"""Minimum gap between a line and its neighbour in a column."""
 SWEEPS = 12
 PORT = 9.0
-"""Distance between the ends of two lines at the side of a box."""
+"""Distance between the ends of two lines at the same side of a box."""
 
 
 class Size(FrozenStruct):
@@ -40,7 +42,7 @@ class Size(FrozenStruct):
 
 
 class Line(FrozenStruct):
-    """A line from box `source` to box `target` (indices), with the size of its label."""
+    """A line between two boxes, with the size of its label. `source` and `target` are the indices of the boxes."""
 
     source: int
     target: int
@@ -48,7 +50,7 @@ class Line(FrozenStruct):
 
 
 class Rectangle(FrozenStruct):
-    """A rectangle with the upper left corner (`x`, `y`). The y axis points down."""
+    """A rectangle. Its upper left corner is at (`x`, `y`). The y axis of the drawing points down."""
 
     x: float
     y: float
@@ -59,7 +61,8 @@ class Rectangle(FrozenStruct):
 class Route(FrozenStruct):
     """The drawn path of a line between two boxes.
 
-    `stretches` are horizontal segments `(x0, x1, y)` from left to right. Curves connect the segments. `label` is on one of the segments.
+    `stretches` contains horizontal segments `(x0, x1, y)`, from left to right. The segments are connected by curves. `label` is the
+    rectangle of the label, which is on one of the segments.
     """
 
     stretches: tuple[tuple[float, float, float], ...]
@@ -69,8 +72,8 @@ class Route(FrozenStruct):
 class Drawing(FrozenStruct):
     """The finished layout of a graph.
 
-    It contains the boxes in the given order, the routes in the order of the lines, and the size of the drawing. The origin of the
-    drawing is (0, 0).
+    The boxes are in the given order, and the routes are in the order of the lines. The size of the drawing is also included. The origin of
+    the drawing is (0, 0).
     """
 
     width: float
@@ -81,7 +84,9 @@ class Drawing(FrozenStruct):
 
 @dataclass(slots=True)
 class _Item:
-    """An item in a column: a box, a label, or a line that crosses the column. For a line, neither `box` nor `label` is set."""
+    """An item in a column: a box, a label, or a line that crosses the column. For an item that is a line, neither `box` nor `label` is
+    set.
+    """
 
     column: int
     size: Size
@@ -92,7 +97,7 @@ class _Item:
 
 
 def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
-    """Compute the layout of an acyclic graph. The layout is deterministic. Raises `CycleError` if the graph has a cycle."""
+    """Compute the layout of an acyclic graph. The result is the same in every run. Raises `CycleError` if the graph has a cycle."""
     ranks = _ranks(len(boxes), lines)
     items = [_Item(column=2 * ranks[k], size=size, box=k) for k, size in enumerate(boxes)]
     chains = [_chain(items, line, ranks) for line in lines]
@@ -103,7 +108,7 @@ def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
 
 
 def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
-    """Return the column of each box: the length of the longest path that ends at the box."""
+    """Return the column of each box. It is the length of the longest path that ends at the box."""
     before: dict[int, list[int]] = {k: [] for k in range(count)}
     for line in lines:
         before[line.target].append(line.source)
@@ -114,7 +119,7 @@ def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
 
 
 def _chain(items: list[_Item], line: Line, ranks: Sequence[int]) -> list[int]:
-    """Return the items along a line: source, label, dummy items in the columns that it crosses, and target."""
+    """Return the items along a line: the source, the label, a dummy item in each column that the line crosses, and the target."""
     chain = [line.source]
     for column in range(2 * ranks[line.source] + 1, 2 * ranks[line.target]):
         size = line.label if len(chain) == 1 else Size(width=0.0, height=0.0)
@@ -128,7 +133,7 @@ def _chain(items: list[_Item], line: Line, ranks: Sequence[int]) -> list[int]:
 
 
 def _first_order(items: Sequence[_Item], lines: Sequence[Line], chains: Sequence[Sequence[int]]) -> list[list[int]]:
-    """Return the initial order of the items in each column, which follows the order of the documents, depth first."""
+    """Return the initial order of the items in each column. It follows the documents, depth first."""
     columns: list[list[int]] = [[] for _ in range(1 + max((item.column for item in items), default=-1))]
     leaving: dict[int, list[int]] = {}
     entered = {line.target for line in lines}
@@ -151,7 +156,7 @@ def _first_order(items: Sequence[_Item], lines: Sequence[Line], chains: Sequence
 def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
     """Return the number of crossings of lines between neighbouring columns.
 
-    Crossings are inversions of line ends and are counted by insertion.
+    Two lines cross if the order of their ends is inverted. The inversions are counted by insertion.
     """
     crossings = 0
     for left, right in zip(columns, columns[1:]):
@@ -167,8 +172,8 @@ def _crossings(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> int:
 def _reduce_crossings(items: Sequence[_Item], columns: list[list[int]]) -> None:
     """Reorder the items of each column to reduce the number of crossings.
 
-    The function sweeps back and forth over the columns. It sorts each column by the mean position of its neighbours in the previous
-    column. The columns get the best order that was found.
+    The function processes the columns from left to right and from right to left, several times. In each step, the items of a column are
+    sorted by the mean position of their neighbours in the previous column. At the end, the columns get the order with the fewest crossings.
     """
     best, fewest = [list(column) for column in columns], _crossings(items, columns)
     for sweep in range(SWEEPS):
@@ -221,7 +226,9 @@ def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> No
 
 
 def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Sequence[float]) -> list[float]:
-    """Return the positions nearest to `wanted` (weighted least squares) with `place[k + 1] >= place[k] + separations[k]`."""
+    """Return the positions that are nearest to `wanted` (weighted least squares) and satisfy `place[k + 1] >= place[k] +
+    separations[k]`.
+    """
     offsets = [0.0]
     for separation in separations:
         offsets.append(offsets[-1] + separation)
@@ -239,7 +246,7 @@ def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Seq
 def _ports(items: Sequence[_Item], k: int, neighbours: Sequence[int]) -> dict[int, float]:
     """Return the vertical position at which each line meets the side of a box.
 
-    The positions have the same order as the other ends of the lines.
+    The positions at the box have the same order as the other ends of the lines.
     """
     ordered = sorted(neighbours, key=lambda n: (items[n].y, n))
     room = max(items[k].size.height - 14.0, 0.0)
@@ -248,7 +255,7 @@ def _ports(items: Sequence[_Item], k: int, neighbours: Sequence[int]) -> dict[in
 
 
 def _finish(items: Sequence[_Item], columns: Sequence[Sequence[int]], chains: Sequence[Sequence[int]]) -> Drawing:
-    """Arrange the columns side by side, shift the drawing to (0, 0), and compute the routes of the lines."""
+    """Arrange the columns side by side, move the drawing to (0, 0), and compute the routes of the lines."""
     top = min((item.y - item.size.height / 2.0 for item in items), default=0.0)
     for item in items:
         item.y = round(item.y - top, 1)

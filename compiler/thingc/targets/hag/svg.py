@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph as a self-contained SVG document, laid out by `layered_layout.py`."""
+"""Draw the hierarchical assembly graph as a self-contained SVG document. The layout is computed by `layered_layout.py`."""
 
 from __future__ import annotations
 
@@ -15,14 +15,18 @@ from thingc.targets.hag.layered_layout import Drawing, Line, Rectangle, Route, S
 MARGIN = 28.0
 HEAD = 62.0
 LEAD = 15.0
-"""Line spacing of text."""
+"""Distance between lines of text."""
 PADDING = 12.0
 ADVANCE = 0.61
-"""Width of a character of a monospaced font relative to its size: 0.602 for DejaVu Sans Mono and Menlo, 0.600 for Courier."""
+"""Width of a character in a monospaced font, relative to the font size. It is 0.602 for DejaVu Sans Mono and Menlo, and 0.600 for
+Courier.
+"""
 LONGEST = 46
-"""Maximum number of characters in a line. A longer string is wrapped or cut; the tooltip shows the full string."""
+"""Maximum number of characters in a line. A longer text is wrapped or cut, and its tooltip shows the full text."""
 MOST = 6
-"""Maximum number of entries in a label, and of lines of parameters in a box. The tooltip shows all entries."""
+"""Maximum number of entries in a label, and maximum number of lines of parameters in a box. The tooltip of the label or the box shows all
+entries.
+"""
 
 FONT = "ui-monospace, 'SF Mono', Menlo, Consolas, 'DejaVu Sans Mono', 'Liberation Mono', monospace"
 INK, MUTED, LINE, JOINT = "#1f2937", "#6b7280", "#a3acba", "#c2410c"
@@ -33,8 +37,8 @@ EDGE: Mapping[DefinitionKind, str] = {"assembly": "#3d6fae", "part": "#a89c7c", 
 def picture(hag: Hag) -> str:
     """Draw the hierarchical assembly graph as an SVG document.
 
-    A box represents a definition with its quantity. A line represents a component with its placement; lines of joints are coloured.
-    Tooltips show all details.
+    Each box represents a definition with its quantity. Each line represents a component with its placement. Lines of components with joints
+    are coloured. The tooltips show all details.
     """
     numbers = {definition.text: index for index, definition in enumerate(hag.definitions)}
     counted = quantities(hag)
@@ -115,7 +119,9 @@ def _box_size(lines: Sequence[str], count: int) -> Size:
 
 
 class _Words(FrozenStruct):
-    """A text line of a label. `baseline` is the distance from the upper edge of the label, and `kind` is `name`, `place` or `joint`."""
+    """A text line of a label. `baseline` is the distance of the text from the upper edge of the label. `kind` is `name`, `place` or
+    `joint`.
+    """
 
     text: str
     kind: str
@@ -200,7 +206,7 @@ def _add_text(parent: ET.Element, x: float, y: float, text: str, style: dict[str
 
 
 def _width(text: str, size: float) -> float:
-    """Return the width of a string in a monospaced font. East Asian wide characters count twice."""
+    """Return the width of a string in a monospaced font. East Asian wide characters have twice the width."""
     return sum(2.0 if unicodedata.east_asian_width(c) in "WF" else 1.0 for c in text) * ADVANCE * size
 
 
@@ -209,5 +215,5 @@ def _cut(text: str) -> str:
 
 
 def _n(value: float) -> str:
-    """Format a coordinate to a tenth of a pixel, without a trailing zero."""
+    """Format a coordinate in tenths of a pixel, without a trailing zero."""
     return f"{round(value, 1):.1f}".removesuffix(".0")

@@ -1,7 +1,8 @@
-"""`html/<name>.html`: the robot in a browser, in one self-contained file.
+"""Write `html/<name>.html`, a self-contained page that shows the robot in a browser.
 
-`viewer_data.py` collects the data for the page, `mesh_packing.py` packs the meshes, and `emit.py` puts both into the page. The script,
-style sheet and HTML frame are in `page/`. `viewer.js` is bundled from `viewer/` at the top of the repository (`make viewer`).
+`viewer_data.py` collects the data for the page, `mesh_packing.py` packs the meshes, and `emit.py` puts both into the page. The folder
+`page/` contains the script, the style sheet and the HTML frame. The script `viewer.js` is bundled from the folder `viewer/` of the
+repository (`make viewer`).
 """
 
 from thingc.targets.target import Target

@@ -1,4 +1,4 @@
-"""`html/<name>.html`: a page that contains the viewer with its style sheet, script, data and meshes."""
+"""Write `html/<name>.html`, a page that contains the viewer with its style sheet, script, data and meshes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _AGAINST = (
 
 
 class Page(FrozenStruct):
-    """The content of a web page: the `name` of the robot, its `data` (JSON), and its meshes (`glb`)."""
+    """The content of a web page. `name` is the name of the robot, `data` contains JSON data, and `glb` contains the meshes."""
 
     name: str
     data: str
@@ -29,9 +29,9 @@ class Page(FrozenStruct):
     def html(self, *, live: str | None = None, editor: str | None = None, against: Page | None = None) -> bytes:
         """Return the HTML text of the page.
 
-        If `live` is given, it identifies a version, and the page asks its server for changes since that version. `editor` is a URL
-        template for opening a file in an editor, with `{file}` (the path in the workspace) and `{line}`. `against` is the page of
-        another robot for a comparison.
+        If `live` is given, it identifies the version of the page. The page then asks its server for later versions. `editor` is a URL
+        template that opens a file in an editor. It contains `{file}` (the path in the workspace) and `{line}`. `against` is the page of
+        another robot with which this robot is compared.
         """
         return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
 
@@ -44,7 +44,9 @@ class Page(FrozenStruct):
 
 
 def waiting(name: str, editor: str | None = None) -> bytes:
-    """Return a live page that waits for the first successful build and then shows the robot. `name` is the title of the page until then."""
+    """Return a live page that waits for the first successful build, and then shows the robot. Until then, the title of the page is
+    `name`.
+    """
     return _framed(name, "null", b"", live="", editor=editor, against=None)
 
 
@@ -71,5 +73,5 @@ def page_of(request: EmitRequest) -> Page:
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Write the HTML page of the robot. There are no export losses, because the page shows the whole assembly."""
+    """Write the HTML page of the robot. The target has no export losses, because the page shows the whole assembly."""
     return Artifacts(files={f"html/{request.assembly.name}.html": page_of(request).html()})

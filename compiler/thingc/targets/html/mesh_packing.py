@@ -1,8 +1,9 @@
-"""Pack meshes for a page into one glTF 2.0 binary file. The positions of vertices are 16-bit numbers relative to the bounding box of their
-mesh (KHR_mesh_quantization).
+"""Pack the meshes of a page into one binary file in the format glTF 2.0. The positions of vertices are stored as 16-bit numbers relative to
+the bounding box of their mesh (KHR_mesh_quantization).
 
-The error for a part of 200 mm is at most 3 um. The file contains each mesh once, in a node whose transform undoes the packing. The data of
-the page contains the poses of the meshes. The module does not use numpy, because importing numpy takes longer than packing.
+For a part of 200 mm, the error of a position is at most 3 um. The file contains each mesh once. The transform of its node converts the
+packed positions to metres. The poses of the meshes are not in this file, but in the data of the page. The module does not use numpy,
+because importing numpy takes longer than packing.
 """
 
 from __future__ import annotations
@@ -15,16 +16,16 @@ from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
 
 POSITIONS, CORNERS = 34962, 34963
-"""glTF's buffer view targets: vertices and indices."""
+"""Targets of buffer views in glTF: vertex data and indices."""
 
 SHORT, UNSIGNED_SHORT, UNSIGNED_INT = 5122, 5123, 5125
-"""glTF's component types: signed and unsigned 16-bit, unsigned 32-bit."""
+"""Component types in glTF: signed 16-bit, unsigned 16-bit and unsigned 32-bit integers."""
 
 PACKING = "KHR_mesh_quantization"
-"""The extension for 16-bit positions."""
+"""Name of the glTF extension for 16-bit positions."""
 
 MOST = 32767
-"""The largest signed 16-bit number. It represents the value 1."""
+"""The largest signed 16-bit number. As a normalised position, it represents the value 1."""
 
 
 class PackedMeshes:
@@ -35,7 +36,7 @@ class PackedMeshes:
         self._numbers: dict[str, int] = {}
 
     def number(self, mesh: Mesh) -> int:
-        """Return the number of a mesh in the glTF file."""
+        """Return the number of a mesh in the glTF file. A new mesh is added."""
         return self._numbers.setdefault(mesh.sha256, len(self._numbers))
 
     def glb(self) -> bytes:
@@ -51,7 +52,7 @@ class PackedMeshes:
 
 
 def _add(sha256: str, obj: bytes, tree: dict[str, list[dict[str, object]]], data: bytearray) -> None:
-    """Append a mesh to a glTF file. The mesh is an OBJ file with all vertices before all triangles."""
+    """Append a mesh to a glTF file. The mesh must be an OBJ file in which all vertices come before all triangles."""
     points, mark, corners = obj.partition(b"f")
     numbers = [float(word) for word in points.replace(b"v", b" ").split()]
     indices = [int(word) - 1 for word in (mark + corners).replace(b"f", b" ").split()]
@@ -89,7 +90,7 @@ def _little(numbers: array[int]) -> bytes:
 
 
 def _file(tree: dict[str, object], data: bytes) -> bytes:
-    """Return a binary glTF file (glTF 2.0, section 4.4): header, JSON, buffer."""
+    """Return a binary glTF file (glTF 2.0, section 4.4), which consists of a header, JSON and a buffer."""
     text = json.dumps(tree, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), 0x4E4F534A) + text

@@ -1,11 +1,10 @@
-"""The data for the page of a robot. The page computes all poses from this data. All values are JSON values in SI units.
+"""Collect the data for the web page of a robot. The page computes all poses of links from this data. All values are JSON values in SI
+units.
 
-The `bodies` of a mode are ordered with parents before children. For coordinates q, the pose of a link is
-
-    X_W,link(q) = X_W,parent @ X @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...
-
-or uses `exp(twist_0 q_0 + ...)` for a ball. A loop of the mode (`loops`) is closed if `X_W,parent @ X_PA @ exp(...) == X_W,child @ X_CB`
-with the coordinates of the loop. A pose is 12 numbers, the first three rows of its matrix; a twist is `[angular, linear, anchor]`.
+The `bodies` of a mode are ordered with parents before children. For coordinates q, the pose of a link is X_W,link(q) = X_W,parent @ X @
+exp(twist_0 q_0) @ exp(twist_1 q_1) ... For a ball joint, the factors are replaced by `exp(twist_0 q_0 + ...)`. A loop of the mode (`loops`)
+is closed if `X_W,parent @ X_PA @ exp(...) == X_W,child @ X_CB`, with the coordinates of the loop. A pose consists of 12 numbers, the first
+three rows of its matrix. A twist has the form `[angular, linear, anchor]`.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ from thingc.targets.bom.emit import listed, make_of, with_pieces
 from thingc.targets.html.mesh_packing import PackedMeshes
 
 VERSION = 1
-"""Version of the data format. The page rejects any other version."""
+"""Version of the format of the data. The page rejects any other version."""
 
 SLACK = 1e-6
-"""Largest unbalanced gravity load of the joints, relative to the total, that is treated as a rounding error."""
+"""An unbalanced gravity load of the joints up to this value, relative to the total load, counts as a rounding error."""
 
 Data = dict[str, object]
 
@@ -79,16 +78,17 @@ class _Places:
         self._texts: dict[str, str] = {}
 
     def of(self, origin: Origin) -> Data:
-        """Return `file` and `line` of the first place in an origin, or null for an empty origin."""
+        """Return `file` and `line` of the first location in an origin. Return null if the origin is empty."""
         span = next(iter(origin), None)
         if span is None or span.option is not None:
             return {"file": None, "line": None}
         return {"file": self._workspace.relative(span.file), "line": span.line}
 
     def code(self, path: str, reference: str) -> Data:
-        """Return `file` and `line` of a part's class or function, or null for a file outside the workspace.
+        """Return `file` and `line` of the class or function of a part. Return null if the file is outside of the workspace.
 
-        The line is looked up in the current file, because the part record is not rebuilt when an edit only moves lines.
+        The line is searched in the current file. The part record may contain an older line, because an edit that only moves lines does not
+        rebuild the part.
         """
         if not self._workspace.contains(path):
             return {"file": None, "line": None}
@@ -106,7 +106,7 @@ class _Places:
 
 
 def _definition(occurrence: Occurrence, places: _Places) -> Data:
-    """Return the page data of a part definition, which all its occurrences share."""
+    """Return the data of a part definition for the page. All its occurrences share this data."""
     definition, made, record = occurrence.definition, occurrence.component.definition, occurrence.record
     where: Data = {"file": None, "line": None}
     if record is not None and record.code is not None and os.path.isabs(record.code[0]):
@@ -145,13 +145,15 @@ def _shape(surface: Surface, packed: PackedMeshes) -> Data:
 
 
 def _mass(own: MassProperties) -> Data:
-    """Return mass [kg], centre of mass [m], principal moments of inertia [kg m^2], and `axes` with the principal axes as columns."""
+    """Return the mass [kg], the centre of mass [m], the principal moments of inertia [kg m^2], and `axes`, whose columns are the principal
+    axes.
+    """
     moments, axes = principal_axes(own.inertia)
     return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
 
 
 def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
-    """Return the page data of a joint coordinate, which is the same in all modes.
+    """Return the data of a joint coordinate for the page. It is the same in all modes.
 
     `parent` and `child` are the indices of links in the document.
     """
@@ -214,9 +216,9 @@ def _loop(closure: Closure) -> Data:
 def _pose(robot: Robot, frame: Keyframe) -> Data:
     """Return the data of a pose of a mode for the web page.
 
-    The pose contains q by path, the pose of the base if it differs, and the factor by which the drives can hold the pose (`margins`).
-    `falls` is True if the robot falls whatever the drives do. `unheld` is a joint that the drives cannot hold ("" for the base, null if the
-    drives hold all joints).
+    The data contains q by path, and the pose of the base if it differs. `margins` contains the factors by which the drives can hold the
+    pose. `falls` is True if no drive torques can hold the robot in this pose. `unheld` is the joint that the drives cannot hold. It is an
+    empty string for the base, and null if the drives hold all joints.
     """
     q = coordinates(joints_of(robot.assembly), frame.q)
     base = frame.base or robot.bodies[0].X_PL

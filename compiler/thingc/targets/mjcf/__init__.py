@@ -1,4 +1,4 @@
-"""MJCF: MuJoCo models, their scenes and meshes. `emit.py` is the target."""
+"""Write MuJoCo models (MJCF) with their scenes and meshes. The module `emit.py` writes the files."""
 
 from thingc.targets.target import Target
 

@@ -1,8 +1,8 @@
-"""Geometry that MuJoCo does not support or handles differently, and a cache of geometry that MuJoCo has accepted.
+"""Detect geometry that MuJoCo does not support or handles differently, and cache which geometry MuJoCo has accepted.
 
-MuJoCo spends most of the compilation of a model on reading meshes (200 of 220 ms for twelve parts). Whether MuJoCo accepts a mesh depends
-only on the bytes of the mesh and on whether MuJoCo reads it as a surface. Therefore, after an edit of limits, masses or poses, MuJoCo
-compiles the model with a tetrahedron in place of every known mesh.
+When MuJoCo compiles a model, it spends most of the time on reading meshes (200 of 220 ms for twelve parts). Whether MuJoCo accepts a mesh
+depends only on its bytes, and on whether MuJoCo reads it as a surface. Therefore, known meshes are not read again. After an edit of limits,
+masses or poses, MuJoCo compiles the model with a tetrahedron in place of each known mesh.
 """
 
 from __future__ import annotations
@@ -27,19 +27,20 @@ from thingc.targets.manifest import versions
 from thingc.targets.xml_writer import Element
 
 LEAST_VOLUME = 1e-14
-"""Smallest volume [m^3] of a part whose mesh MuJoCo accepts as a solid.
+"""Smallest volume [m^3] of a part whose mesh can be read as a solid.
 
-MuJoCo rejects solid meshes of up to 1e-15 (mjMINVAL), and the volume of a mesh is slightly smaller than the volume of its part.
+MuJoCo rejects solid meshes with a volume of up to 1e-15 (mjMINVAL). The volume of a mesh can be slightly smaller than the volume of its
+part.
 """
 
 FOLDER = "mjcf/assets"
-"""Folder of the meshes of all models."""
+"""Folder of the meshes that all models share."""
 
 
 MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
-"""Kinds of documents in the store: accepted models, accepted meshes, and accepted initial states.
+"""Kinds of JSON documents in the store. They represent accepted models, accepted meshes and accepted initial states.
 
-A mesh is accepted if a version of MuJoCo compiled it without messages. An initial state is accepted if it has no errors
+A mesh counts as accepted if a version of MuJoCo compiled it without messages. An initial state counts as accepted if it has no errors
 (`initial_state_checks.py`).
 """
 
@@ -51,13 +52,13 @@ _SIDES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 _BOX_SIDES = (
     (0, 1, 3), (0, 3, 2), (4, 7, 5), (4, 6, 7), (0, 4, 5), (0, 5, 1), (2, 7, 6), (2, 3, 7), (0, 2, 6), (0, 6, 4), (1, 7, 3), (1, 5, 7),
 )
-"""The triangles of a box whose corners are ordered with z changing first, then y, then x."""
+"""The triangles of a box, as indices of its corners. The corners are ordered such that z changes first, then y, then x."""
 
 
 class AcceptedModels:
     """A cache in the store of the models that MuJoCo has accepted.
 
-    The cached results are valid for these `meshes` and for one version of MuJoCo.
+    The cached results are valid for the meshes `meshes` and for one version of MuJoCo.
     """
 
     def __init__(self, store: Store, version: str, meshes: Sequence[MeshAsset]) -> None:
@@ -68,35 +69,37 @@ class AcceptedModels:
 
     @functools.cached_property
     def _new(self) -> dict[str, str]:
-        """The cache keys, by file, of the meshes that MuJoCo has not yet accepted."""
+        """Return the cache keys of the meshes that MuJoCo has not accepted yet, by file."""
         keys = {mesh.file: self._mesh_key(mesh) for mesh in self._meshes}
         return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
 
     def model(self, texts: Sequence[str], *, started: bool) -> bool:
         """Return whether MuJoCo has accepted a model with exactly these XML files and meshes.
 
-        With `started`, the initial state must also have been checked.
+        If `started` is True, the initial state must also have been checked.
         """
         answers = (True,) if started else (True, False)
         return any(self.store.get_json(MODEL, self._key((*texts, str(one)))) is not None for one in answers)
 
     def accept(self, texts: Sequence[str], *, started: bool) -> None:
-        """Record that a model and its meshes were accepted. With `started`, also record that its initial state was checked."""
+        """Record that MuJoCo accepted a model and its meshes. If `started` is True, also record that the initial state was checked."""
         self.store.note_json(MODEL, self._key((*texts, str(started))), True)
         self.accept_meshes()
 
     def accept_meshes(self) -> None:
-        """Record that the meshes of a model were accepted."""
+        """Record that MuJoCo accepted the meshes of a model."""
         while self._new:
             self.store.note_json(MESH, self._new.popitem()[1], True)
 
     def accept_mesh(self, mesh: MeshAsset) -> None:
-        """Record that a mesh was accepted."""
+        """Record that MuJoCo accepted a mesh."""
         if (key := self._new.pop(mesh.file, None)) is not None:
             self.store.note_json(MESH, key, True)
 
     def unread(self, true: Collection[str]) -> list[MeshAsset]:
-        """Return the meshes that MuJoCo must read: meshes that it has not accepted yet, and the meshes whose names are in `true`."""
+        """Return the meshes that MuJoCo must read. These are the meshes that it has not accepted yet, and the meshes whose names are in
+        `true`.
+        """
         return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
 
     def start(self, key: str) -> bool:
@@ -110,10 +113,10 @@ class AcceptedModels:
     def data(
         self, models: Iterable[Element], true: Collection[str] = (), instead: Mapping[str, bytes] = MappingProxyType({}),
     ) -> dict[str, bytes]:
-        """Return the contents of the files that MuJoCo reads, by name.
+        """Return the contents of the mesh files that MuJoCo reads, by file name.
 
-        A known mesh is replaced by a tetrahedron, unless its name is in `true`. Any other mesh is replaced by the bytes in `instead`,
-        if any. If raw attributes may affect meshes, all meshes count as unknown.
+        A mesh that MuJoCo has accepted is replaced by a tetrahedron, unless its name is in `true`. If `instead` contains bytes for any
+        other mesh, these bytes replace the mesh. If raw attributes may affect meshes, no mesh counts as accepted.
         """
         whole = any(about_meshes(model) for model in models)
         files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}
@@ -133,7 +136,7 @@ class AcceptedModels:
 
 @functools.cache
 def mujoco_version() -> str:
-    """Return the version of the installed MuJoCo without importing the package, because the import takes 0.1 s."""
+    """Return the version of the installed MuJoCo. The package is not imported, because the import takes 0.1 s."""
     if "mujoco" in versions():
         return versions()["mujoco"]
     from importlib.metadata import version
@@ -155,12 +158,12 @@ def about_meshes(model: Element) -> bool:
 
 
 def tetrahedron(file: str) -> bytes:
-    """Return the bytes of a small mesh that MuJoCo accepts in place of a file with this name."""
+    """Return the bytes of a small mesh that MuJoCo accepts in place of the mesh file `file`."""
     return mesh_bytes(file, _CORNERS, _SIDES)
 
 
 def box_bytes(file: str, points: Sequence[Sequence[float]]) -> bytes:
-    """Return the bytes of a mesh file with this name that is the bounding box of points `(n, 3)`."""
+    """Return the bytes of a mesh file that contains the bounding box of points (n, 3). The name of the file determines the format."""
     low, high = (tuple(map(side, zip(*points, strict=True))) for side in (min, max))
     return mesh_bytes(file, [*itertools.product(*zip(low, high, strict=True))], _BOX_SIDES)
 
@@ -180,7 +183,7 @@ def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Se
 def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tuple[Loss, ...]]:
     """Return the visual and collision shapes of every occurrence, and the export losses of MJCF.
 
-    Report shapes that MuJoCo does not accept.
+    Report an error for each shape that MuJoCo does not accept.
     """
     shapes, losses, said = memo("geometry", lambda _: _collected(assembly), inputs_of(assembly))
     for diagnostic in said.diagnostics:
@@ -205,7 +208,7 @@ class _Limits:
         self.losses: list[Loss] = []
 
     def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        """Return whether MuJoCo supports contacts of a shape. If not, record an export loss."""
+        """Return whether MuJoCo supports contacts of a shape. If MuJoCo does not support contacts of the shape, record an export loss."""
         choice = occurrence.overrides.collision
         if has_inside(piece):
             return True

@@ -1,10 +1,10 @@
-"""Set contact parameters for links with adhesion. With MuJoCo's defaults, a robot held by magnets creeps down a wall by millimetres per
+"""Define contact parameters for links with adhesion. With MuJoCo's defaults, a robot held by magnets creeps down a wall by millimetres per
 second.
 
-`solimp` and `solref` determine how far a contact yields and how fast it creeps under friction; `impratio` reduces the creep. The values
-come from simulations of MInchW on a wall and under a ceiling, and of feet of 0.1 to 0.5 kg that carry up to five times their weight, with
-magnets of 30 to 1000 N per kg. With softer contacts the robot creeps; with harder contacts a slightly tilted foot detaches. Friction is not
-changed, so a robot without enough friction slides.
+The parameters `solimp` and `solref` determine how far a contact yields, and how fast it creeps under friction. `impratio` reduces the
+creep. The values come from simulations of MInchW on a wall and under a ceiling. Other simulations used feet of 0.1 to 0.5 kg that carry up
+to five times their weight, with magnets of 30 to 1000 N per kg. With softer contacts, the robot creeps. With harder contacts, a foot that
+is slightly tilted detaches. The friction is not changed, so a robot without enough friction still slides.
 """
 
 from __future__ import annotations
@@ -15,23 +15,27 @@ from thingc.model.assembly.types import Assembly
 from thingc.model.robot.types import Robot
 
 CLASS = "adhesive"
-"""The class, within `collision`, of every geom of a link with adhesion. In MuJoCo, adhesion acts at all contacts of the link."""
+"""The default class of all geoms of links with adhesion. It is a subclass of `collision`. All geoms have this class because in MuJoCo,
+adhesion acts at all contacts of the link.
+"""
 
 CONTACT = {"margin": "1e-05", "solmix": "1000", "solref": "0.004 1", "solimp": "0.99 0.999 0.001 0.5 2"}
-"""Attributes of every geom of a link with adhesion.
+"""Attributes of each geom of a link with adhesion.
 
-`margin` [m] includes contacts whose distance is 0 except for rounding errors. `solmix` gives these values precedence over the floor's,
-unless the floor has a priority.
+The `margin` [m] includes contacts whose distance is 0 except for rounding errors. `solmix` gives these values precedence over the values of
+the floor, unless the floor has a priority.
 """
 
 OPTION = {"cone": "elliptic", "impratio": "100"}
-"""Options of a model with adhesion. They must be used together: with pyramidal cones, this `impratio` throws feet off the floor."""
+"""Solver options of a model with adhesion. Use both options together. With pyramidal cones, this value of `impratio` would throw feet off
+the floor.
+"""
 
 
 def contact(assembly: Assembly) -> dict[str, str]:
-    """Return the attributes of the default class for geoms with adhesion.
+    """Return the attributes of the default class for geoms of links with adhesion.
 
-    Attributes that raw attributes set for all geoms or all collision geoms are omitted.
+    An attribute is omitted if a raw attribute sets it for all geoms or for all collision geoms.
     """
     stated = {path[3] for path in _raw(assembly) if len(path) == 4 and path[0] == "default" and path[1] != "visual" and path[2] == "geom"}
     return {name: value for name, value in CONTACT.items() if name not in stated}
@@ -40,7 +44,7 @@ def contact(assembly: Assembly) -> dict[str, str]:
 def option(robot: Robot, stated: Mapping[str, object]) -> dict[str, str]:
     """Return the attributes of the element `option` that a mode with adhesion needs.
 
-    Options that the document specifies (`stated`) or sets by raw attributes are omitted.
+    An option is omitted if the document specifies it (`stated`), or if a raw attribute sets it.
     """
     if not adhering(robot):
         return {}
@@ -49,9 +53,9 @@ def option(robot: Robot, stated: Mapping[str, object]) -> dict[str, str]:
 
 
 def adhering(robot: Robot) -> frozenset[int]:
-    """Return the indices of the links with active adhesion. The result is empty for a mode without active adhesion.
+    """Return the indices of the links whose adhesion is active in a mode. The result is empty for a mode without active adhesion.
 
-    Feet without adhesion rest better on soft contacts.
+    Links without active adhesion are not included, because their feet rest better on soft contacts.
     """
     if not any(robot.adhesion.values()):
         return frozenset()

@@ -23,29 +23,29 @@ from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lower
 from thingc.targets.xml_writer import Element, XmlValue
 
 FREE_JOINT = BASE
-"""The name of the joint of a ball base. A planar base has the joints `root_0`, `root_1` and `root_2`."""
+"""Name of the joint that represents a ball base. A planar base has the joints `root_0`, `root_1` and `root_2`."""
 
 INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
 RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.CLASS})
 
 STIFF = "0.9999 0.9999 0.001 0.5 2"
-"""`solimp` of a mimic joint, as stiff as MuJoCo allows.
+"""The value of `solimp` for a mimic joint, which makes the constraint as stiff as MuJoCo allows.
 
-MuJoCo regularizes the constraint by the plain sum of both joints' inverse inertias, whatever the multiplier. With MuJoCo's default, a slide
-that mimics a light hinge lags by seconds instead of 20 ms.
+MuJoCo regularizes the constraint by the sum of the inverse inertias of both joints, regardless of the multiplier. With the default of
+MuJoCo, a slide that mimics a light hinge would lag by seconds instead of 20 ms.
 """
 
 
 def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element:
     """Create the `<mujoco>` element for the robot in one mode, before raw attributes are applied.
 
-    Unchanged elements are reused from `memo`.
+    Elements that have not changed are reused from `memo`.
     """
     return _Builder(robot, geometry, memo or Memo()).build()
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield the export losses that concern only this mode, for example of cut or reversed joints and of sensors."""
+    """Yield the export losses that concern only this mode. Examples are cut or reversed joints, and sensors."""
     for joint in _joints(robot):
         if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
             what = "the dry friction: MuJoCo limits torques about the axes of the child in the tree, which is the parent in the document"
@@ -58,13 +58,15 @@ def losses(robot: Robot) -> Iterator[Loss]:
 
 
 def class_name(robot: Robot) -> str:
-    """Return the name of the robot's default class: the robot's name, unless MuJoCo or thingc uses it for another class."""
+    """Return the name of the default class of the robot. It is the name of the robot, unless MuJoCo or thingc uses this name for another
+    class.
+    """
     name = robot.assembly.name
     return f"{name}_robot" if name in RESERVED_CLASSES else name
 
 
 def adhesion_name(robot: Robot, path: str) -> str:
-    """Return the name of a magnet's actuator: the path of its mount, with a suffix if a joint has the same path."""
+    """Return the name of the actuator of a magnet. It is the path of the mount. If a joint has the same path, a suffix is appended."""
     taken = any(joint.path == path for mate in robot.assembly.mates for joint in mate.joints)
     return f"{path}:adhesion" if taken else path
 
@@ -74,7 +76,7 @@ def _joints(robot: Robot) -> list[TreeJoint]:
 
 
 class _Builder:
-    """Builds an MJCF model. Each method adds a section of the model."""
+    """Builds the MJCF model of a mode. Each method adds one section of the model."""
 
     def __init__(self, robot: Robot, geometry: Geometry, memo: Memo) -> None:
         self.robot = robot
@@ -89,9 +91,10 @@ class _Builder:
         self.root = Element(tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin)
 
     def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
-        """Add the elements that `make(*inputs)` returns. Elements for unchanged inputs are reused.
+        """Add the elements that the function call `make(*inputs)` returns. If the inputs have not changed, the elements of the previous
+        call are reused.
 
-        Models share these elements; an element is copied only if a raw attribute names it.
+        Models share these elements. An element is copied only if a raw attribute changes it.
         """
         grown, names = self.memo(place, elements.made, make, *inputs)
         if self.raw.isdisjoint(names):
@@ -142,7 +145,7 @@ class _Builder:
             collision.add("default", {"class": adhesion_contacts.CLASS}).add("geom", adhesion_contacts.contact(self.assembly))
 
     def custom(self) -> None:
-        """Add velocity limits [rad/s or m/s] as custom data, because MJCF has no attribute for them."""
+        """Add velocity limits [rad/s or m/s] as custom data, because MJCF has no attribute for velocity limits."""
         section = self.root.add("custom")
         for joint in self.joints.values():
             if joint.limit.velocity is not None:
@@ -150,7 +153,7 @@ class _Builder:
                 section.add("numeric", {"name": f"{joint.path}:velocity", "data": data}, joint.origin)
 
     def asset(self) -> None:
-        """Add materials and meshes, in the order in which the document's occurrences first use them."""
+        """Add the materials and the meshes. They are in the order in which the occurrences of the document first use them."""
         section = self.root.add("asset")
         self.grow(section, ("material",), elements.materials, self.geometry.shapes)
         self.grow(section, ("mesh",), elements.meshes, self.geometry.meshes)
@@ -205,10 +208,10 @@ class _Builder:
             )
 
     def equality(self) -> None:
-        """Add equality constraints for mimic joints, then for loops.
+        """Add equality constraints for mimic joints, followed by equality constraints for loops.
 
-        The position of a mimic joint is a polynomial in the position of the other joint. Both positions are relative to their values at
-        qpos0.
+        The position of a mimic joint is a polynomial in the position of the other joint. In this polynomial, both positions are relative to
+        their values at qpos0.
         """
         section = self.root.add("equality")
         for joint in self.joints.values():
@@ -224,7 +227,7 @@ class _Builder:
         closures.equalities(self.robot, section, [link.name for link in self.links])
 
     def actuator(self) -> None:
-        """Add the actuators: first the drives of joints, then the drives of tendons, then the adhesion of magnets."""
+        """Add the actuators. The drives of joints come first, followed by the drives of tendons and by the adhesion of magnets."""
         section = self.root.add("actuator")
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
@@ -252,7 +255,7 @@ class _Builder:
     def keyframe(self) -> None:
         """Add a keyframe for each pose of the mode, with joint positions and controls.
 
-        The pose of the base comes from the mode or, for a free base, from the holds.
+        The pose of the base is specified by the mode. If the base is free, it follows from the holds.
         """
         section = self.root.add("keyframe")
         for frame in self.robot.keyframes:
@@ -275,9 +278,9 @@ class _Builder:
         return FREE_JOINT if joint.mate < 0 else self.assembly.mates[joint.mate].name or joint.path
 
     def position(self, path: str, q: Mapping[str, float]) -> float:
-        """Return the control [rad or m] that holds a position drive at `q`. Return 0 for other drives.
+        """Return the control value [rad or m] with which a position drive holds the joint positions `q`. Return 0 for any other drive.
 
-        For the drive of a ball, the control is the component of the rotation vector along the drive's axis.
+        For a drive of a ball joint, the control value is the component of the rotation vector along the axis of the drive.
         """
         joint = self.joints[path]
         drive = joint.actuator

@@ -10,13 +10,13 @@ JointForm = Literal["each", "threaded", "ball"]
 """How a joint is written: as a hinge or a slide for each coordinate, as a coupled hinge and slide, or as a ball."""
 
 DriveForm = Literal["joint", "ball"]
-"""The element that an actuator drives: a joint, or a ball about an axis."""
+"""The element that an actuator drives. It is either a joint, or a ball joint about one axis."""
 
 LoopForm = Literal["weld", "connect", "two connects", "connect and tendon", "weld or connect"]
-"""The equalities that close a loop."""
+"""The equality constraints that close a loop."""
 
 SensorForm = Literal["elements", "camera"]
-"""How a sensor is written: as an element for each reading, or as a camera."""
+"""How a sensor is written: as an element for each of its readings, or as a camera."""
 
 _EACH: Supported[JointForm] = Supported("each")
 _EACH_OF_SEVERAL: Supported[JointForm] = Supported("each", "hinges and slides of one body")

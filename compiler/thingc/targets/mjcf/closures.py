@@ -1,13 +1,13 @@
-"""Write loops and holds as equality constraints of MJCF. A held mount is welded to an anchor or connected to the anchor at a point. A
-joint outside the tree becomes an equality.
+"""Write loops and holds as equality constraints of the MJCF model. A held mount is welded to an anchor, or connected to the anchor at one
+point. A joint that closes a loop, and is therefore outside of the tree, becomes an equality constraint.
 
-An anchor is a mocap body. Its pose is part of `MjData`. A change of mode can therefore move the anchor without changing the model, and
-`mj_resetDataKeyframe` resets the anchor.
+An anchor is a mocap body, whose pose is part of `MjData`. Therefore, a change of mode can move the anchor without changing the model, and
+`mj_resetDataKeyframe` resets it.
 
-MuJoCo has no equality for a hinge. A hinge is written as two `connect` equalities at different points of its axis. MuJoCo also has no
-equality for a universal joint. A universal joint is written as a `connect` at the intersection of its axes, and a tendon of constant length
-between a point on each axis, which keeps the axes at right angles. Both ends of every equality are written explicitly, so that no equality
-depends on poses at qpos0.
+MuJoCo has no equality constraint for a hinge. Therefore, a hinge is written as two `connect` constraints at different points of its axis.
+MuJoCo also has no equality constraint for a universal joint. A universal joint is written as a `connect` at the intersection of its axes,
+and a tendon. The tendon connects a point on one axis to a point on the other axis. Its constant length keeps the axes at right angles. Both
+ends of every constraint are written explicitly, so that no constraint depends on poses at qpos0.
 """
 
 from __future__ import annotations
@@ -25,17 +25,19 @@ from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.xml_writer import Element, XmlValue
 
 STIFFNESS = "0.999 0.9999 0.001"
-"""`solimp` of equalities that close loops and holds. With MuJoCo's default of 0.9, a held foot sags by a fraction of a millimetre."""
+"""The value of `solimp` for equality constraints that close loops and holds. With MuJoCo's default of 0.9, a held foot would sag by a
+fraction of a millimetre.
+"""
 
 TIMESTEP = 0.002
-"""MuJoCo's default time step [s]. The shortest time constant of an equality (`solref`) is twice the time step."""
+"""MuJoCo's default time step [s]. The shortest time constant of an equality constraint (`solref`) is twice the time step."""
 
 
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     """Add the equality constraints that close the loops and holds of a mode. The constraints are as stiff as the time step allows.
 
-    A clamp or a rigid loop is written as a `weld`. A point or a ball is written as a `connect`, and a hinge as two `connect`. A
-    universal joint is written as a `connect` and a tendon.
+    A mount that is held with its orientation, or a rigid loop, is written as a `weld`. A point or a ball is written as a `connect`, and a
+    hinge is written as two `connect` constraints. A universal joint is written as a `connect` and a tendon.
     """
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff: dict[str, XmlValue] = {"solref": (2.0 * cast("float", stepped), 1.0), "solimp": STIFFNESS}
@@ -81,7 +83,7 @@ def tendons(robot: Robot, section: Element) -> None:
 
 
 def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "connect and tendon"] | None:
-    """Return the type of equality constraint that closes a loop or a hold. Return None if the loop or hold stays open."""
+    """Return the type of equality constraint that closes a loop or a hold. Return None if the loop or hold is not closed in the model."""
     form = written(CAPABILITIES["loops"]["hold" if closure.hold else closure.kind])
     if form == "weld or connect":
         return "connect" if closure.turns else "weld"
@@ -89,7 +91,9 @@ def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "co
 
 
 def equality_name(closure: Closure) -> str:
-    """Return the name of an equality constraint: its custom name, or a name such as `rear_foot/sole:hold` or `rod:loop`."""
+    """Return the name of an equality constraint. It is the custom name of the constraint, or a name such as `rear_foot/sole:hold` or
+    `rod:loop`.
+    """
     return closure.name or f"{closure.path}:{'hold' if closure.hold else 'loop'}"
 
 
@@ -102,9 +106,9 @@ def anchor_name(closure: Closure) -> str:
 
 
 def anchors(robot: Robot) -> dict[str, Pose]:
-    """Return the poses of anchors in the world by name.
+    """Return the poses of all anchors in the world, by name.
 
-    An anchor is at the held link, or at the origin of the mount if the mount can rotate.
+    If the mount can rotate, the anchor is at the origin of the mount. Otherwise, it is at the frame of the held link.
     """
     return {
         anchor_name(one): Pose(translation=one.X_PA.translation) if one.turns else one.X_PA @ one.X_CB.inverse()
@@ -113,14 +117,16 @@ def anchors(robot: Robot) -> dict[str, Pose]:
 
 
 def _ends(closure: Closure) -> tuple[str, str]:
-    """Return the names of the two sites that a `connect` constraint joins: a held mount and its anchor, or the two sides of a cut ball
-    joint.
+    """Return the names of the two sites that a `connect` constraint joins. They are a held mount and its anchor, or the two sides of a ball
+    joint that was cut.
     """
     return (anchor_name(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
 
 
 def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
-    """Add the anchors of held mounts to the model. Also add the sites that join the two halves of a ball, hinge or universal joint."""
+    """Add the anchors of held mounts to the model. Also add the sites at which the two sides of a ball, hinge or universal joint are
+    connected.
+    """
     placed = anchors(robot)
     for closure in robot.closures:
         form = equality(closure)
@@ -139,10 +145,11 @@ def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
 
 
 def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tuple[str, Pose]]]:
-    """Return two pairs of sites. Each pair has one site on the parent link and one on the child link.
+    """Return two pairs of sites that are connected to close a joint. Each pair consists of a site on the parent link and a site on the
+    child link.
 
-    The first pair is at the origin. For a hinge, the second pair is on the axis. For a universal joint, the second pair has one site on
-    each axis.
+    The first pair is at the origin of the joint. For a hinge, the second pair is at another point of the axis. For a universal joint, each
+    site of the second pair is on one of the axes.
     """
     lever = _lever(robot, closure)
     ends = shifted(0.0, 0.0, lever), shifted(0.0, 0.0, lever)
@@ -158,7 +165,7 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
 def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
     """Return the distance [m] at q = 0 between a point of the parent and a point of the child.
 
-    MuJoCo uses this distance as the reference length of the constraint.
+    MuJoCo uses this distance as the reference length of the tendon.
     """
     assert closure.parent is not None
     X_WL: list[Pose] = []
@@ -171,9 +178,9 @@ def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tup
 def _lever(robot: Robot, closure: Closure) -> float:
     """Return the distance [m] between the two points at which a constraint acts.
 
-    This is the distance from the axis to the child's centre of mass, rounded to one digit. The distance is at least 1e-3 m.
+    It is the distance from the axis to the centre of mass of the child, rounded to one digit. The returned distance is at least 1e-3 m.
 
-    This distance gives translation and rotation similar weights in the constraint.
+    With this distance, translation and rotation have similar weights in the constraint.
     """
     centre = robot.assembly.links[robot.bodies[closure.child].link].properties.centre
     far = dist(centre, closure.X_CB.translation)
@@ -181,7 +188,9 @@ def _lever(robot: Robot, closure: Closure) -> float:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield export losses for poses in which the loops are not closed, for poses that were changed, and for properties of cut joints."""
+    """Yield the export losses for loops. They concern poses in which loops are not closed, poses that were changed to close loops, and
+    properties of cut joints.
+    """
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
@@ -214,7 +223,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
     """Describe how far joints moved, such as `` `knee` and 2 more changed by at most 12 deg``.
 
-    The text names the joint that moved most; a radian counts as a metre.
+    The text names the joint that moved most. For this comparison, a radian counts as a metre.
     """
     path = max(moved, key=lambda joint: abs(moved[joint]))
     others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""

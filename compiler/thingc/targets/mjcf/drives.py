@@ -1,4 +1,4 @@
-"""Ranges and gains of joints and their actuators as MJCF attributes."""
+"""Compute the ranges and gains of joints and their actuators, as attributes of MJCF elements."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from thingc.model.robot.types import TreeJoint
 from thingc.targets.xml_writer import XmlValue
 
 UNBOUNDED = 1e6
-"""Second bound of the `range` [rad or m] of a joint with only one limit, because MuJoCo requires both."""
+"""Second bound [rad or m] in the `range` of a joint with only one limit, because MuJoCo requires two bounds."""
 
 NOTHING = 1e-12
-"""Bound [N, N m, rad/s or m/s] that is written in place of a bound of 0."""
+"""Bound [N, N m, rad/s or m/s] that is written instead of a bound of 0."""
 
 
 def joint_range(limit: Limit) -> tuple[float, float] | None:
-    """Return the range of a joint as its lower and upper limit [rad or m], or None if the joint has no limits."""
+    """Return the lower and the upper limit of a joint [rad or m], or None if the joint has no limits."""
     if limit.lower is None and limit.upper is None:
         return None
     return (-UNBOUNDED if limit.lower is None else limit.lower, UNBOUNDED if limit.upper is None else limit.upper)
@@ -51,6 +51,8 @@ def drive_attributes(joint: TreeJoint | LinkedTendon, drive: ActuatorModel) -> d
 
 
 def both_ways(bound: float) -> tuple[float, float]:
-    """Return a symmetric range around 0. A bound of 0 becomes a tiny bound, because MuJoCo interprets `0 0` as no limit."""
+    """Return the range from `-bound` to `bound`. A bound of 0 is replaced by a tiny bound, because in MuJoCo, the range `0 0` means that
+    there is no limit.
+    """
     wide = numeric.maximum(bound, NOTHING)
     return (-wide, wide)

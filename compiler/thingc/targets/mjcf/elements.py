@@ -1,6 +1,6 @@
 """Create the elements of an MJCF model, such as joints, geoms and actuators.
 
-Each function creates an element only from the values on which the element depends, so that unchanged elements can be reused.
+Each function depends only on the values that determine its element. Therefore, elements can be reused if these values have not changed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from thingc.targets.mjcf.lowering import MujocoJoint, lowered
 from thingc.targets.xml_writer import Element, XmlValue
 
 GRID = 0.1
-"""Spacing [m] of the grid lines that MuJoCo may draw on a plane. MuJoCo requires this attribute."""
+"""Distance [m] between the grid lines that MuJoCo may draw on a plane. MuJoCo requires a value for this attribute."""
 
 
 def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
@@ -66,9 +66,10 @@ def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
 
 
 def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
-    """Return the `joint` elements of a joint: a hinge, a slide, or both for a screw.
+    """Return the `joint` elements of a joint coordinate: a hinge, a slide, or both for a screw.
 
-    If the joint is `driven`, the effort limit is written to its actuator. Otherwise, the effort limit is written to the joint itself.
+    If `driven` is True, the effort limit is written to the actuator of the joint. Otherwise, the effort limit is written to the joint
+    itself.
     """
     own, *others = (_axis(one, joint.twist) for one in lowered(joint))
     attributes = {**own}
@@ -84,7 +85,7 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
 def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
     """Return the `joint` element of a ball joint.
 
-    The argument `joint` can be any coordinate of the ball joint, because its coordinates differ only in their axes.
+    The argument `joint` can be any coordinate of the ball joint, because the coordinates differ only in their axes.
     """
     attributes: dict[str, XmlValue] = {"name": name, "type": "ball"}
     if any(joint.twist.anchor):
@@ -111,10 +112,10 @@ def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
 
 
 def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, taken: frozenset[str]) -> tuple[Element, ...]:
-    """Return the visual geoms of a link, and the collision geoms of class `touching`.
+    """Return the visual geoms and the collision geoms of a link. The collision geoms have the default class `touching`.
 
-    `poses` are the poses of the occurrences in the link, and `taken` are the custom names of shapes. If a visual and a collision shape have
-    the same name, only the collision geom gets the name.
+    `poses` contains the poses of the occurrences in the link, and `taken` contains the custom names of shapes. If a visual shape and a
+    collision shape have the same name, only the collision geom gets this name.
     """
     elements: list[Element] = []
     for pose, one in zip(poses, shapes, strict=True):
@@ -143,9 +144,9 @@ def drive(joint: TreeJoint, drive: ActuatorModel) -> tuple[Element, ...]:
 
 
 def drive_of_ball(name: str, joint: TreeJoint, drive: ActuatorModel, axis: Vector) -> tuple[Element, ...]:
-    """Return an actuator of the ball `name`. Its gear is `axis`, the axis of the torque in the frame of the body.
+    """Return an actuator element for the ball joint `name`. The attribute `gear` is the axis of the torque in the frame of the body.
 
-    If the joint is reversed, the axis is fixed to the parent in the tree.
+    If the joint is reversed, the axis is fixed to the parent in the tree of the mode.
     """
     attributes = {"name": drive.name or joint.path, "jointinparent" if joint.reversed else "joint": name, **drive_attributes(joint, drive)}
     return (Element(tag=drive.kind, attributes=attributes | {"gear": axis}, origin=drive.origin),)
@@ -164,12 +165,13 @@ def _shape(shape: Shape, pose: Pose) -> dict[str, XmlValue]:
 
 
 def _friction(material: Material | None) -> dict[str, XmlValue]:
-    """Return the `friction` attributes if the material specifies any friction.
+    """Return the `friction` attributes of a geom. The result is empty if the material does not specify friction.
 
-    Values that the material does not specify are MuJoCo's defaults.
+    For values that the material does not specify, the defaults of MuJoCo are written.
 
-    MuJoCo uses the larger friction of two geoms, so a floor could override the document's value. A priority prevents this. For two geoms of
-    the robot, MuJoCo still uses the larger value. Torsional and rolling friction require `condim` 4 and 6.
+    When two geoms touch, MuJoCo uses the larger friction, so a floor could override the value of the document. To prevent this, the geom
+    gets a priority. For two geoms of the robot, MuJoCo still uses the larger value. Torsional friction requires `condim` 4, and rolling
+    friction requires `condim` 6.
     """
     if material is None or (material.slide is None and material.torsion is None and material.roll is None):
         return {}
@@ -185,10 +187,11 @@ def _friction(material: Material | None) -> dict[str, XmlValue]:
 
 
 def inertial(properties: MassProperties) -> dict[str, XmlValue]:
-    """Return the mass [kg], the centre of mass [m] and the inertia about it [kg m^2], in the link's frame, as `<inertial>` attributes.
+    """Return the attributes of an `inertial` element: the mass [kg], the centre of mass [m], and the inertia about the centre of mass [kg
+    m^2], in the frame of the link.
 
-    A link that never moves may have an inertia near 0, or an inertia that no solid can have (a point mass). MuJoCo cannot compute the
-    principal axes of such an inertia. The inertia of such a link has no effect and is therefore written as 0.
+    The inertia of a link that never moves may be almost 0, or may be an inertia that no solid can have (a point mass). MuJoCo cannot
+    compute the principal axes of such an inertia. Since the inertia of such a link has no effect, it is written as 0.
     """
     inertia = properties.inertia
     attributes: dict[str, XmlValue] = {"pos": properties.centre, "mass": properties.mass}
@@ -199,7 +202,7 @@ def inertial(properties: MassProperties) -> dict[str, XmlValue]:
 
 
 def pose_attributes(pose: Pose) -> dict[str, XmlValue]:
-    """Return the attributes `pos` [m] and `quat` (w, x, y, z) of a pose. A zero `pos` and an identity `quat` are omitted."""
+    """Return the attributes `pos` [m] and `quat` (w, x, y, z) of a pose. A `pos` of zero and a `quat` that is the identity are omitted."""
     return dict(_pose_texts(pose))
 
 

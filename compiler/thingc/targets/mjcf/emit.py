@@ -1,4 +1,4 @@
-"""MJCF: a MuJoCo model and a scene for each mode, and the meshes that they share."""
+"""Write MJCF files: a MuJoCo model and a scene for each mode, and the meshes that all models share."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ from thingc.targets.xml_writer import Element, write
 
 
 class Models(FrozenStruct):
-    """The models of all modes before they are written to files. `assets` contains the mesh files in the folder `assets/` by file name."""
+    """The MJCF models of all modes, before they are written to files. `assets` contains the mesh files in the folder `assets/`, by file
+    name.
+    """
 
     candidates: tuple[verify.Candidate, ...]
     assets: dict[str, StoredArtifact]
@@ -42,9 +44,10 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def models(request: EmitRequest) -> Models:
-    """Return the models of the chosen modes. The models are computed once for all targets of a request.
+    """Return the MJCF models of the chosen modes. The models are computed only once for all targets of a request.
 
-    With `verify`, MuJoCo compiles all models or a sample of the models. Messages of MuJoCo are reported at their places in the documents.
+    If `verify` is not 0, MuJoCo compiles all models or a sample of the models. Messages of MuJoCo are reported at the locations in the
+    documents that cause them.
     """
     known = request.made.get("mjcf")
     if isinstance(known, Models):
@@ -85,9 +88,9 @@ def models(request: EmitRequest) -> Models:
 
 
 def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, StoredArtifact]]:
-    """Return the XML text of the MJCF model of each mode, and the mesh files by name. MuJoCo does not check the models.
+    """Return the XML text of the MJCF model of each mode, and the mesh files by name. MuJoCo does not compile or check these models.
 
-    With `floor`, a model contains the floor of its scene.
+    If `floor` is True, each model contains the floor of its scene.
     """
     request = called(request)
     geometry, _, roots, _ = _roots(request)
@@ -101,7 +104,7 @@ def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str
 def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], dict[Loss, None]]:
     """Return the shapes and the final MJCF tree of each mode.
 
-    Also return the export losses of the shapes, and the export losses from adapting the trees to consumers.
+    Also return two kinds of export losses: those of the shapes, and those that result from adapting the trees to other programs.
     """
     geometry, unsaid = taken(request.assembly, request.report, request.memo)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
@@ -117,9 +120,10 @@ def _heading(robot: Robot) -> str:
 def emit_archives(request: EmitRequest) -> Artifacts:
     """Write `mjcf/<name>_<mode>.mjz` for each chosen mode.
 
-    This is a reproducible zip file that contains a model and its meshes, and that MuJoCo can open. This module writes the zip files
-    itself. `MjSpec.encode` stores the current time and writes numbers with only six digits. Python's `zipfile` would compress the
-    meshes again for every mode and every edit. Here each mesh is compressed once and cached in the store.
+    MJZ is a zip file that contains a model with its meshes, and that MuJoCo can open. The bytes of the file are reproducible. The function
+    does not use the writers of MuJoCo and Python. `MjSpec.encode` would store the current time and write numbers with only six digits.
+    `zipfile` would compress the meshes again for every mode and every edit. Instead, each mesh is compressed once, and the result is cached
+    in the store.
     """
     made = models(request)
     if request.report.failed:
@@ -134,12 +138,12 @@ def emit_archives(request: EmitRequest) -> Artifacts:
 
 
 def _archive(model: bytes, assets: Mapping[str, StoredArtifact], store: Store) -> bytes:
-    """Return the zip file with the model, and with each asset as `assets/<file>`."""
+    """Return the bytes of a zip file. It contains the model, and each asset as `assets/<file>`."""
     return zipped({MODEL: model, **{f"assets/{file}": _asset(stored, store) for file, stored in assets.items()}})
 
 
 def _asset(stored: StoredArtifact, store: Store) -> ZipEntry:
-    """Return a compressed asset, from the store if possible."""
+    """Return the zip entry of a compressed asset. It is read from the store if possible."""
     deflated = store.get_json("deflated", stored.sha256)
     if deflated is not None:
         try:

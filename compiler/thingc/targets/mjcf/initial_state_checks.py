@@ -1,7 +1,8 @@
-"""Check the initial state of a mode with MuJoCo for overlapping links and oscillating drives.
+"""Check the initial state of a mode with MuJoCo. The check finds links that overlap, and drives that oscillate.
 
-With overlapping links or oscillating drives a simulation fails at once, although the model compiles. The check is done when MuJoCo compiles
-a model with its true meshes anyway. A state without faults is cached; the key is a digest of all its inputs (see `key`).
+In these cases, a simulation fails at once, although the model compiles. The state is checked when MuJoCo compiles a model with its true
+meshes, which happens in any case. If a state has no faults, this result is cached. The cache key is a digest of all inputs of the state
+(see `key`).
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 
 DEEP = 0.5e-3
-"""Tolerated overlap of two links [m]. Links with a tight fit are in contact, and meshes are slightly inaccurate."""
+"""Largest overlap of two links [m] that is not reported. It is larger than 0 because links with a tight fit are in contact, and because
+meshes are slightly inaccurate.
+"""
 SHOWN = 3
 """Number of additional pairs that a message names."""
 
@@ -34,24 +37,24 @@ _INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba|gravity)="[^"]*"')
 def key(text: str, robot: Robot) -> str:
     """Return a digest of all inputs of the initial state of a robot.
 
-    The digest covers the start keyframe and the model's `text`, except names, colours, joint limits and gravity. A robot on a wall
-    therefore has the same state as on the floor.
+    The digest covers the start keyframe, and the model's `text` without names, colours, joint limits and gravity. Therefore, a robot on a
+    wall has the same digest as on the floor.
     """
     model = _INDIFFERENT.sub("", text.partition("<mujoco ")[2].partition(">")[2])
     return hashlib.sha256(f"{robot.mode.pose}\n{model}".encode()).hexdigest()
 
 
 def apart(text: str) -> tuple[str, ...]:
-    """Return the parts of a model's XML that have no effect on the initial state.
+    """Return the parts of the XML text of a model that do not affect the initial state.
 
-    The function `key` does not include these parts in its digest.
+    The digest that the function `key` returns does not cover these parts.
     """
     head, _, rest = text.partition("<mujoco ")
     return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
 
 
 class Penetration(FrozenStruct):
-    """Two parts, by path, that overlap by `depth` [m] at the start."""
+    """Two parts that overlap in the initial state by `depth` [m]. The parts are given by their paths."""
 
     one: str
     other: str
@@ -59,10 +62,10 @@ class Penetration(FrozenStruct):
 
 
 class Gains(FrozenStruct):
-    """The gains of a drive and the inertia that it moves, for one step of a simulation.
+    """The gains of a drive, and the inertia that the drive moves, for one step of a simulation.
 
-    Units are [N m/rad or N/m] for `stiffness` (the sum of kp and the spring stiffness), [N m s/rad or N s/m] for `kv` and `damping`, and
-    [s] for the time step `dt`. `inertia` [kg m^2 or kg] is the inertia that the drive moves if all joints can move.
+    `stiffness` [N m/rad or N/m] is the sum of kp and the spring stiffness. `kv` and `damping` are in [N m s/rad or N s/m], and the time
+    step `dt` is in [s]. `inertia` [kg m^2 or kg] is the inertia that the drive moves if all joints can move freely.
     """
 
     stiffness: float
@@ -75,13 +78,14 @@ class Gains(FrozenStruct):
 
     @property
     def stiffest(self) -> float:
-        """The stiffness above which a simulation step increases the error of the position.
+        """Return the largest stable stiffness. Above this value, each simulation step increases the error of the position.
 
-        MuJoCo uses the velocity after a step for the position: v' = a v - b q and q' = q + dt v'. A step has the determinant a and the
-        trace 1 + a - dt b; it is stable (Jury) while 2 + 2 a > dt b. An implicit integrator divides by I + dt d with d = kv + damping: a =
-        I / (I + dt d) and b = dt k / (I + dt d), which gives dt^2 k < 4 I + 2 dt d. Euler is implicit in the damping c of joints and
-        explicit in kv: dt^2 k < 4 I + 2 dt c - 2 dt kv. Runge-Kutta of order 4 is stable for dt^2 k < 8 I (its region cuts the imaginary
-        axis at 2 sqrt(2)).
+        In each step, MuJoCo computes the new velocity first, and uses it for the new position: v' = a v - b q and q' = q + dt v'. The
+        matrix of a step has the determinant a and the trace 1 + a - dt b. By the Jury criterion, it is stable while 2 + 2 a > dt b.
+        Implicit integrators divide by I + dt d, with d = kv + damping. This means a = I / (I + dt d) and b = dt k / (I + dt d), and gives
+        dt^2 k < 4 I + 2 dt d. The integrator Euler is implicit in the damping c of joints and explicit in kv, which gives dt^2 k < 4 I + 2
+        dt c - 2 dt kv. Runge-Kutta of order 4 is stable for dt^2 k < 8 I, because its stability region ends at 2 sqrt(2) on the imaginary
+        axis.
         """
         if self.integrator == "RK4":
             return 8.0 * self.inertia / self.dt**2
@@ -91,34 +95,38 @@ class Gains(FrozenStruct):
 
     @property
     def too_stiff(self) -> bool:
-        """Whether oscillations of the position grow from step to step."""
+        """Return whether oscillations of the position grow from step to step."""
         return self.stiffness > 0.0 and self.stiffness > self.stiffest
 
     @property
     def explicit(self) -> bool:
-        """Whether the integrator multiplies kv by the velocity before the step."""
+        """Return whether the integrator multiplies kv by the velocity at the beginning of the step."""
         return self.integrator in ("Euler", "RK4")
 
     @property
     def too_quick(self) -> bool:
-        """Whether kv, integrated explicitly, overshoots in one step: v' = (1 - dt kv / I) v has the opposite sign if dt kv > I."""
+        """Return whether the velocity overshoots in one step because kv is integrated explicitly. The velocity v' = (1 - dt kv / I) v has
+        the opposite sign if dt kv > I.
+        """
         return self.explicit and self.dt * self.kv > self.inertia
 
     @property
     def jumps(self) -> bool:
-        """Whether the force can keep jumping from one limit F to the other, although the integrator is implicit in kv.
+        """Return whether the force can jump between its limits F and -F in every step, although the integrator is implicit in kv.
 
-        At its limit a force does not depend on the velocity, and MuJoCo omits it from the derivative. Let J = dt^2 F / I. From rest at an
-        error of J / 2, a step at the limit leads to -J / 2. If dt kv > I, the force stops it there in one step, and it is at rest again.
-        This repeats indefinitely if the force is at its limit there, kp J / 2 > F, which is dt^2 kp > 2 I.
+        A force at its limit does not depend on the velocity, and MuJoCo omits it from the derivative. Let J = dt^2 F / I be the change of
+        the position in one step at the limit. From rest at the position error J / 2, one step leads to the error -J / 2. If dt kv > I, the
+        next step stops the motion, and the drive is at rest at -J / 2. The drive jumps again and again if the force at this error is at its
+        limit. The condition is kp J / 2 > F, which is the same as dt^2 kp > 2 I.
         """
         return self.saturates and self.dt * self.kv > self.inertia and self.dt**2 * self.stiffness > 2.0 * self.inertia
 
     @property
     def calmest(self) -> float:
-        """The largest kv for which an explicit integrator is stable, with other values unchanged (see `stiffest`, `too_quick`).
+        """Return the largest kv for which an explicit integrator is stable, if the other values do not change (see `stiffest`,
+        `too_quick`).
 
-        It is zero or negative if no kv is stable.
+        The result is zero or negative if no value of kv is stable.
         """
         quick = self.inertia / self.dt
         if self.integrator == "RK4":
@@ -127,12 +135,14 @@ class Gains(FrozenStruct):
 
     @property
     def calm(self) -> bool:
-        """Whether the drive is stable: its gains are not too large, and its force does not jump."""
+        """Return whether the drive is stable: its gains are not too large, and its force does not jump between its limits."""
         return not (self.too_stiff or self.too_quick or self.jumps)
 
 
 class InitialState(FrozenStruct):
-    """The faults of a mode: overlapping parts, deepest first, and the gains of oscillating drives by joint."""
+    """The faults of a mode in its initial state. They are overlapping parts, deepest first, and the gains of oscillating drives by
+    joint.
+    """
 
     robot: Robot
     inside: tuple[Penetration, ...]
@@ -140,15 +150,15 @@ class InitialState(FrozenStruct):
 
     @property
     def in_order(self) -> bool:
-        """Whether no parts overlap and all drives are stable at the start."""
+        """Return whether no parts overlap and all drives are stable in the initial state."""
         return not self.inside and not self.gains
 
 
 def look(model: Any, robot: Robot) -> InitialState:
-    """Check the initial state of a compiled scene (an `mujoco.MjModel`).
+    """Check the initial state of a scene that MuJoCo has compiled (an `mujoco.MjModel`).
 
-    The contacts are checked in the start pose, and the gains in all keyframes. The check ends early if the model needs more memory for
-    a step than MuJoCo has allocated.
+    Contacts are checked in the start pose, and gains are checked in all keyframes. The check ends early if a simulation step needs more
+    memory than MuJoCo has allocated.
     """
     import mujoco
 
@@ -193,7 +203,7 @@ def _pose(model: Any, data: Any, number: int | None) -> None:
 
 
 def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:
-    """Yield the pairs of overlapping parts of two links, deepest overlap first."""
+    """Yield the pairs of parts of different links that overlap, deepest overlap first."""
     owners = {one.name_in_files(surface): one.path for one in robot.assembly.occurrences for surface in one.touching}
     deepest: dict[tuple[str, str], float] = {}
     for contact in data.contact:
@@ -208,12 +218,13 @@ def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:
 
 
 def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
-    """Yield each joint drive with its name at the positions of the last `mj_fwdPosition`. Requires dense equality constraints.
+    """Yield the name and the gains of each joint drive. The gains are those at the positions of the last `mj_fwdPosition`. The equality
+    constraints of `data` must be dense.
 
-    A drive acts along g, its row of the transmission's Jacobian: the joint's own dof for a hinge, an axis in its three dofs for a ball. The
-    inertia is 1 / (g M^-1 g'), with coupled parts (loops, mimic joints) moving together. With the rows T of the equality constraints and W
-    = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g'). The rules need the square of the time step. If the square is 0 or infinite, nothing
-    is yielded.
+    A drive acts along g, its row in the Jacobian of the transmission. For a hinge, g selects the joint's own degree of freedom. For a ball
+    joint, g is an axis in its three degrees of freedom. Without equality constraints, the inertia is 1 / (g M^-1 g'). With equality
+    constraints (loops, mimic joints), parts move together. If T are the rows of the constraints and W = T M^-1, the inertia is 1 / (g (M^-1
+    - W' (T W')^+ W) g'). The stability criteria need the square of the time step. If this square is 0 or infinite, nothing is yielded.
     """
     import mujoco
     import numpy as np
@@ -251,7 +262,7 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
 
 
 def _path(name: str) -> str:
-    """Return the path of a component from the beginning of an element's name, with `/` as separator."""
+    """Return the path of a component from the beginning of an element's name. Its separator is `/`."""
     return name.partition(":")[0].replace(SEPARATOR, "/")
 
 
@@ -259,9 +270,9 @@ def _path(name: str) -> str:
 
 
 def say(starts: Sequence[InitialState], report: Report) -> None:
-    """Report warnings about overlapping parts in each mode, and about each oscillating drive in its worst mode.
+    """Report a warning about overlapping parts in each mode. Also report a warning about each oscillating drive, in its worst mode.
 
-    One warning covers all modes with the same overlap.
+    If parts overlap in the same way in several modes, only one warning is reported.
     """
     alike: dict[tuple[tuple[str, str, float], ...], list[InitialState]] = {}
     for start in starts:
@@ -333,9 +344,9 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
 
 
 def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """Describe a velocity gain that is too large.
+    """Describe the fault of a velocity gain that is too large.
 
-    Return the fault, a remedy, and the armature [kg m^2 or kg] that would remove the fault.
+    Return a description of the fault, a remedy, and the armature [kg m^2 or kg] with which the fault would not occur.
     """
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
     does = "makes the joint oscillate with growing amplitude" if gains.too_stiff else "reverses the velocity of the joint in one step"
@@ -347,9 +358,9 @@ def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
 
 
 def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
-    """Describe a position gain, or the spring of a joint without a position gain, that is too stiff.
+    """Describe the fault of a position gain that is too large. If the joint has no position gain, its spring is too stiff.
 
-    Return the fault, a remedy, and the armature.
+    Return a description of the fault, a remedy, and the armature with which the fault would not occur.
     """
     turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring

@@ -1,4 +1,4 @@
-"""Convert joint coordinates to MuJoCo joints: hinges, slides and balls. A screw becomes a coupled hinge and slide."""
+"""Convert joint coordinates to MuJoCo joints: hinges, slides and balls. A screw becomes a hinge and a slide that are coupled."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from thingc.targets.mjcf.capabilities import CAPABILITIES
 
 
 class MujocoJoint(FrozenStruct, kw_only=False):
-    """A joint of MuJoCo: its `name`, its `type`, the unit vector `axis`, and its motion per unit of the coordinate (`ratio`)."""
+    """A MuJoCo joint: its `name`, its `type`, and the unit vector `axis`. `ratio` is the motion of the joint per unit of the coordinate."""
 
     name: str
     type: Literal["hinge", "slide"]
@@ -25,9 +25,9 @@ class MujocoJoint(FrozenStruct, kw_only=False):
 
 
 def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
-    """Return the MuJoCo joints for a joint coordinate. The first joint has the name and the values of the coordinate.
+    """Return the MuJoCo joints for a joint coordinate. The first of these joints has the name and the values of the coordinate.
 
-    The result is empty for the coordinates of a ball, because a ball is a single joint.
+    The result is empty for a coordinate of a ball joint, because all coordinates of a ball joint become a single MuJoCo joint.
     """
     path, twist = joint.path, joint.twist
     form = CAPABILITIES["joints"][joint_cell(joint.kind)].by
@@ -43,21 +43,22 @@ def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
 
 
 def is_ball(joints: Sequence[TreeJoint]) -> bool:
-    """Return whether the joint coordinates of a body belong to a ball joint."""
+    """Return whether the joint coordinates that move a body belong to a ball joint."""
     return bool(joints) and CAPABILITIES["joints"][joint_cell(joints[0].kind)].by == "ball"
 
 
 def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
-    """Convert joint values [rad or m] to the `qpos` entries of the joints of a body. `q` contains the values by joint path."""
+    """Convert joint values [rad or m] to the `qpos` entries of the joints of a body. `q` contains the joint values, by path."""
     if is_ball(body.joints):
         return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
     return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint))
 
 
 def in_body(body: Body, axis: Vector) -> Vector:
-    """Transform the axis of a ball's drive from the document's axes to the axes of the body.
+    """Convert the axis of a ball joint's drive from the axes of the document to the axes of the body.
 
-    If the joint is reversed in the tree, the sign changes, because the drive moves the document's parent relative to the child.
+    If the joint is reversed in the tree, the axis changes its sign. The reason is that the drive moves the document's parent relative to
+    the child.
     """
     joints = body.joints[::-1] if body.joints[0].reversed else body.joints
     return rotation_vector(tuple(joint.twist for joint in joints), axis)
@@ -69,7 +70,7 @@ def base_positions(robot: Robot) -> tuple[float, ...]:
 
 
 def sizes(joints: Sequence[TreeJoint]) -> tuple[int, int]:
-    """Return the number of entries in `qpos` and in `qvel` of the joints of a body."""
+    """Return the numbers of entries in `qpos` and in `qvel` that belong to the joints of a body."""
     if is_ball(joints):
         return 4, 3
     count = sum(len(lowered(joint)) for joint in joints)

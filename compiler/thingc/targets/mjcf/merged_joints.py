@@ -1,7 +1,7 @@
-"""Merge massless links into the next body, so that one MuJoCo body has several joints.
+"""Merge massless links into the next body, so that one MuJoCo body can have several joints.
 
-MuJoCo does not accept a moving body without mass, but a body may have any number of joints. A massless link between two joints is therefore
-not written as a body, and its joint is added to the next body.
+MuJoCo does not accept a moving body without mass. However, a body may have any number of joints. Therefore, a massless link between two
+joints is not written as a body, and its joint is added to the next body.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from thingc.targets.artifact import Loss
 
 
 def model_bodies(robot: Robot) -> Mapping[int, Body]:
-    """Return the bodies of the model by the index of the body in the robot. Their parents are also bodies of the model.
+    """Return the bodies of the MJCF model, by the index of the body in the robot. The parent of each returned body is also a body of the
+    model.
 
-    The joints that lead to an omitted link are added to the next body, before the joints of this body. Their axes are expressed in the
-    frame of the next body with its own joints at 0.
+    If a link is omitted, the joints that lead to it are added to the next body, before the joints of this body. The axes of these joints
+    are expressed in the frame of the next body when its own joints are at 0.
     """
     made: dict[int, Body] = {}
     for index, body in enumerate(robot.bodies):
@@ -31,18 +32,20 @@ def model_bodies(robot: Robot) -> Mapping[int, Body]:
 
 
 def joins(robot: Robot, index: int) -> bool:
-    """Return whether a body of the robot is omitted because it only connects two joints."""
+    """Return whether a body of the robot is omitted in the MJCF model, because it only connects two joints."""
     body = robot.bodies[index]
     return body.parent is not None and body.link in robot.assembly.between
 
 
 def sites(robot: Robot) -> Mapping[str, Site]:
-    """Return the frames of the robot by path, attached to the bodies that the MJCF model contains."""
+    """Return the frames of the robot by path. Each frame is attached to a body that the MJCF model contains."""
     return {site.path: site for site in robot.sites if not joins(robot, site.body)}
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield an export loss for each frame between two joints of a body. Frames on the omitted links themselves are not included."""
+    """Yield an export loss for each frame that is between two joints of the same body. Frames of links that are omitted in the model are
+    not reported.
+    """
     paths = {one.path for one in robot.assembly.occurrences}
     for site in robot.sites:
         if joins(robot, site.body) and site.path not in paths:

@@ -1,10 +1,10 @@
-"""Apply the raw attributes in `raw: {mjcf: ...}` to the model.
+"""Apply the raw attributes that documents define with `raw: {mjcf: ...}` to the MJCF model.
 
     joint: {yaw: {solreflimit: 0.01 1}}                       a kind of element, its name, an attribute
     option: {iterations: 20, flag: {contact: disable}}        a section that exists once, and elements in it
     default: {collision: {geom: {solref: 0.01 1}}}            a class, a kind of element, an attribute
 
-This module checks names. MuJoCo checks attributes and values.
+This module checks names. MuJoCo checks the attributes and their values.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from thingc.targets.xml_writer import Element, unwritable
 TARGET = "mjcf"
 
 SINGLE = ("compiler", "option", "size", "statistic", "visual")
-"""Sections that exist once in a model. Missing sections are added at the top, in this order."""
+"""Names of the sections that exist only once in a model. Missing sections are added at the top of the model, in the order of this tuple."""
 
 NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
     "actuator": ("actuator", None), "body": (None, ("body",)), "camera": (None, ("camera",)), "equality": ("equality", None),
@@ -32,16 +32,16 @@ NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
     "mesh": ("asset", ("mesh",)), "numeric": ("custom", ("numeric",)), "sensor": ("sensor", None),
     "site": (None, ("site",)), "tendon": ("tendon", None),
 }
-"""Kinds of elements that have names. Each has its section (None: the tree of bodies) and its tags (None: any tag)."""
+"""Kinds of elements that can be selected by name. Each kind has a section (None: the tree of bodies) and tags (None: any tag)."""
 
 KINDS = (*NAMED, *SINGLE, "default")
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
-    """Apply the raw attributes to the model of each mode. Report kinds and names that no mode has.
+    """Apply the raw attributes to the model of each mode. Kinds and names that no mode contains are reported.
 
-    An element that only some modes have (the drive of a joint, a keyframe) gets its attributes in these modes. Elements listed in `order`
-    come first in every mode, in that order.
+    If only some modes contain an element (such as the drive of a joint, or a keyframe), its attributes are applied in these modes. Elements
+    that the raw attribute `order` lists come first in every mode, in the listed order.
     """
     ranks: dict[int, int] = {}
     for attribute in assembly.raw:
@@ -73,7 +73,9 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _sort(model: Element, ranks: Mapping[int, int]) -> None:
-    """Sort the elements of a model by rank. Elements without a rank come last. Sort keyframe controls like the actuators."""
+    """Sort the elements of a model by their ranks. Elements without a rank come last. The controls in keyframes are sorted in the same way
+    as the actuators.
+    """
     for section in (section for kind in ORDERED if (section := model.find(kind)) is not None):
         children = section.children
         places = sorted(range(len(children)), key=lambda place: ranks.get(id(children[place]), len(ranks)))
@@ -87,7 +89,7 @@ def _sort(model: Element, ranks: Mapping[int, int]) -> None:
 
 
 def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
-    """Return a message and a hint if the path of a raw attribute is invalid, otherwise None."""
+    """Return a message and a hint if the path of a raw attribute is invalid. Otherwise, return None."""
     path = attribute.path
     kind = path[0] if path else ""
     if kind not in KINDS:
@@ -125,15 +127,17 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
 
 
 def _slashed(name: str) -> str:
-    """Return the name of an element with `/` as separator, as in linked raw attributes. A document may write `hand.cap` for `hand/cap`."""
+    """Return the name of an element with `/` as separator, in the form of linked raw attributes. Documents may write `hand.cap` for
+    `hand/cap`.
+    """
     return name.replace(".", "/")
 
 
 def _names(attribute: RawAttribute) -> tuple[str, ...]:
-    """Return the possible names in the model for the name that a raw attribute uses.
+    """Return the names that an element of the model may have, for the name in a raw attribute.
 
-    A name in a nested document is prefixed with the path of this document. Assets, classes and sections do not belong to an occurrence,
-    so names without the prefix are also possible.
+    A name in a nested document gets the path of this document as prefix. Assets, classes and sections do not belong to an occurrence. For
+    them, the name without the prefix is also possible.
     """
     name = _slashed(attribute.path[1])
     if attribute.path[0] not in (*SINGLE, "default", "mesh", "material", "key"):
@@ -143,7 +147,9 @@ def _names(attribute: RawAttribute) -> tuple[str, ...]:
 
 
 def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
-    """Return the child of an element with the given tag. If there is none, add a child before the children with the tag `before`."""
+    """Return the child of an element with the given tag. If no child has this tag, add a child before the children with the tag
+    `before`.
+    """
     child = owner.find(tag)
     if child is None:
         child = Element(tag=tag)
@@ -153,7 +159,7 @@ def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
 
 
 def _classes(robot: Robot, model: Element) -> dict[str, Element]:
-    """Return the default classes by name. The document's own name refers to the robot's class."""
+    """Return the default classes by name. In documents, the name of the document refers to the default class of the robot."""
     section = model.find("default")
     elements = section.walk() if section is not None else iter(())
     classes = {element.get("class"): element for element in elements if "class" in element.attributes}
@@ -172,7 +178,7 @@ def _elements_of_kind(kind: str, model: Element) -> Iterable[Element]:
 
 
 def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
-    """Return whether a mode that is not built may contain the element of a raw attribute that these models do not contain."""
+    """Return whether a mode that is not built may contain the element of a raw attribute, if the built models do not contain it."""
     kind, name = attribute.path[0], attribute.path[1]
     owner, _, mount = _slashed(name).rpartition("/")
     magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)

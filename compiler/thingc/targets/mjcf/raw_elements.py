@@ -1,8 +1,8 @@
-"""Elements that documents add to models with `raw: {mjcf: {add: ...}}`.
+"""Add the elements that documents define with `raw: {mjcf: {add: ...}}` to models.
 
-An added element can refer to joints, components and mounts of the document by path. It can also refer to elements of the model, and to
-elements that were added earlier. A mount to which an element refers gets a site. If a mode does not contain the target of a reference
-(an omitted drive, a joint that cuts a loop), the element is omitted in that mode.
+An added element can refer to joints, components and mounts of the document by their paths. An added element can also refer to elements of
+the model, and to elements that were added before. If an element refers to a mount, the mount gets a site. If a mode does not contain the
+target of a reference, the element is omitted in this mode. Examples are a drive that is omitted, and a joint that cuts a loop.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from thingc.targets.mjcf import elements
 from thingc.targets.xml_writer import Element, unwritable
 
 SECTIONS = ("contact", "custom", "tendon", "equality", "actuator", "sensor", "keyframe")
-"""Sections in the order in which missing sections are added."""
+"""Names of sections, in the order in which missing sections are added."""
 
 
 def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> list[Loss]:
-    """Add the raw elements of the documents to the model of each mode. Return an export loss for each omitted element.
+    """Add the raw elements of the documents to the model of each mode. Return an export loss for each element that was omitted in a mode.
 
     Report an error for each element that no mode can contain.
     """
@@ -60,7 +60,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
     """Yield a message for each element or attribute that documents must not add.
 
-    MuJoCo must not read these elements and attributes, because they could change other elements.
+    The reason is that these elements and attributes could change other elements when MuJoCo reads them.
     """
     for name, value in ((element.tag, ""), *element.attributes.items()):
         why = unwritable(name, value)
@@ -73,7 +73,9 @@ def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
 
 
 def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
-    """Return whether a mode that is not built may contain the missing target, or the target is an added element with a reported error."""
+    """Return whether a missing target may exist in a mode that is not built. Also return True if the target is an added element for which
+    an error was reported.
+    """
     kind, name = missing
     if any((one.section, one.attributes.get("name", "").replace(".", "/")) == (kind, name.replace(".", "/")) for one in assembly.added):
         return True
@@ -82,7 +84,7 @@ def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
 
 
 class _Target:
-    """An MJCF model to which elements are added, with its names grouped by kind."""
+    """An MJCF model to which elements are added. It contains the names of its elements, grouped by kind."""
 
     def __init__(self, robot: Robot, model: Element) -> None:
         self.robot = robot
@@ -97,7 +99,7 @@ class _Target:
             self.names[kind] = {one.get("name") for one in section.children} if section is not None else set()
 
     def add(self, wanted: RawElement) -> tuple[str, str] | None:
-        """Add an element to the model. Return the kind and the name of a missing reference, or None."""
+        """Add an element to the model. Return the kind and the name of a missing target, or None if the element was added."""
         made = self.made(wanted)
         if isinstance(made, tuple):
             return made
@@ -116,7 +118,7 @@ class _Target:
     def made(self, wanted: RawElement) -> Element | tuple[str, str]:
         """Create the MJCF element for a raw element of a document.
 
-        If the raw element refers to an element that does not exist, return the kind and the name of the missing element.
+        If the raw element refers to an element that does not exist, return the kind and the name of this element instead.
         """
         made = Element(tag=wanted.tag, attributes=dict(wanted.attributes), origin=wanted.origin)
         for name, value in wanted.attributes.items():
@@ -134,9 +136,9 @@ class _Target:
         return made
 
     def found(self, kind: str, path: str) -> str | None:
-        """Return the name in this model of the element with the given kind and document path, or None if there is no such element.
+        """Return the name of the element in this model that has the given kind and document path. Return None if there is no such element.
 
-        If the path is a mount without a site, add the site.
+        If the path is a mount without a site, a site is added.
         """
         plain = kind != "joint" or path in self.names.get(kind, ())
         name = path if plain else CoordinateName(path.replace("/", ".")).path
@@ -164,7 +166,7 @@ class _Target:
         return None
 
     def command(self) -> None:
-        """Set the controls of added drives to 0 in all keyframes."""
+        """Set the controls of drives that were added to 0 in all keyframes."""
         section = self.model.find("keyframe")
         for place, key in enumerate(section.children if section is not None and self.drives else ()):
             assert section is not None

@@ -1,4 +1,4 @@
-"""`scene_<mode>.xml`: the robot on a floor under a light, as in the scenes of the MuJoCo Menagerie."""
+"""Write `scene_<mode>.xml`, which shows the robot on a floor under a light, as in the scenes of the MuJoCo Menagerie."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ FLOOR = "floor"
 
 
 def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | None = None, separator: str = "/") -> XmlText:
-    """Return the XML of the scene of a mode, which includes the model `file` in the same folder.
+    """Return the XML text of the scene of a mode. The scene includes the model `file`, which is in the same folder.
 
-    `model` is the content of that file, with `separator` in its paths.
+    `model` is the content of this file. Its paths contain the separator `separator`.
     """
     memo, mode = memo or Memo(), robot.mode
     box = memo(("bounds", mode.name), bounds, *placements(robot))
@@ -26,7 +26,9 @@ def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | No
 
 
 def floored(robot: Robot, model: XmlText, separator: str) -> str:
-    """Return the XML of a model with the floor of its scene but without purely visual elements. Paths contain the separator `separator`."""
+    """Return the XML text of a model with the floor of its scene. Elements of the scene that are purely visual are not included. Paths in
+    names contain the separator `separator`.
+    """
     root = Element(tag="mujoco")
     _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, separator), {})
     sections = write(root, "").text.partition("<mujoco>\n")[2]
@@ -34,17 +36,18 @@ def floored(robot: Robot, model: XmlText, separator: str) -> str:
 
 
 def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
-    """Return the names of all bodies that a hold keeps in place, each with the origin of its hold in the documents."""
+    """Return the names of all bodies that are held in place. Each item also contains the origin of the hold in the documents."""
     holds = {closure.child: closure.origin for closure in reversed(robot.closures) if closure.hold}
     return tuple((robot.assembly.links[robot.bodies[body].link].name.replace("/", separator), at) for body, at in holds.items())
 
 
 def _scene(title: str, box: Box | None, file: str, floor: str, held: Sequence[tuple[str, Origin]], heading: str, origin: Origin) -> XmlText:
-    """Return the XML of a scene with a floor and a light.
+    """Return the XML text of a scene with a floor and a light.
 
-    Raw attributes can override the elements before the `include`. The floor is the plane z = 0 of the world, to which the root of a mode is
-    mated. For a mode on a wall or ceiling, this plane is the wall or ceiling. Contacts of held links with the floor are excluded, as MuJoCo
-    excludes contacts of a fixed root. In this case the floor is a body, because not every reader can refer to the world by name.
+    Elements before the `include` can be overridden by raw attributes. The floor is the plane z = 0 of the world, to which the root of a
+    mode is mated. If a mode is on a wall or a ceiling, this plane is the wall or the ceiling. Contacts between held links and the floor are
+    excluded, as MuJoCo excludes contacts of a fixed root. To exclude these contacts, the floor belongs to a body. The reason is that not
+    every reader can refer to the world by name.
     """
     root = Element(tag="mujoco", attributes={"model": title}, origin=origin)
     if box is not None:
@@ -80,7 +83,7 @@ def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[s
 def floor_name(model: XmlText) -> str:
     """Return the name of the floor geom in the scene.
 
-    If a component has the name `floor`, return `scene:floor`, which is not a valid component name.
+    If a component has the name `floor`, return `scene:floor`. No component can have this name.
     """
     taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is the first attribute
     return f"scene:{FLOOR}" if taken else FLOOR

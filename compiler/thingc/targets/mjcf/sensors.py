@@ -1,6 +1,7 @@
-"""Sensors in MJCF: an element for each reading of a sensor (`imu:gyro`), and a `camera` for each camera.
+"""Write sensors as MJCF elements. Each reading of a sensor becomes an element (`imu:gyro`), and each camera becomes a `camera`.
 
-A sensor has the same elements with the same names in every mode that supports it, so that a controller reads the same layout in all modes.
+A sensor has the same elements with the same names in every mode that supports it. Therefore, a controller reads the same layout in all
+modes.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from thingc.targets.sensors import body_of, elsewhere, on_free_root
 from thingc.targets.xml_writer import Element, XmlValue
 
 LOOKING = turned_y(numeric.pi)
-"""Rotation from a document's camera, which looks along the mount's z with y up, to MuJoCo's, which looks along its -z with y up."""
+"""Rotation from the camera of a document to the camera of MuJoCo. The former looks along the z axis of the mount, with y up. The latter
+looks along -z, with y up.
+"""
 
 ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
     "imu": {"accelerometer": "accelerometer", "gyro": "gyro", "quat": "framequat"},
@@ -45,13 +48,13 @@ ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
     "clock": {"time": "clock"},
     "energy": {"potential": "e_potential", "kinetic": "e_kinetic"},
 }
-"""The MJCF element for each kind of sensor and reading."""
+"""The MJCF element for each kind of sensor and for each of its readings."""
 
 
 def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
     """Add a `camera` element to the MJCF model for each mount with a camera sensor.
 
-    The attribute `fovy` is the vertical field of view, always in degrees.
+    The attribute `fovy` is the vertical field of view, which is always in degrees.
     """
     sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
@@ -64,7 +67,7 @@ def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
 
 
 def volumes(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """For each touch sensor, add a site with the shape of the sensor's volume."""
+    """For each touch sensor, add a site that has the shape of the sensor's volume."""
     sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
         if sensor.volume is not None and (sensor.site or "") in sites:
@@ -101,7 +104,7 @@ def _elements(robot: Robot, sensor: LinkedSensor, section: Element) -> None:
 
 
 def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[str, str]:
-    """Return the attributes that specify the object measured by a sensor."""
+    """Return the attributes that specify which object a sensor measures."""
     links, site = robot.assembly.links, {"site": sensor.site or ""}
     match sensor.kind:
         case "imu" if reading == "quat":
@@ -131,7 +134,9 @@ def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[s
 
 
 def _missing(robot: Robot, sensor: LinkedSensor) -> str:
-    """Return the reason why a mode does not support a sensor, as a text for the export loss. Return "" if the mode supports the sensor."""
+    """Return the reason why a mode does not support a sensor, as a text for the export loss. Return an empty string if the mode supports
+    the sensor.
+    """
     sites = merged_joints.sites(robot)
     if any(mount.path not in sites for mount in sensor.mounts):
         return "MuJoCo has no frame between two joints of a body for it"
@@ -155,8 +160,8 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
 def losses(robot: Robot) -> Iterator[Loss]:
     """Yield an export loss for each sensor, or property of a sensor, that a mode does not support.
 
-    These are unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. (MuJoCo's accelerometer
-    reads 0 on a fixed body, and 9.81 m/s^2 on any other body at rest.)
+    The losses concern unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. (MuJoCo's
+    accelerometer reads 0 on a fixed body, and 9.81 m/s^2 on any other body at rest.)
     """
     for sensor in robot.assembly.sensors:
         missing = _missing(robot, sensor)

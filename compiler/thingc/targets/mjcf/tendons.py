@@ -1,7 +1,7 @@
-"""Tendons of documents as `fixed` and `spatial` tendons of MJCF, and their drives.
+"""Write the tendons of documents as `fixed` and `spatial` tendons of MJCF, with their drives.
 
-If a joint of a tendon cuts a loop in a mode, this mode omits the tendon. Every mode that does not select its actuators contains the drives
-of tendons.
+If a mode cuts a loop at a joint of a tendon, the tendon is omitted in this mode. If a mode does not select its actuators, it contains the
+drives of all its tendons.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from thingc.targets.xml_writer import Element, XmlValue
 
 
 def present(robot: Robot) -> tuple[LinkedTendon, ...]:
-    """Return the tendons that a mode contains: all their joints are in the tree of the mode, and all their mounts are on bodies of the
-    mode.
+    """Return the tendons that a mode contains. All joints of such a tendon are in the tree of the mode, and all its mounts are on bodies of
+    the mode.
     """
     there = {joint.path for body in robot.bodies for joint in body.joints}
     sites = merged_joints.sites(robot)
@@ -66,9 +66,9 @@ def _shape(tendon: LinkedTendon, place: int) -> str:
 
 
 def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
-    """Add the spheres and cylinders around which tendons wrap.
+    """Add the spheres and the cylinders around which tendons wrap.
 
-    These geoms have no contacts and no mass, and are drawn like collision geoms.
+    These geoms have no contacts and no mass. They are drawn like collision geoms.
     """
     sites = merged_joints.sites(robot)
     for one in present(robot):
@@ -93,7 +93,7 @@ def drives(robot: Robot, section: Element) -> None:
 def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
     """Yield the control value of each tendon drive for joint positions `q` [rad or m].
 
-    The value is the tendon length for a position drive, otherwise 0.
+    The control value is the tendon length for a position drive, and 0 for any other drive.
     """
     for one in pulled(robot):
         if one.actuator is None or one.actuator.kind != "position":

@@ -1,6 +1,6 @@
 """Compile every model with MuJoCo, and report the messages of MuJoCo at their causes in the documents.
 
-MuJoCo is imported only if a model has not been accepted before.
+MuJoCo is only imported if a model was not accepted before.
 """
 
 from __future__ import annotations
@@ -25,13 +25,15 @@ from thingc.targets.mjcf.accepted_models import AcceptedModels, about_meshes, bo
 from thingc.targets.xml_writer import Element, RawValue, XmlText, write
 
 MANY = 20_000_000
-"""Maximum total size of meshes [bytes] in one compilation. MuJoCo needs about fifteen times as much memory."""
+"""Maximum total size of the meshes that MuJoCo reads in one compilation [bytes]. MuJoCo needs about fifteen times as much memory as this
+size.
+"""
 
 
 class Candidate(FrozenStruct):
-    """The MJCF files of a mode.
+    """The MJCF files of a mode, before MuJoCo has checked them.
 
-    `model` is the XML text of the element `root` with the comment `heading`. The scene includes the model under the file name `file`.
+    `model` is the XML text of the element `root`, with the comment `heading`. The scene includes the model under the file name `file`.
     """
 
     mode: str
@@ -45,12 +47,12 @@ class Candidate(FrozenStruct):
 
     @property
     def texts(self) -> tuple[str, str]:
-        """The contents of the model and of the scene, by file name."""
+        """Return the contents of the model file and of the scene file."""
         return self.model.text, self.scene.text
 
 
 class CompileResult(FrozenStruct):
-    """The result of compiling a file: the error (None on success), the warnings, and the compiled `MjModel`."""
+    """The result of compiling a file. It contains the error (None on success), the warnings, and the compiled `MjModel`."""
 
     error: str | None
     warnings: tuple[str, ...] = ()
@@ -58,12 +60,13 @@ class CompileResult(FrozenStruct):
 
 
 def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, report: Report, memo: Memo, *, starts: bool = True) -> None:
-    """Compile the scene of every candidate, which includes its model, and report errors and warnings at their origins.
+    """Compile the scene of every candidate, which includes its model. Report errors and warnings at the locations in the documents that
+    cause them.
 
-    With `starts`, each distinct initial state is also checked (see `initial_state_checks.py`).
+    If `starts` is True, each distinct initial state is also checked (see `initial_state_checks.py`).
 
-    Models that MuJoCo has accepted before are not compiled again (`accepted_models.py`). The same applies to a model with the same initial
-    state as an accepted model, if its other contents (names, limits, colours, gravity) were accepted earlier in this process.
+    Models that MuJoCo accepted before are not compiled again (see `accepted_models.py`). A model is also not compiled again if its initial
+    state is that of an accepted model, and if its other contents (names, limits, colours, gravity) were accepted in this process.
     """
     known = AcceptedModels(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]
@@ -106,11 +109,11 @@ def _verdicts(
 ) -> Iterator[tuple[Candidate, CompileResult, Any]]:
     """Compile each scene with MuJoCo, and yield the results and the files that MuJoCo read.
 
-    Modes in `looked` come first; their scenes need the true meshes whose names are in `touching`. Another mode is omitted if `settled`
-    already contains it. The meshes in `instead` are used until MuJoCo reports a message (see `_one_by_one`). Scenes are compiled one
-    after the other, because MuJoCo caches files by name. In parallel, a scene could get the model of another scene, or the process
-    could crash. MuJoCo also caches the meshes of the first scene, so only the first compilation needs threads. Textures are the same in
-    all scenes, so later scenes do not generate textures.
+    The modes in `looked` come first. Their scenes need the true meshes whose names are in `touching`. Any other mode is omitted if
+    `settled` already contains it. The meshes in `instead` are used until MuJoCo reports a message (see `_one_by_one`). The scenes are
+    compiled one after the other, because MuJoCo caches files by name. If several scenes were compiled in parallel, a scene could get the
+    model of another scene, or the process could crash. MuJoCo also caches the meshes of the first scene. Therefore, only the first
+    compilation needs threads. The textures are the same in all scenes, so only the first scene generates textures.
     """
     first, standing = True, [*instead, {}]
     for true in (touching, ()):
@@ -134,17 +137,17 @@ def _verdicts(
 def _will_do(verdict: CompileResult, robot: Robot, *, boxes: bool) -> bool:
     """Return whether a scene compiles without messages after its meshes were replaced.
 
-    If bounding boxes replace the meshes, the parts must not overlap.
+    If the meshes were replaced by bounding boxes, the parts must not overlap.
     """
     return verdict.error is None and not verdict.warnings and not (boxes and initial_state_checks.look(verdict.model, robot).inside)
 
 
 def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mapping[str, bytes]]:
-    """Compile each mesh separately if all meshes together are too large for one compilation. Otherwise, return an empty list.
+    """If the meshes together are too large for one compilation, compile each mesh separately. Otherwise, return an empty list.
 
-    Return two replacements for the meshes in `touching` (names of meshes), by file. The first replacements are bounding boxes, which
-    overlap if the meshes overlap. The second are the convex hulls that MuJoCo uses for contacts. Meshes that cause messages are not
-    replaced.
+    Return two mappings from file names to replacements for the meshes in `touching` (names of meshes). The first mapping contains bounding
+    boxes. They overlap if the meshes overlap. The second mapping contains the convex hulls that MuJoCo uses for contacts. A mesh for which
+    MuJoCo reports a message is not replaced.
     """
     waiting = known.unread(touching)
     if sum(mesh.stored.size for mesh in waiting) <= MANY:
@@ -169,7 +172,9 @@ def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mappin
 
 
 def _hull(model: Any, mesh: MeshAsset) -> tuple[list[list[float]], list[list[int]]]:
-    """Return corners (in file units) and triangles of the convex hull of a model's only mesh (see `mjModel.mesh_graph`)."""
+    """Return the convex hull of the only mesh of a model (see `mjModel.mesh_graph`). The result consists of corners in the unit of the file
+    and of triangles.
+    """
     import mujoco
     import numpy as np
 
@@ -185,13 +190,13 @@ def _hull(model: Any, mesh: MeshAsset) -> tuple[list[list[float]], list[list[int
 
 
 _NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')
-"""Pattern of numbers in attributes."""
+"""Pattern that matches numbers in the values of attributes."""
 
 
 def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candidate]:
-    """Return the models to compile: one out of every `share` models that differ only in numbers.
+    """Return the models to compile. These are one out of every `share` models that differ only in numbers.
 
-    The result contains the first model of each kind and every `share`-th later model of this kind.
+    They include the first model of each kind, and every `share`-th later model of this kind.
     """
     if share <= 1:
         return list(candidates)
@@ -215,16 +220,16 @@ def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
 
 
 def _kind(candidate: Candidate) -> tuple[str, str, str]:
-    """Return a key of a model: its XML text without numbers. Models that differ only in numbers have the same key."""
+    """Return a key for a model, which is its XML text without numbers. Models that differ only in numbers have the same key."""
     return ("mujoco takes", candidate.mode, hashlib.sha256(_NUMBERS.sub("", candidate.model.text).encode()).hexdigest())
 
 
 def doubtful(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, memo: Memo, *, starts: bool) -> list[Candidate]:
-    """Return the models that `check` must compile. A faster check has accepted all other models.
+    """Return the models that the function `check` must compile. All other models were accepted by a faster check.
 
-    The faster check is used if MuJoCo has accepted a scene that differs only in numbers and, with `starts`, the same initial state. It
-    compiles the model without its scene, with tetrahedra in place of the meshes that MuJoCo has accepted. If MuJoCo reports messages, the
-    model is returned, so that `check` can find their cause.
+    The faster check is possible if MuJoCo has accepted a scene that differs only in numbers. If `starts` is True, the initial state must
+    also be the same. This check compiles the model without its scene. Tetrahedra replace the meshes that MuJoCo has accepted. If MuJoCo
+    reports messages, the model is returned, so that `check` can find their cause.
     """
     known = [one for one in candidates if memo.last(*_scene(one)) is not None]
     accepted = AcceptedModels(store, mujoco_version(), meshes)
@@ -251,7 +256,7 @@ def took_scenes(candidates: Sequence[Candidate], memo: Memo) -> None:
 
 
 def _own(candidate: Candidate) -> tuple[tuple[str, str], tuple[str, tuple[str, ...]]]:
-    """Return a memo key and a value for the contents of a mode that do not affect the initial state of a simulation.
+    """Return a key and a value of `Memo` for the contents of a mode that do not affect the initial state of a simulation.
 
     These contents are the scene without numbers, and the parts of the model that `initial_state_checks.key` omits.
     """
@@ -259,12 +264,12 @@ def _own(candidate: Candidate) -> tuple[tuple[str, str], tuple[str, tuple[str, .
 
 
 def _scene(candidate: Candidate) -> tuple[tuple[str, str], tuple[str]]:
-    """Return a memo key and value for an accepted scene. The key is the XML of the scene without numbers."""
+    """Return a key and a value of `Memo` for a scene that was accepted. The key contains the XML text of the scene without numbers."""
     return ("mujoco scene", candidate.mode), (_NUMBERS.sub("", candidate.scene.text),)
 
 
 def in_memory(data: Mapping[str, bytes]) -> Any:
-    """Return an `mujoco.MjVfs` that contains the given files by name."""
+    """Return a virtual file system (`mujoco.MjVfs`) that contains the given files by name."""
     import mujoco
 
     files = mujoco.MjVfs()
@@ -276,13 +281,15 @@ def in_memory(data: Mapping[str, bytes]) -> Any:
 def _without_threads(text: str) -> str:
     """Change the XML text of a model so that MuJoCo compiles the model without threads.
 
-    This is faster for cached meshes and for tetrahedra.
+    Without threads, compilation is faster if the meshes are cached or are tetrahedra.
     """
     return text if " usethread=" in text else text.replace("<compiler ", '<compiler usethread="false" ', 1)
 
 
 def _unpainted(scene: str) -> str:
-    """Return a scene with textures of the smallest size. The texture of a sky consists of six squares, one above the other."""
+    """Return a scene in which all textures have the smallest possible size. The texture of a sky consists of six squares, one below the
+    other.
+    """
     return re.sub(r'(<texture [^>]*) width="\d+" height="\d+"', r'\1 width="1" height="6"', scene)
 
 
@@ -319,9 +326,10 @@ def heard() -> Iterator[list[str]]:
 
 
 def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: str) -> None:
-    """Report the causes for which MuJoCo rejects a model. These are all raw attributes that cause an error, and at most one other cause.
+    """Report the causes for which MuJoCo rejects a model. All raw attributes that cause an error are reported, and at most one other cause.
 
-    MuJoCo stops at the first error. Therefore the raw attribute that causes the error is removed, and the model is compiled without it.
+    MuJoCo stops at the first error in a model. Therefore, the raw attribute that causes an error is removed, and the model is compiled
+    again.
     """
     written = candidate.model
     while True:
@@ -348,10 +356,11 @@ def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: s
 
 
 def _blame(error: str, place: Element | None, candidate: Candidate, files: Any) -> tuple[Element, str, RawValue] | None:
-    """Remove the raw attribute that causes an error, and return it, or None if no attribute causes the error.
+    """Find the raw attribute that causes an error, remove it from the model, and return it. Return None if no raw attribute causes the
+    error.
 
-    An attribute is the cause if its removal changes the error. Attributes of the element in the error message are tried first (attributes
-    that the message names before others), then all other attributes of the model.
+    An attribute is the cause if its removal changes the error. The attributes of the element in the error message are tried first,
+    beginning with attributes that the message names. All other attributes of the model are tried afterwards.
     """
     quoted = set(re.findall(r"[A-Za-z_]\w*", error))
     owned = [(place, name) for name in place.raw] if place is not None else []
@@ -368,9 +377,9 @@ def _say(
     code: Code, verb: str, text: str, candidate: Candidate, written: XmlText, report: Report, *,
     severity: Severity = Severity.ERROR,
 ) -> None:
-    """Report a message of MuJoCo at a place in the documents.
+    """Report a message of MuJoCo at a location in the documents.
 
-    This is the origin of the element that the message concerns, or of the raw attribute that the message names.
+    The location is the origin of the element that the message concerns, or of the raw attribute that the message names.
     """
     place = _element_at(text, written)
     for element in (place,) if place is not None else candidate.root.walk():
@@ -387,7 +396,9 @@ def _say(
 
 
 def _element_at(text: str, written: XmlText) -> Element | None:
-    """Return the element to which a MuJoCo message refers, by line number or else by name. Return None if there is no such element."""
+    """Return the element to which a message of MuJoCo refers. It is found by its line number, or else by its name. Return None if the
+    message does not refer to an element.
+    """
     line = re.search(r"\bline (?:number=)?(\d+)", text, re.IGNORECASE)
     if line:
         return written.element_at(int(line[1]))
@@ -401,7 +412,7 @@ def _element_at(text: str, written: XmlText) -> Element | None:
 
 
 def _words(text: str) -> str:
-    """Return a message of MuJoCo without the parts that only make sense to a reader of the XML file."""
+    """Return a message of MuJoCo without the parts that are only useful to a reader of the XML file."""
     parser = re.search(r"Error=(XML_\w+)", text)
     if parser is not None:
         deep = " (it supports 500 levels: a chain of links is too long)" if parser[1] == "XML_ELEMENT_DEPTH_EXCEEDED" else ""

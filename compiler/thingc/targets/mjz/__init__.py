@@ -1,4 +1,4 @@
-"""MJZ: archives of MuJoCo models with their meshes, which `thingc.targets.mjcf.emit` writes."""
+"""Write MuJoCo models with their meshes as archives in the format MJZ. The archives are created by `thingc.targets.mjcf.emit`."""
 
 from thingc.targets.target import Target
 

@@ -1,4 +1,4 @@
-"""Draw frames and joint axes over a picture, as arrows with names, projected by the picture's camera.
+"""Draw frames and joint axes over a picture. They are drawn as arrows with names, and projected by the camera of the picture.
 
 The arrows are drawn on top of the robot, so that frames inside parts are visible.
 """
@@ -28,22 +28,24 @@ RED, GREEN, BLUE = (206, 32, 41), (22, 138, 52), (28, 84, 214)
 JOINT, INK = (214, 98, 0), (24, 28, 36)
 
 LENGTH = 0.075
-"""Length of an axis, relative to the height of the visible scene."""
+"""Length of a frame axis, relative to the height of the visible scene."""
 FINER = 3
 """Supersampling factor that makes lines smooth."""
 ARC = math.radians(280.0)
-"""Angle of the arrow of a joint that rotates."""
+"""Angle of the curved arrow around the axis of a rotating joint."""
 
 
 class Stroke(FrozenStruct):
-    """An arrow along points `(n, 3)` in its frame. The unit is the length of an axis."""
+    """An arrow along points (n, 3) in its own frame. The unit of its coordinates is the length of a frame axis."""
 
     colour: Colour
     points: Array
 
 
 class Frame(FrozenStruct):
-    """The axes x, y and z of a frame. `pose` is relative to the MuJoCo body `body`, and `size` scales the usual length."""
+    """A frame whose axes x, y and z are drawn. `pose` is relative to the MuJoCo body `body`. `size` is a factor of the usual length of the
+    axes.
+    """
 
     label: str
     body: str
@@ -52,18 +54,18 @@ class Frame(FrozenStruct):
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
-        """The arrows that draw the frame: one for each axis, with z last."""
+        """Return the arrows that represent the frame: one arrow for each axis, with z last."""
         ends = self.size * np.eye(3)
         return tuple(Stroke(colour=c, points=np.array([np.zeros(3), end])) for c, end in zip((RED, GREEN, BLUE), ends))
 
     @property
     def ink(self) -> Colour:
-        """The colour of the text that names the frame."""
+        """Return the colour of the text that names the frame."""
         return INK
 
 
 class JointAxis(FrozenStruct):
-    """The axis of a joint: the z axis of `pose`, which is relative to the MuJoCo body `body`.
+    """The axis of a joint. It is the z axis of `pose`, which is relative to the MuJoCo body `body`.
 
     The arrow shows the direction of motion when the coordinate increases.
     """
@@ -75,7 +77,7 @@ class JointAxis(FrozenStruct):
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
-        """The line of the axis and, for a rotating joint, an arrow around the axis."""
+        """Return the line of the axis and, for a rotating joint, an arrow around the axis."""
         line = Stroke(colour=JOINT, points=np.array([[0.0, 0.0, -1.2], [0.0, 0.0, 1.6]]))
         if self.slides:
             return (line,)
@@ -85,7 +87,7 @@ class JointAxis(FrozenStruct):
 
     @property
     def ink(self) -> Colour:
-        """The colour of the text that names the joint axis."""
+        """Return the colour of the text that names the joint axis."""
         return JOINT
 
 
@@ -93,14 +95,14 @@ Mark = Frame | JointAxis
 
 
 def length_of(points: Array, camera: Camera) -> float:
-    """Return the drawn length [m] of the axes of frames, for a camera that shows points `(n, 3)`."""
+    """Return the length [m] with which the axes of frames are drawn, if the camera shows points (n, 3)."""
     up = points @ camera.axes[1]
     across = points @ camera.axes[0]
     return LENGTH * max(float(np.ptp(up)), float(np.ptp(across)) / camera.aspect)
 
 
 def placed(mark: Mark, data: Any, length: float) -> list[Array]:
-    """Return the arrows of a frame or a joint axis as points `(n, 3)` [m] in the world."""
+    """Return the arrows of a frame or a joint axis as points (n, 3) [m] in the world."""
     body = data.body(mark.body)
     turned = body.xmat.reshape(3, 3)
     rotation, origin = turned @ np.array(mark.pose.rotation), body.xpos + turned @ np.array(mark.pose.translation)
@@ -108,7 +110,7 @@ def placed(mark: Mark, data: Any, length: float) -> list[Array]:
 
 
 def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: float) -> Any:
-    """Draw frames and joint axes on an image in the order of `marks`. The image is an array (height, width, 3) of bytes."""
+    """Draw frames and joint axes on an image, in the order of `marks`. The image is an array (height, width, 3) of bytes."""
     height, width = image.shape[:2]
     scale = FINER * max(1.0, height / 720.0)
     sheet = Image.new("RGBA", (width * FINER, height * FINER), (255, 255, 255, 0))
@@ -162,7 +164,7 @@ Box = tuple[float, float, float, float]
 
 
 def _pieces(points: Array) -> Iterator[Array]:
-    """Split a line into short pieces, so that the bounding box of a piece contains little besides the line."""
+    """Split a line into short pieces, so that the bounding box of each piece contains little more than the line."""
     for start, end in zip(points, points[1:]):
         steps = np.linspace(0.0, 1.0, 7 if len(points) == 2 else 2)[:, None]
         whole = start + steps * (end - start)
@@ -175,9 +177,9 @@ def _box(points: Array, margin: float) -> Box:
 
 
 def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
-    """Return a free box for a name: the free box nearest to the origin in the picture.
+    """Return a free rectangle for the name of a frame. It is the free rectangle that is nearest to the origin of the frame in the picture.
 
-    If all boxes overlap, return the box that overlaps the least.
+    If no rectangle is free, return the rectangle that overlaps the least.
     """
     best: tuple[float, Box] | None = None
     others = np.array(taken)
@@ -198,7 +200,7 @@ def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet:
 
 
 def _shared(box: Box, others: Array) -> float:
-    """Return the total area that a box shares with other boxes `(n, 4)`."""
+    """Return the total area of the overlaps between a box and other boxes (n, 4)."""
     across = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
     down = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
     return sum_of((across * down)[(across > 0.0) & (down > 0.0)].tolist())

@@ -14,16 +14,18 @@ if TYPE_CHECKING:
     from thingc.targets.render.studio import Array
 
 ANGLE = 18.0
-"""Vertical field of view [deg]. A small angle makes parallel edges look parallel."""
+"""Vertical field of view [deg]. The angle is small, so that parallel edges also look parallel in the picture."""
 
 MARGIN = 0.12
-"""Free border around the robot, as a fraction of half the picture."""
+"""Width of the free border around the robot, as a fraction of half of the picture."""
 
 AZIMUTH, ELEVATION = 140.0, -22.0
 """Default direction of the camera [deg], for a robot on a floor or without gravity."""
 
 WALL_AZIMUTH, CEILING_ELEVATION = 40.0, 16.0
-"""Direction of the camera [deg] if the world's floor is a wall (the camera looks along it) or a ceiling (the camera looks up at it)."""
+"""Direction of the camera [deg] if the floor of the world is a wall or a ceiling. For a wall, the camera looks along the wall. For a
+ceiling, the camera looks up at the ceiling.
+"""
 
 
 class NoGraphics(Exception):
@@ -38,8 +40,8 @@ class NoGraphics(Exception):
 class Shot(FrozenStruct):
     """The view of a picture: its size and the direction of the camera.
 
-    `size` is (width, height) in pixels. `azimuth` and `elevation` [deg] are the viewing direction of the camera; None selects a suitable
-    direction. With azimuth 90 the camera looks along y, and with elevation -90 straight down.
+    `size` is (width, height) in pixels. `azimuth` and `elevation` [deg] are the viewing direction of the camera. If they are None, a
+    suitable direction is selected. The camera looks along y if the azimuth is 90, and straight down if the elevation is -90.
     """
 
     size: tuple[int, int] = (1280, 960)
@@ -48,9 +50,10 @@ class Shot(FrozenStruct):
 
 
 def ready() -> None:
-    """Prepare rendering without a display. Call this before importing MuJoCo, which selects its backend on import.
+    """Prepare rendering without a display. Call this function before importing MuJoCo, because MuJoCo selects its rendering backend when it
+    is imported.
 
-    If `MUJOCO_GL` is not set, it is set to `egl`. Raises `NoGraphics` if this backend is not available.
+    If the environment variable `MUJOCO_GL` is not set, it is set to `egl`. Raises `NoGraphics` if this backend is not available.
     """
     backend = os.environ.setdefault("MUJOCO_GL", "egl")
     try:
@@ -79,8 +82,8 @@ def picture(
 ) -> bytes:
     """Render the MuJoCo model `xml` as a PNG picture, with `marks` drawn over it.
 
-    `pose` is a keyframe of the model, or None for all coordinates at 0. `gravity` [m/s^2] determines which way is up. The result is
-    reproducible on the same machine. Call `ready` first.
+    `pose` is the name of a keyframe of the model. If `pose` is None, all coordinates are 0. `gravity` [m/s^2] determines which way is up.
+    The same call returns the same picture on the same machine. Call the function `ready` before this function.
     """
     import mujoco
     import numpy as np
@@ -107,7 +110,9 @@ def picture(
 
 
 def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) -> Any:
-    """Return the nearest `Camera` that shows all points `(n, 3)` [m], with the viewing direction and the aspect ratio of a shot."""
+    """Return the camera that is as near as possible and shows all points (n, 3) [m]. Its viewing direction and aspect ratio are specified
+    by a shot.
+    """
     import numpy as np
 
     from thingc.targets.render.studio import directions, fitted, upright
@@ -122,7 +127,9 @@ def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) ->
 
 
 def posed(model: Any, pose: str | None) -> Any:
-    """Return the `mujoco.MjData` of a model whose state is a keyframe. `mj_forward` has been called."""
+    """Return the simulation state (`mujoco.MjData`) of a model in the pose of a keyframe. The function has called `mj_forward` for this
+    state.
+    """
     import mujoco
 
     data = mujoco.MjData(model)
@@ -133,9 +140,9 @@ def posed(model: Any, pose: str | None) -> Any:
 
 
 def points_of(model: Any, data: Any) -> Array:
-    """Return points `(n, 3)` [m] in the world with the same convex hull as all visible geoms.
+    """Return points (n, 3) [m] in the world that have the same convex hull as all visible geoms.
 
-    The points are the vertices of meshes and the corners of the bounding boxes of other shapes.
+    The points are the vertices of meshes, and the corners of the bounding boxes of other shapes.
     """
     import numpy as np
 
@@ -166,18 +173,20 @@ def encoded(image: Any) -> bytes:
 SIZE = (240, 180)
 """Default width and height of a small picture [px]."""
 LAMPS = (8, 8)
-"""Numbers of lamps in the soft box and in the dome that suffice for a small picture."""
+"""Numbers of lamps in the soft box and in the dome for a small picture."""
 SHADOW = 1024
-"""Size of a shadow map of a small picture [px]."""
+"""Size of the shadow map for a small picture [px]."""
 
 Point = Sequence[float]
-"""Coordinates x, y and z [m] in the world."""
+"""The coordinates x, y and z of a point [m] in the world."""
 
 
 def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[list[float]], tuple[float, float, float]]:
-    """Return the corner points [m] of the MuJoCo model `xml` (empty if no geom is visible) and the gravity [m/s^2] of the model.
+    """Return the corner points [m] of the MuJoCo model `xml`, and the gravity [m/s^2] of the model. There are no points if no geom is
+    visible.
 
-    The model is in the keyframe `pose` if this keyframe exists, else in its first keyframe. Raises `ValueError` if `xml` is not a model.
+    The model is in the keyframe `pose` if this keyframe exists. Otherwise, it is in its first keyframe. Raises `ValueError` if `xml` is not
+    a valid model.
     """
     import mujoco
 
@@ -188,7 +197,9 @@ def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[l
 
 
 def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str, tuple[list[float], list[float]]]:
-    """Return the position [m] and quaternion (w, x, y, z) of each body in the world, by name. The pose is the same as in `extent`."""
+    """Return the position [m] and quaternion (w, x, y, z) of each body in the world, by name. The model is in the same pose as in
+    `extent`.
+    """
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(xml, assets)
@@ -201,7 +212,7 @@ def small_picture(
 ) -> bytes:
     """Render a small PNG picture of a model in the same pose as in `extent`, with all `points` in view.
 
-    `size` is in pixels. Call `ready` first.
+    `size` is the width and the height of the picture in pixels. Call the function `ready` before this function.
     """
     import numpy as np
 
@@ -218,16 +229,17 @@ def small_picture(
 
 
 def _pose_of(model: Any, pose: str | None) -> str | None:
-    """Return the keyframe to show: `pose` if this keyframe exists, else the first keyframe, or None for a model without keyframes."""
+    """Return the name of the keyframe to show. It is `pose` if this keyframe exists, or else the first keyframe. Return None for a model
+    without keyframes.
+    """
     names = [model.key(k).name for k in range(model.nkey)]
     return pose if pose in names else next(iter(names), None)
 
 
 def _corners(points: Array, gravity: tuple[float, float, float]) -> list[list[float]]:
-    """Return the subset of points `(n, 3)` that determines the position of a camera with all points in view.
+    """Return the points of the array (n, 3) that determine the position of a camera with all points in view.
 
-    The subset contains the points at the edges of the picture, the nearest point, the lowest point, and the two extreme points along each
-    world axis.
+    They are the points at the edges of the picture, the nearest point, the lowest point, and the two extreme points along each world axis.
     """
     import numpy as np
 

@@ -1,8 +1,9 @@
-"""Studio light, computed as the average of many pictures, each lit by one distant lamp.
+"""Render pictures in studio light. A picture is the average of many renderings, each lit by one distant lamp.
 
-MuJoCo's renderer has lamps with hard shadows. A picture lit by a large soft box and a bright dome is the mean of pictures lit by single
-lamps distributed over them. A shift by a fraction of a pixel between the pictures also smooths the edges. The mean must be computed with
-linear light. Therefore colours are first converted to linear values, and the result is encoded for screens.
+The renderer of MuJoCo only supports lamps with hard shadows. However, a large soft box and a bright dome can be approximated by many single
+lamps, and the mean of their pictures has soft shadows. Between the renderings, the camera is shifted by a fraction of a pixel, which also
+smooths the edges. The mean must be computed in linear light. Therefore, colours are first converted to linear values, and the result is
+encoded for screens.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ NEAR = 0.3
 class Camera(FrozenStruct, eq=False):
     """A pinhole camera at `position` (3,) [m].
 
-    The rows of `axes` (3, 3) are its right, up and backward directions. `tangent` is the tangent of half its vertical field of view,
-    `aspect` is width divided by height, and `near` [m] is the distance of the near plane.
+    The rows of `axes` (3, 3) are the right, the up and the backward direction of the camera. `tangent` is the tangent of half of the
+    vertical field of view. `aspect` is the width divided by the height, and `near` [m] is the distance of the near plane.
     """
 
     position: Array
@@ -45,8 +46,9 @@ class Camera(FrozenStruct, eq=False):
 def directions(azimuth: float, elevation: float, upright: Array) -> Array:
     """Return the axes of a camera that looks along `azimuth` and `elevation` [rad].
 
-    The rows (3 x 3) are its right, up and backward directions. The rows of `upright` (3, 3) are the direction of azimuth 0, the
-    direction of azimuth 90 degrees, and up. As in MuJoCo's viewer, a negative elevation looks down, and the horizon is level.
+    The rows of the result (3, 3) are the right, the up and the backward direction of the camera. The rows of `upright` (3, 3) are the
+    directions of azimuth 0 and azimuth 90 degrees, and the upward direction. As in the viewer of MuJoCo, a camera with a negative elevation
+    looks down, and the horizon is horizontal.
     """
     c, s = math.cos(elevation), math.sin(elevation)
     forward = np.array([c * math.cos(azimuth), c * math.sin(azimuth), s]) @ upright
@@ -55,10 +57,10 @@ def directions(azimuth: float, elevation: float, upright: Array) -> Array:
 
 
 def upright(gravity: Array) -> Array:
-    """Return the directions relative to which azimuths and elevations are measured, as rows (3, 3).
+    """Return the directions to which azimuths and elevations refer, as rows (3, 3).
 
-    `gravity` (3,) is in the world, whose floor is z = 0. On a floor the directions are x, y and z. If z = 0 is a wall, azimuth 0 looks
-    straight at the wall. Without gravity, z is up.
+    `gravity` (3,) is in the world frame. The floor of the world is the plane z = 0. For a floor, the directions are x, y and z. If the
+    plane z = 0 is a wall, the camera looks straight at the wall at azimuth 0. If there is no gravity, z is the upward direction.
     """
     size = float(np.linalg.norm(gravity))
     up = -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
@@ -69,14 +71,14 @@ def upright(gravity: Array) -> Array:
 
 
 def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: float) -> Camera:
-    """Return the nearest camera with these axes and this vertical field of view [rad] that sees all points `(n, 3)`.
+    """Return the camera that is as near as possible and sees all points (n, 3). Its axes and its vertical field of view [rad] are given.
 
-    `margin` is the free border as a fraction of half the picture. In one direction of the picture the points reach both borders; in the
-    other direction the points are centred.
+    `margin` is the width of the free border, as a fraction of half of the picture. In one direction of the picture, the points reach both
+    borders. In the other direction, the points are centred.
 
-    Let (x, y, z) be a point along the axes, (X, Y, Z) the camera and t the tangent of half the angle. The point is right of the left edge
-    if x - X >= -t (Z - z), and left of the right edge if x - X <= t (Z - z). Thus t Z + X >= max(x + t z) = A and t Z - X >= max(t z - x) =
-    B, and the smallest Z is (A + B) / 2t. The same applies to the upper and lower edge.
+    Let (x, y, z) be a point along the camera axes, (X, Y, Z) the camera, and t the tangent of half of the angle. The point is to the right
+    of the left edge if x - X >= -t (Z - z), and to the left of the right edge if x - X <= t (Z - z). It follows that t Z + X >= max(x + t
+    z) = A and t Z - X >= max(t z - x) = B. The smallest Z is (A + B) / 2t. The upper and the lower edge give the same conditions for y.
     """
     tangent = math.tan(angle / 2.0) * (1.0 - margin)
     x, y, z = axes @ points.T
@@ -91,53 +93,53 @@ def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: floa
 
 
 KEY, DOME = 32, 36
-"""The numbers of lamps in the soft box and in the dome of the studio. Each lamp takes about 50 ms at 1280 x 960 pixels without a graphics
-card.
+"""The numbers of lamps that approximate the soft box and the dome of the studio. Each lamp takes about 50 ms at 1280 x 960 pixels without a
+graphics card.
 """
 
 SHADOW = 2048
 """Size of a lamp's shadow map [px]."""
 
 KEY_ANGLE = math.radians(9.0)
-"""Angular radius of the soft box."""
+"""Radius of the soft box, as an angle seen from the robot."""
 
 KEY_AZIMUTH, KEY_ELEVATION = math.radians(-48.0), math.radians(50.0)
-"""Direction of the soft box as seen from the camera: behind the camera to the left, and above the floor."""
+"""Direction of the soft box as seen from the camera. The soft box is behind the camera, to the left, and above the floor."""
 
 KEY_SHARE = 0.52
 """Fraction of the light on the floor that comes from the soft box."""
 
 BOUNCE = 0.2
-"""Brightness of the light that the floor reflects, relative to the brightness of a lamp."""
+"""Brightness of the light that the floor reflects onto the robot, relative to the brightness of a lamp."""
 
 FLOOR = 0.78
-"""Brightness of the lit floor in the picture (linear, white is 1)."""
+"""Brightness of the lit floor in the picture (linear, 1 is white)."""
 
 VIGNETTE = 0.16
-"""Darkening of the corners of the picture."""
+"""Strength of the darkening in the corners of the picture."""
 
 HORIZON = 0.15
-"""Height of the lower edge of the dome, as the sine of its elevation."""
+"""Height of the lower edge of the dome, as the sine of its elevation angle."""
 
 GLOSS = 0.4
 """Fraction of a lamp's light that a material's `specular` reflects."""
 
 GAMMA = 2.2
-"""Gamma of the colours in models."""
+"""Gamma value with which the colours in models are encoded."""
 
 BEYOND = 0.5
-"""Brightness beyond the edge of the floor when one lamp is on."""
+"""Brightness of the background beyond the edge of the floor, when a single lamp is on."""
 
 BACKDROP = "backdrop"
 UNDER, GLASS = 0.5e-3, 0.4
-"""Depth [m] of a robot below the floor at which the floor becomes transparent, and the opacity of a transparent floor."""
+"""Depth [m] below the floor at which parts of a robot make the floor transparent, and the opacity of a transparent floor."""
 
 
 def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
     """Return the `mujoco.MjSpec` of a model with the floor, lights and background of the render studio.
 
     The studio has two lamps with shadow maps of `shadow` pixels, and the floor of the scene at z = 0. The floor is transparent if the
-    `lowest` point of the robot [m] is below it.
+    lowest point of the robot, `lowest` [m], is below the floor.
     """
     spec = mujoco.MjSpec.from_string(xml, assets=assets)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = size
@@ -161,9 +163,9 @@ def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: f
 def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) -> list[tuple[Array, float]]:
     """Return the light direction (3,) and the weight of each lamp.
 
-    All lamps together illuminate a floor with the normal `normal` with brightness 1.
+    All lamps together illuminate a floor with the normal vector `normal` with the brightness 1.
 
-    `counts` are the numbers of lamps in the soft box and in the dome.
+    `counts` contains the numbers of lamps in the soft box and in the dome.
     """
     key, dome = counts
     side = camera.axes[0] - (camera.axes[0] @ normal) * normal
@@ -190,7 +192,7 @@ def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) 
 
 
 def _golden(number: int) -> float:
-    """Return the angle [rad] of a seed in a sunflower head (Vogel, 1979)."""
+    """Return the angle [rad] of a seed in a sunflower head (Vogel, 1979). Such angles distribute lamps evenly."""
     return number * math.pi * (3.0 - math.sqrt(5.0))
 
 
@@ -225,7 +227,7 @@ def photographed(
 
 
 def developed(light: Array) -> NDArray[np.uint8]:
-    """Convert light (height, width, 3; the lit floor is 1) to an sRGB picture with darker corners and soft highlights."""
+    """Convert light (height, width, 3) to an sRGB picture with darker corners and soft highlights. The light of the lit floor is 1."""
     height, width = light.shape[:2]
     y, x = np.mgrid[0:height, 0:width]
     corner = ((2.0 * (x + 0.5) / width - 1.0) ** 2 + (2.0 * (y + 0.5) / height - 1.0) ** 2) / 2.0

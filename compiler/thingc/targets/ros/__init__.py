@@ -1,4 +1,4 @@
-"""ROS 2: a package that describes the robot, with the files that RViz, ros2_control and MoveIt read."""
+"""Write a ROS 2 package that describes the robot, with the files that RViz, ros2_control and MoveIt read."""
 
 from thingc.targets.target import Target
 

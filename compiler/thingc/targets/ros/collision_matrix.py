@@ -1,8 +1,8 @@
 """Find the pairs of links that collide when the joints move.
 
-MuJoCo searches for contacts in the mode's own URDF, at a fixed set of random configurations. MuJoCo uses the convex hulls of meshes for
-collisions. A mesh that is not convex can therefore cause reports of collisions that do not exist. No collision in the sampled
-configurations is missed.
+MuJoCo searches for contacts at a fixed set of random configurations. It uses the URDF of the mode. MuJoCo uses the convex hull of each mesh
+for collisions. Therefore, collisions of non-convex meshes may be reported that do not exist. However, no collision in a sampled
+configuration is missed.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ SAMPLES = 10_000
 SEED = 0
 
 MEETING = "links-meeting"
-"""Kind of the documents in the store."""
+"""Kind of the JSON documents in the store that contain collision matrices."""
 
 MEMORY = 1 << 26
-"""Size of MuJoCo's arena [bytes]. It suffices for the contacts of any robot whose links do not overlap heavily."""
+"""Size of the memory arena of MuJoCo [bytes]. This size suffices for the contacts of any robot whose links do not overlap heavily."""
 
 Pair = tuple[str, str]
 
 
 class CollisionMatrix(FrozenStruct):
-    """A table of the pairs of links that collide.
+    """A collision matrix: a table of the pairs of links that collide.
 
-    It contains the number of configurations, out of `samples`, in which each pair collides. Pairs that never collide are omitted. `at`
-    contains the colliding pairs of each named configuration. The names in a pair are sorted.
+    The table contains, for each pair, the number of configurations out of `samples` in which the links collide. Pairs of links that never
+    collide are omitted. `at` contains the pairs that collide in each named configuration. The two names in a pair are sorted.
     """
 
     samples: int
@@ -51,7 +51,7 @@ class CollisionMatrix(FrozenStruct):
 
 
 def adjacent(assembly: Assembly) -> frozenset[Pair]:
-    """Return the pairs of links that are connected by a joint. Joints that close loops are included."""
+    """Return the pairs of links that are connected by a joint. Joints that close loops are also taken into account."""
     joined = (mate for mate in assembly.mates if mate.joints or mate.loop is not None)
     linked = ((assembly.links[assembly.link_of[end]] for end in (mate.parent, mate.child)) for mate in joined)
     return frozenset(pair_of(*(safe(link.name) for link in links)) for links in linked)
@@ -69,7 +69,8 @@ def meetings(
     """Compute the collision matrix of a mode's URDF, or read it from the store.
 
     `meshes` is the URI of the folder that contains the mesh `assets`. `starts` contains additional configurations, each with the values
-    of q by joint. `neighbours` contains the pairs of links to ignore. Raises `ValueError` if MuJoCo does not accept the links' shapes.
+    of q by joint. `neighbours` contains the pairs of links that are ignored. Raises `ValueError` if MuJoCo does not accept the shapes of
+    the links.
     """
     bare, needed = _collisions_only(tree, meshes)
     used = {mesh.file: mesh for mesh in assets if mesh.file in needed}
@@ -100,7 +101,7 @@ def meetings(
 def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
     """Return a copy of a URDF that contains only the collision shapes, and the names of their mesh files.
 
-    Masses and joint limits are arbitrary.
+    The masses and joint limits of this copy are arbitrary.
     """
     bare = Element(tag="robot", attributes=tree.attributes)
     compiler = {"fusestatic": "false", "strippath": "false", "meshdir": "", "boundmass": "1", "boundinertia": "1", "balanceinertia": "true"}
@@ -120,7 +121,7 @@ def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
 
 
 def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
-    """Return a collision shape that refers to its mesh, if any, by file name only."""
+    """Return a copy of a collision element. If its shape is a mesh, the copy refers to the mesh by file name only."""
     shape = Element(tag="collision")
     for child in collision.children:
         mesh = child.find("mesh") if child.tag == "geometry" else None
@@ -136,7 +137,7 @@ def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
 class _Sampler:
     """Searches for collisions in random configurations of a MuJoCo model.
 
-    It stores the addresses of the independent joints and the mimic joints.
+    The object stores the addresses of the independent joints and of the mimic joints.
     """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
@@ -172,7 +173,7 @@ class _Sampler:
         return self._meeting(ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]))
 
     def at(self, q: Mapping[str, float]) -> Collection[Pair]:
-        """Return the pairs of links that collide in one configuration. `q` contains the values of the joints by name."""
+        """Return the pairs of links that collide in one configuration. `q` contains the values of the joints, by name."""
         import numpy as np
 
         return self._meeting(np.array([[q[name] for name in self.free]])).keys()

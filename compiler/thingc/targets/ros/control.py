@@ -1,4 +1,6 @@
-"""ros2_control: command interfaces of mock hardware for the drives of a mode, and controllers for them."""
+"""Write the configuration of ros2_control: the command interfaces of mock hardware for the drives of a mode, and controllers for these
+interfaces.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +22,14 @@ CONTROLLERS = {
     "velocity": ("velocity_controller", "forward_command_controller/ForwardCommandController"),
     "effort": ("effort_controller", "forward_command_controller/ForwardCommandController"),
 }
-"""The name and type of the controller for each interface."""
+"""The name and the type of the controller for each command interface."""
 
 RATE = 100
-"""Update rate of controllers [Hz]."""
+"""Update rate of the controllers [Hz]."""
 
 
 class Controller(FrozenStruct):
-    """A controller for joints with the same `interface`. `drives` maps the name of each joint to its drive."""
+    """A controller for joints with the same command interface. `drives` maps the name of each joint to its drive."""
 
     name: str
     type: str
@@ -38,8 +40,8 @@ class Controller(FrozenStruct):
 def ros2_control(robot: Robot) -> Element | None:
     """Create the `<ros2_control>` element for the URDF of a mode. Return None for a robot without moving joints.
 
-    Every joint has state interfaces. A joint with a drive has a command interface with its limits. The gains of a drive are parameters, for
-    hardware that closes its own control loop.
+    Every joint has state interfaces for its position and velocity. A joint with a drive has a command interface with its limits. The gains
+    of a drive are written as parameters, for hardware that closes its own control loop.
     """
     moving, at = joints(robot), values(robot, start(robot))
     if not moving:
@@ -69,8 +71,8 @@ def ros2_control(robot: Robot) -> Element | None:
 def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
     """Return the ROS 2 controllers of each mode, by the name of the mode.
 
-    Modes with the same drives share a controller. The name of the controller for each additional set of drives ends with the name of the
-    first mode.
+    Modes that have the same drives share a controller. If there are several sets of drives, the name of each additional controller ends
+    with the name of its first mode.
     """
     known: dict[str, list[Controller]] = {}
     of_mode: dict[str, tuple[Controller, ...]] = {}
@@ -131,12 +133,12 @@ def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | N
 
 
 def _quoted(name: str) -> str:
-    """Format a name as a quoted YAML string, so that YAML parsers do not read `y` or `null` as another type."""
+    """Format a name as a quoted YAML string. Without quotes, YAML parsers could read `y` or `null` as another type."""
     return f'"{name}"'
 
 
 @formatter("yaml")
 def _real(value: float) -> str:
-    """Format a number so that every YAML parser reads it as a float: `20.0`, `1.0e-05`."""
+    """Format a number so that every YAML parser reads it as a float, such as `20.0` or `1.0e-05`."""
     mantissa, e, exponent = repr(float(value)).partition("e")
     return f"{mantissa}{'' if '.' in mantissa else '.0'}{e}{exponent}"

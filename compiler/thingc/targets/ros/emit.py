@@ -1,4 +1,4 @@
-"""`ros/<name>_description/`: a ROS 2 package with the chosen modes, built by ament_cmake."""
+"""Write `ros/<name>_description/`, a ROS 2 package with the chosen modes, which is built by ament_cmake."""
 
 from __future__ import annotations
 
@@ -28,11 +28,13 @@ RUN = (
     "joint_state_publisher", "joint_state_publisher_gui", "joint_trajectory_controller", "launch", "launch_ros", "robot_state_publisher",
     "rviz2",
 )
-"""Packages that the package's launch file and controllers require."""
+"""Packages that are required by the launch file and by the controllers."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Write the ROS 2 package. It contains a URDF with `<ros2_control>` and an SRDF for each mode, and files that all modes share."""
+    """Write the ROS 2 package. The package contains a URDF with `<ros2_control>` and an SRDF for each mode, and files that all modes
+    share.
+    """
     assembly, robots = request.assembly, request.robots
     name = package_name(assembly.name)
     folder, uri = f"ros/{name}", f"package://{name}/{MESHES}"
@@ -72,9 +74,9 @@ def _touching(request: EmitRequest, shapes: Geometry) -> frozenset[str]:
 
 
 def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri: str) -> tuple[dict[str, CollisionMatrix], list[Loss]]:
-    """Compute the collision matrix of each mode. If this is not possible, return an export loss.
+    """Compute the collision matrix of each mode. If MuJoCo cannot compute a matrix, return an export loss instead.
 
-    Modes with the same joints in their trees share a matrix, because it does not depend on the root.
+    Modes with the same joints in their trees share a matrix, because the matrix does not depend on the root.
     """
     alike: dict[frozenset[str], list[tuple[Robot, Element]]] = {}
     for robot, tree in zip(request.robots, trees, strict=True):
@@ -95,7 +97,7 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
 
 
 def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -> str:
-    """Return the text of `package.xml` for the ROS 2 package of a robot. `description` is the description in the document of the robot."""
+    """Return the text of `package.xml` for the ROS 2 package of a robot. `description` is the description of the robot in its document."""
     root = Element(tag="package", attributes={"format": "3"})
     root.say("name", package_name(robot))
     root.say("version", said.version)
@@ -112,7 +114,7 @@ def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -
 
 
 def cmake_lists(robot: str, folders: Iterable[str], heading: str) -> str:
-    """Return the text of `CMakeLists.txt`, which only installs the folders, because nothing needs to be compiled."""
+    """Return the text of `CMakeLists.txt`. The file only installs folders, because nothing needs to be compiled."""
     return f"""\
 # {heading}
 cmake_minimum_required(VERSION 3.8)

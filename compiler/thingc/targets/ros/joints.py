@@ -1,4 +1,4 @@
-"""The moving joints of a mode's URDF, and their values in a pose."""
+"""Find the moving joints in the URDF of a mode, and their values in a pose."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velo
 
 
 class MovingJoint(FrozenStruct):
-    """A moving joint of the URDF.
+    """A moving joint in a URDF file.
 
     `name` is the name of the joint in the URDF, and `body` is the index of the child body of the joint. `move` is the motion of the
-    joint, and `drive` is its drive in this mode. `follows` is True if the joint mimics another joint. The three rotations of a ball
-    have no drive, because the drives of a ball have different axes.
+    joint, and `drive` is its drive in this mode. `follows` is True if the joint mimics another joint. The three rotations of a ball joint
+    have no drive, because the drives of a ball joint have different axes.
     """
 
     name: str
@@ -36,7 +36,9 @@ class MovingJoint(FrozenStruct):
 
     @property
     def interface(self) -> str | None:
-        """The command interface of the joint in ros2_control: `position`, `velocity`, `effort`, or None for a joint without drive."""
+        """Return the command interface of the joint in ros2_control: `position`, `velocity` or `effort`. Return None for a joint without a
+        drive.
+        """
         return None if self.drive is None else INTERFACES[self.drive.kind]
 
 
@@ -60,9 +62,9 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
 
 
 def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
-    """Convert joint values in the document to values [rad or m] of the URDF joints, by joint name.
+    """Convert joint values in the document to values of the URDF joints [rad or m], by joint name.
 
-    `q` contains the values in the document by path. A moving base is in its start pose.
+    `q` contains the joint values in the document, by path. If the base moves, it is in its start pose.
     """
     at: dict[str, float] = {}
     for body in robot.bodies:
@@ -77,7 +79,7 @@ def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
 
 
 def start(robot: Robot) -> Mapping[str, float]:
-    """Return the value of each joint of the document in the start pose of a mode, by path. Omitted joints are at 0."""
+    """Return the value of each joint of the document in the start pose of a mode, by path. Joints that the start pose omits are at 0."""
     return robot.start.q if robot.start is not None else {}
 
 
@@ -87,10 +89,12 @@ def _lead(robot: Robot, body: Body) -> tuple[TreeJoint, ...]:
 
 
 def _turns(ball: tuple[TreeJoint, ...], q: tuple[float, ...]) -> Vector:
-    """Return the angles [rad] of three successive rotations about the axes of a ball that together equal the rotation vector `q`.
+    """Convert a rotation vector `q` to three angles [rad]. Three successive rotations by these angles, about the axes of the ball joint,
+    equal the rotation vector.
 
     In the frame U of the axes, R = U Rx(a) Ry(b) Rz(c) U', so that U' R' U = Rz(-c) Ry(-b) Rx(-a), whose roll, pitch and yaw are -a, -b and
-    -c. The axes of a reversed ball are a left-handed frame; about the opposite axes the angles have the opposite sign.
+    -c. The axes of a reversed ball joint form a left-handed frame. About the opposite axes, which are right-handed, the angles have the
+    opposite sign.
     """
     x, y, z = (joint.twist.axis for joint in ball)
     hand = 1.0 if dot(cross(x, y), z) > 0.0 else -1.0

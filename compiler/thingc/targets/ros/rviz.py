@@ -1,4 +1,4 @@
-"""Files for displaying a robot: a launch file with the mode as an argument, and the RViz configuration."""
+"""Write the files that display a robot: a launch file that accepts the mode as an argument, and the configuration of RViz."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from thingc.targets.urdf.links import WORLD
 
 
 def frame_of(robot: Robot) -> str:
-    """Return the fixed frame for displaying a mode, which is the root of its URDF."""
+    """Return the fixed frame of RViz for a mode. It is the root link of the URDF."""
     return safe(robot.assembly.links[robot.bodies[0].link].name) if robot.base == "free" else WORLD
 
 
@@ -28,7 +28,7 @@ def launch_file(robots: Sequence[Robot], controllers: Mapping[str, Sequence[Cont
 def rviz_config(frame: str, heading: str) -> str:
     """Return the text of `display.rviz`, an RViz configuration that shows the robot on a grid, with its frames.
 
-    `frame` is the fixed frame, unless RViz is started with `-f`.
+    The fixed frame is `frame`, unless RViz is started with the option `-f`.
     """
     return _filled("display.rviz", HEADING=heading, FRAME=frame)
 
@@ -36,14 +36,16 @@ def rviz_config(frame: str, heading: str) -> str:
 def _filled(file: str, **words: str) -> str:
     """Return the text of a template file in which each `@WORD@` is replaced.
 
-    All words are replaced in a single pass, because inserted strings may also contain such words.
+    All words are replaced in one pass, because the inserted strings may also contain such words.
     """
     template = (resources.files("thingc.targets.ros") / f"{file}.template").read_text(encoding="utf-8")
     return re.sub("@([A-Z]+)@", lambda word: words[word[1]], template)
 
 
 def _mode(robot: Robot, controllers: list[str]) -> str:
-    """Return the entry of a mode in the launch file: the fixed frame, the start values of joints [rad or m], and the controllers."""
+    """Return the entry of a mode in the launch file. It contains the fixed frame, the start values of joints [rad or m], and the
+    controllers.
+    """
     joints = "".join(f'            "{name}": {value + 0.0},\n' for name, value in values(robot, start(robot)).items())
     begin = f"{{\n{joints}        }}" if joints else "{}"
     named = ", ".join(f'"{name}"' for name in controllers)

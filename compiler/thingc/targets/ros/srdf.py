@@ -1,4 +1,6 @@
-"""SRDF, the additional input of MoveIt: groups, poses, joints without drives, and pairs of links that need no collision check."""
+"""Write the SRDF file, which MoveIt reads in addition to the URDF. The file contains groups, poses, joints without drives, and pairs of
+links that need no collision check.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,13 @@ from thingc.targets.urdf.links import WORLD
 from thingc.targets.xml_writer import Element
 
 ALWAYS = 0.95
-"""Minimum fraction of colliding configurations for a pair that counts as always colliding, as in MoveIt's setup assistant."""
+"""A pair counts as always colliding if it collides in at least this fraction of the configurations, as in MoveIt's setup assistant."""
 
 
 class Group(FrozenStruct):
-    """A named group of joints in the SRDF. `tip` is the mount at the end of the chain of joints. It is None for the group of all joints."""
+    """A named group of joints in the SRDF. `tip` is the mount at the end of a chain of joints. `tip` is None for the group of all
+    joints.
+    """
 
     name: str
     tip: str | None
@@ -32,8 +36,8 @@ class Group(FrozenStruct):
 def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None, report: Report) -> Element:
     """Create the `<robot>` element of the SRDF file of a mode.
 
-    `touching` are the links with collision shapes. `meetings` is their collision matrix, or None if it is unknown. Duplicate group names
-    are reported.
+    `touching` contains the names of the links that have collision shapes. `meetings` is the collision matrix of these links, or None if it
+    is unknown. If two groups have the same name, an error is reported.
     """
     root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
     moving = joints(robot)
@@ -66,10 +70,10 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | Non
 def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> list[Group]:
     """Return the joint groups of a mode for MoveIt. The first group contains all joints and has the name of the robot.
 
-    Each other group is the chain to an exported mount that moves relative to the root.
+    Each other group contains the joints from the root to an exported mount that moves relative to the root.
 
-    The group of all joints comes first, because some readers only use the first of several states with the same name. If several mounts
-    have the same frame, only the first mount has a group. No group contains the joints of a moving base.
+    This group comes first because some readers only use the first of several states with the same name. If several mounts have the same
+    frame, only the first mount has a group. The joints of a moving base are not in any group.
     """
     names = MangledNames("be the group", "SRDF", report)
     of_body: dict[int, tuple[MovingJoint, ...]] = {}
@@ -88,7 +92,7 @@ def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> lis
 
 
 def _exported(robot: Robot) -> Iterator[Site]:
-    """Yield the mounts that documents export.
+    """Yield the mounts that the documents export.
 
     The mounts of the robot's own document come first. A mount with the same frame as an earlier mount is omitted.
     """
@@ -101,7 +105,8 @@ def _exported(robot: Robot) -> Iterator[Site]:
 
 
 def _unchecked(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
-    """Yield the pairs of links that MoveIt need not check for collisions, each with a reason in the terms of MoveIt's setup assistant.
+    """Yield the pairs of links that MoveIt does not need to check for collisions. Each pair has a reason in the terms of MoveIt's setup
+    assistant.
 
     The pairs are in the order of the links in the robot.
     """

@@ -1,4 +1,4 @@
-"""SDF files for Gazebo: a model folder for each mode, and a world."""
+"""Write SDF files for Gazebo: a model folder for each mode, and a world."""
 
 from thingc.targets.target import Target
 

@@ -7,10 +7,10 @@ from typing import Literal
 from thingc.targets.capabilities import OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["each", "universal", "ball"]
-"""How a joint is written: as an SDF joint for each coordinate, as an SDF joint with two axes, or as an SDF joint without axes."""
+"""How a joint is written: as one SDF joint for each coordinate, as an SDF joint with two axes, or as an SDF joint without axes."""
 
 DriveForm = Literal["position controller", "velocity controller", "force"]
-"""The system of Gazebo that drives a joint."""
+"""The Gazebo system that drives a joint."""
 
 LoopForm = Literal["joint"]
 

@@ -1,8 +1,8 @@
-"""Convert the joints of a mode to SDF joints. A joint of SDF rotates about axes, or slides along axes, through a fixed point of its child.
+"""Convert the joints of a mode to SDF joints. An SDF joint rotates about axes, or slides along axes, through a fixed point of its child.
 
-SDF has rotations, slides, screws, balls, and two rotations about intersecting axes (`universal`). Any other joint with several coordinates
-becomes a chain of joints with almost massless links between them. In the pose of the file all joints are at 0, and loops and holds are
-closed.
+SDF supports rotations, slides, screws, balls, and two rotations about intersecting axes (`universal`). Any other joint with several
+coordinates becomes a chain of joints with almost massless links between them. The file is written in a pose in which all joints are at 0,
+and in which loops and holds are closed.
 """
 
 from __future__ import annotations
@@ -25,13 +25,15 @@ from thingc.targets.sdf.capabilities import CAPABILITIES
 SdfType = Literal["fixed", "continuous", "revolute", "prismatic", "screw", "universal", "ball"]
 
 LINK = "_link"
-"""Suffix of a link in a chain of joints, appended to the name of the preceding joint. A component can have the name of a joint."""
+"""Suffix of the name of an intermediate link in a chain of joints. It is appended to the name of the preceding joint. The suffix is needed
+because a component can have the same name as a joint.
+"""
 
 
 class SdfAxis(FrozenStruct):
-    """A coordinate of an SDF joint, and its motion as a twist in the frame of the child link.
+    """A coordinate of an SDF joint. Its motion is a twist in the frame of the child link.
 
-    The twist is in the pose in which the file is written.
+    The twist applies in the pose in which the file is written.
     """
 
     joint: TreeJoint | JointEdge
@@ -41,8 +43,8 @@ class SdfAxis(FrozenStruct):
 class SdfJoint(FrozenStruct):
     """A joint in an SDF file.
 
-    `path` is the name of the joint, and `at` is the origin of the joint in the frame of the child link [m]. `axes` is empty for a
-    `fixed` joint or a `ball`.
+    `path` is the name of the joint, and `at` is its origin in the frame of the child link [m]. `axes` is empty for a `fixed` joint or a
+    `ball`.
     """
 
     path: str
@@ -54,7 +56,7 @@ class SdfJoint(FrozenStruct):
 def chain(connection: Connection, q: Mapping[str, float]) -> tuple[SdfJoint, ...]:
     """Return the SDF joints that connect two bodies, in order.
 
-    In the pose of the file the coordinates are at `q` [rad or m]; coordinates of a base are at 0.
+    `q` contains the coordinates [rad or m] in the pose in which the file is written. Coordinates of a base are at 0 in this pose.
     """
     path, joints = connection.path, connection.coordinates
     if not joints:
@@ -88,8 +90,9 @@ def _type(axis: SdfAxis) -> SdfType:
 class ZeroState(FrozenStruct):
     """The state of a robot in which all joints of its SDF file are at zero.
 
-    It contains the values `q` [rad or m] of the document's joints by path, and the pose of the root link in the world. `pose` is the
-    name of the pose in the document (None for all joints at 0). `closed` is True if loops and holds are closed.
+    The fields contain the values `q` [rad or m] of the document's joints by path, and the pose of the root link in the world. `pose` is the
+    name of this pose in the document. It is None if all joints of the document are at 0. `closed` is True if loops and holds are closed in
+    this state.
     """
 
     q: dict[str, float]
@@ -101,8 +104,8 @@ class ZeroState(FrozenStruct):
 def zero_state(robot: Robot) -> ZeroState:
     """Return the state of a robot in which the joints of its SDF file are at zero.
 
-    If possible, this is the state with all joints of the document at 0. If loops or holds are open in this state, use the first pose of
-    the document in which they are closed.
+    If loops and holds are closed when all joints of the document are at 0, return this state. Otherwise, return the first pose of the
+    document in which they are closed.
     """
     q = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
     if not robot.closures:
@@ -117,7 +120,7 @@ def zero_state(robot: Robot) -> ZeroState:
 
 
 def _as_held(robot: Robot, q: dict[str, float]) -> Pose:
-    """Return the pose of the root link in the world for joint values `q`. The first hold determines the pose of a free base."""
+    """Return the pose of the root link in the world for joint values `q`. If the base is free, its pose is determined by the first hold."""
     base = robot.bodies[0].X_PL
     hold = next((closure for closure in robot.closures if closure.hold), None)
     if robot.base != "free" or hold is None:

@@ -1,4 +1,6 @@
-"""`sdf/<name>_<mode>/`: each chosen mode as a model folder for Gazebo, and `sdf/world_<mode>.sdf`, a world with that model."""
+"""Write each chosen mode as a model folder `sdf/<name>_<mode>/` for Gazebo, and as a world `sdf/world_<mode>.sdf` that contains this
+model.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ from thingc.targets.xml_writer import Element, write
 def emit(request: EmitRequest) -> Artifacts:
     """Write a model folder and a world file for each chosen mode.
 
-    Each folder contains its own meshes, as usual for Gazebo, so that a user can copy a single folder.
+    Each folder contains its own meshes, as is usual for Gazebo. Therefore, users can copy a single folder.
     """
     assembly = request.assembly
     shapes, flat = solid_geometry(assembly, "sdf", f"sdf/{assembly.name}_MODE/{MESHES}", request.report)
@@ -50,8 +52,8 @@ def emit(request: EmitRequest) -> Artifacts:
 def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
     """Yield the export losses of one mode.
 
-    `zero` is the state of the mode in which all joints of the SDF file are at 0. An export loss that is common to all modes has no
-    mode.
+    `zero` is the state of the mode in which all joints of the SDF file are at 0. If an export loss is common to all modes, its `mode` is
+    None.
     """
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"], closed=zero.closed):
@@ -68,7 +70,7 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
 def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
     """Yield the export losses of a joint of the document that is written as `number` SDF joints.
 
-    Joints of bases and holds have no export losses.
+    Joints that represent a base or a hold have no export losses.
     """
     if number > 1 and connection.joints:
         yield _loss(None, connection.path, "the excluded contact between the links of this joint", "omitted", connection.origin)
@@ -104,24 +106,24 @@ def _loss(mode: str | None, path: str, what: str, how: How, origin: Origin) -> L
 
 
 GRIP = 100.0
-"""Friction of the floor.
+"""Coefficient of friction of the floor.
 
-Gazebo uses the smaller friction of two surfaces. This large value selects the friction of the robot, as in MuJoCo.
+Gazebo uses the smaller friction of two surfaces. Because of this large value, the friction of the robot applies, as in MuJoCo.
 """
 
 RENDERING = ("gz-sim-sensors-system", "gz::sim::systems::Sensors")
-"""The Gazebo system that all cameras and rays need in the world."""
+"""The file and the class of the Gazebo system that a world with cameras or rays must contain."""
 
 SYSTEMS: dict[SensorForm, tuple[str, str]] = {
     "imu": ("gz-sim-imu-system", "gz::sim::systems::Imu"), "force_torque": ("gz-sim-forcetorque-system", "gz::sim::systems::ForceTorque"),
     "magnetometer": ("gz-sim-magnetometer-system", "gz::sim::systems::Magnetometer"),
     "contact": ("gz-sim-contact-system", "gz::sim::systems::Contact"), "camera": RENDERING, "gpu_lidar": RENDERING,
 }
-"""The Gazebo system that each type of sensor needs in the world."""
+"""The file and the class of the Gazebo system that a world must contain for each type of sensor."""
 
 
 def config(name: str, version: str, description: str) -> Element:
-    """Return the root element of the file `model.config` for the SDF model with the name `name`."""
+    """Return the root element of the file `model.config` for the SDF model `name`."""
     root = Element(tag="model")
     root.say("name", name)
     root.say("version", "1.0")
@@ -131,9 +133,9 @@ def config(name: str, version: str, description: str) -> Element:
 
 
 def world(robot: Robot, folder: str) -> Element:
-    """Return the SDF world of a mode, which includes the model in `folder`.
+    """Return the SDF world of a mode. The world includes the model in the folder `folder`.
 
-    The world defines gravity, a time step, a light, and a floor in the plane z = 0.
+    The world defines gravity, a time step and a light, and contains a floor in the plane z = 0.
     """
     root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
     element = root.add("world", {"name": f"{robot.assembly.name}_{robot.mode.name}"}, robot.mode.origin)
@@ -162,7 +164,7 @@ def world(robot: Robot, folder: str) -> Element:
 
 
 def _lift(robot: Robot) -> float:
-    """Return the height [m] by which a floating robot must be lifted so that no part is below the floor with all joints at 0."""
+    """Return the height [m] by which a floating robot must be lifted. At this height, no part is below the floor if all joints are at 0."""
     box = bounds(*placements(robot)) if robot.base == "free" and not robot.closures else None
     return 0.0 if box is None else numeric.maximum(0.0, -box[0][2])
 

@@ -1,8 +1,8 @@
 """Write a robot in one mode as an SDF model.
 
-Links have the same frames as in MJCF and `modes.json`. The frame of a joint is at its own position, with the axes of its child. Mounts,
-`frame` components and roots of modes are frames. Loops and holds are also joints, because SDF allows any graph. Drives are Gazebo systems,
-because SDF itself only has effort and velocity limits.
+Links have the same frames as in MJCF and `modes.json`. The frame of a joint is at the position of the joint, and has the axes of the child
+link. Mounts, `frame` components and roots of modes become frames. Loops and holds become joints, because SDF allows any graph of links.
+Drives become Gazebo systems, because SDF itself only supports effort and velocity limits.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ from thingc.targets.sdf.sensors import sensors_of_joint, sensors_of_link
 from thingc.targets.xml_writer import NAMESPACES, Element
 
 UNBOUNDED = 1e9
-"""Effort limit [N m or N] of a drive without a limit, because the default of Gazebo's controllers is 1000."""
+"""Effort limit [N m or N] that is written for a drive without a limit. Otherwise, the controllers of Gazebo would use their default of
+1000.
+"""
 
 SYSTEMS: dict[DriveForm, tuple[str, str]] = {
     "position controller": ("joint-position-controller", "JointPositionController"),
@@ -40,34 +42,34 @@ SYSTEMS: dict[DriveForm, tuple[str, str]] = {
 """The file and the class of each Gazebo system."""
 
 Kind = Literal["link", "joint", "frame"]
-"""Kinds of named elements in a model. They share one namespace."""
+"""Kinds of elements in a model that have names. Elements of all kinds share one namespace."""
 
 WORLD = "world"
-"""The name of the world in SDF. Links, joints and robots must not have this name."""
+"""The name that refers to the world in an SDF file. A link, a joint or a robot must not have this name."""
 
 PLAIN, NEWER = "1.9", "1.11"
-"""The usual version of a file, and the version of a file with a mimic joint or a screw, which older versions do not support."""
+"""The SDF version of most files, and the version of files with a mimic joint or a screw. Older versions do not support these joints."""
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
-"""Mass [kg] and moments of inertia [kg m^2] of a link without mass, because SDF requires positive values."""
+"""Mass [kg] and moments of inertia [kg m^2] that are written for a link without mass, because SDF requires positive values."""
 
 AXES = ("axis", "axis2")
-"""The tags of the axes of a joint."""
+"""The tags of the first and the second axis of a joint."""
 
 MESHES = "meshes"
-"""The folder of meshes beside the file."""
+"""The folder that contains the meshes, beside the SDF file."""
 
 PATCH = 16.0 / (3.0 * math.pi)
-"""The radius [m] of the contact patch at which a coefficient of 1 gives the same torque as MuJoCo's torsional friction of 1 m.
+"""Radius [m] of the contact patch. With this radius, a coefficient of 1 gives the same torque as a torsional friction of 1 m in MuJoCo.
 
-In ODE the torque is `3 pi / 16` of the coefficient times the radius times the normal force.
+In ODE, the torque is `3 pi / 16` times the coefficient, the radius and the normal force.
 """
 
 
 def model(robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> tuple[Element, tuple[Loss, ...]]:
-    """Create the `<sdf>` element of a mode in the state `zero`, in which all joints are at 0.
+    """Create the `<sdf>` element of a mode. The model is written in the state `zero`, in which all joints are at 0.
 
-    Also return an export loss for each changed name. Duplicate names of links or of joints are reported.
+    Also return an export loss for each name that was changed. If two links or two joints have the same name, an error is reported.
     """
     builder = _Builder(robot, geometry, zero, report)
     return builder.build(), tuple(builder.losses)
@@ -94,7 +96,7 @@ class _Builder:
         self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)
 
     def build(self) -> Element:
-        """Build the `<sdf>` element. Its model contains links, then joints, then frames, then the Gazebo systems that drive joints."""
+        """Build the `<sdf>` element. The model contains links, joints, frames, and Gazebo systems that drive joints, in this order."""
         robot, names = self.robot, self.links
         self.robots.take(WORLD, (), "the world")
         name = self.robots.take(self.assembly.name, self.assembly.definition.origin, "the robot")
@@ -119,8 +121,8 @@ class _Builder:
     def _name(self, kind: Kind, path: str, origin: Origin, made: str | None = None) -> str:
         """Reserve the SDF name for a path in the document, and return it.
 
-        Links, joints and frames share one namespace. If an element of another kind already has the name, the kind is appended to the
-        name. SDFormat does the same for files older than 1.7.
+        Links, joints and frames share one namespace. If an element of another kind already has this name, the kind is appended to the name.
+        SDFormat does the same for files older than 1.7.
         """
         name = own = self.names[kind].take(path, origin, made or f"{kind} `{path}`")
         while name in self.taken:
@@ -132,7 +134,7 @@ class _Builder:
         return name
 
     def _lead(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:
-        """Add the SDF joints between two links, and the intermediate links, which have the pose of the child link."""
+        """Add the SDF joints between two links. Also add the intermediate links, which have the pose of the child link."""
         *before, last = steps
         for step in before:
             between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
@@ -146,7 +148,9 @@ class _Builder:
             sensors_of_joint(self.robot, connection.child, last.at, element, self.parts)
 
     def _joint(self, model: Element, step: SdfJoint, parent: str, child: str, origin: Origin) -> Element:
-        """Add a joint of SDF. A joint that mimics a mimic joint follows the independent joint, as in URDF."""
+        """Add a joint to the SDF model. If the leader of a mimic joint is also a mimic joint, the independent joint is written as the
+        leader, as in URDF.
+        """
         element = model.add("joint", {"name": self.joints[step.path], "type": step.type}, origin)
         _set_pose(element, shifted(*step.at))
         element.say("parent", parent)
@@ -159,7 +163,7 @@ class _Builder:
         return element
 
     def _axis(self, joint: Element, word: str, axis: SdfAxis, *, alone: bool) -> None:
-        """Add an axis element for a coordinate to an SDF joint, with its limits, its dynamics and its mimic constraint."""
+        """Add an axis element for a coordinate to an SDF joint. The element contains the limits, the dynamics and the mimic constraint."""
         own, at_zero = axis.joint, self.zero.q.get(axis.joint.path, 0.0)
         element = joint.add(word)
         element.say("xyz", axis.twist.axis)
@@ -219,7 +223,7 @@ class _Builder:
 
 
 def _set_pose(element: Element, pose: Pose, relative_to: str | None = None) -> None:
-    """Add a `<pose>` element, unless the pose is the identity."""
+    """Add a `<pose>` element. It is omitted if the pose is the identity."""
     if relative_to is not None or pose != NO_POSE:
         turned = (0.0, 0.0, 0.0) if pose.rotation == IDENTITY else rpy_of(pose.rotation)
         attributes = {} if relative_to is None else {"relative_to": relative_to}
@@ -257,7 +261,7 @@ def _paint(visual: Element, color: str) -> None:
 
 
 def _rub(collision: Element, material: Material | None) -> None:
-    """Add the friction of a material to a collision element, if the material specifies friction."""
+    """Add the friction of a material to a collision element. Nothing is added if the material does not specify friction."""
     if material is None or (material.slide is None and material.torsion is None):
         return
     friction = collision.add("surface").add("friction")
@@ -273,10 +277,10 @@ def _rub(collision: Element, material: Material | None) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Add the inertia of a link: its mass [kg], its centre of mass [m], and the inertia about the centre of mass [kg m^2] in the link's
-    axes.
+    """Add the inertia of a link: its mass [kg], its centre of mass [m], and its inertia about the centre of mass [kg m^2], along the axes
+    of the link.
 
-    Values below the minimum of SDF are raised.
+    Values that are smaller than the minimum of SDF are replaced by the minimum.
     """
     least = LEAST_INERTIA
     fault = physical_fault(properties.inertia) is not None
@@ -290,10 +294,10 @@ def _weigh(link: Element, properties: MassProperties) -> None:
 
 
 def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapping[str, str]) -> Iterator[Element]:
-    """Yield the Gazebo controller plugins for joints with one axis and a drive in this mode.
+    """Yield the Gazebo controller plugins of a mode. Each plugin drives a joint with one axis that has a drive in this mode.
 
-    The controllers are PID controllers with the gains of the drive. For a motor, the controller applies forces. `names` maps joint paths to
-    names.
+    The controllers are PID controllers with the gains of the drive. For a motor, the plugin applies forces to the joint. `names` contains
+    the SDF names of joints, by joint path.
     """
     for step in steps:
         if len(step.axes) == 1 and step.axes[0].joint.path in robot.present:

@@ -1,5 +1,5 @@
-"""Write the sensors that SDF supports. Sensors belong to links, except `force`, which becomes a `force_torque` sensor on the joint of its
-link.
+"""Write the sensors of a robot that SDF supports. Sensors are written to links. Only a `force` sensor becomes a `force_torque` sensor on
+the joint of its link.
 """
 
 from __future__ import annotations
@@ -18,20 +18,24 @@ from thingc.targets.sensors import body_of, on_free_root
 from thingc.targets.xml_writer import Element
 
 LOOKING = Pose(rotation=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
-"""Rotation from a document's camera, which looks along the mount's z with y up, to SDF's, which looks along its x with z up."""
+"""Rotation from the camera of a document to the camera of SDF. The former looks along the z axis of the mount, with y up. The latter looks
+along x, with z up.
+"""
 
 WIDTH, HEIGHT = 640, 480
-"""Size of a camera's picture [pixels]. Documents do not specify it."""
+"""Width and height of the pictures of a camera [pixels]. Documents do not specify this size."""
 
 NEAR, FAR = 0.01, 100.0
-"""Near and far plane of a camera [m]."""
+"""Distances of the near and the far plane of a camera [m]."""
 
 RATE = 30.0
-"""Pictures of a camera per second."""
+"""Number of pictures that a camera takes per second."""
 
 
 def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames) -> None:
-    """Add all sensors of a link, except force sensors, to its SDF element. The collisions of the link must already have been added."""
+    """Add all sensors of a link, except force sensors, to its SDF element. The collision elements of the link must already have been
+    added.
+    """
     for sensor, site in _on(robot, body):
         form = written(CAPABILITIES["sensors"][sensor.kind])
         match form:
@@ -88,9 +92,9 @@ def _ray(element: Element, reach: float) -> None:
 
 
 def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: MangledNames) -> None:
-    """Add the force sensors of a link to its joint, whose origin is `at` in the link's frame [m].
+    """Add the force sensors of a link to the joint of the link. The origin of the joint is `at` [m] in the frame of the link.
 
-    As in MuJoCo, a sensor measures the force of the link on its parent.
+    As in MuJoCo, the sensor measures the force that the link exerts on its parent.
     """
     for sensor, site in _on(robot, body):
         if written(CAPABILITIES["sensors"][sensor.kind]) == "force_torque" and not on_free_root(robot, sensor):

@@ -1,4 +1,4 @@
-"""STEP files of the whole robot for CAD programs. `emit.py` is the target."""
+"""Write a STEP file of the whole robot for CAD programs. The module `emit.py` writes the files."""
 
 from thingc.targets.target import Target
 

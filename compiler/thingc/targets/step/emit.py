@@ -1,4 +1,4 @@
-"""`step/<name>.step`: the whole robot at q = 0 in the base component's frame, for CAD programs."""
+"""Write `step/<name>.step`, which contains the whole robot at q = 0, in the frame of the base component."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def in_background(work: Callable[[], Value]) -> Future[Value]:
 class _Begun(FrozenStruct):
     """A STEP file that the CAD kernel is writing.
 
-    `file` is a future for the finished file (None if there is no file). `losses` contains the export losses of the target.
+    `file` is a future that returns the finished file, or None if no file is written. `losses` contains the export losses of the target.
     """
 
     file: Future[StoredFile] | None
@@ -45,18 +45,20 @@ class _Begun(FrozenStruct):
 
 
 def begin(request: EmitRequest) -> None:
-    """Start to write the STEP file in the process of the CAD kernel while other targets are written.
+    """Start to write the STEP file in a process of the CAD kernel. Meanwhile, other targets are written.
 
-    The function `emit` waits for the file.
+    The function `emit` waits until the file is finished.
     """
     request.made["step"] = _begun(request)
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Write one STEP file with one shape per definition. Each occurrence is a coloured instance with its path as its name.
+    """Write a STEP file that contains one shape for each definition. Each occurrence is a coloured instance of a shape. The name of the
+    instance is the path of the occurrence.
 
-    The geometry service writes the file with the CAD kernel. A part without B-rep (a mesh) or a link with listed shapes is a loss. For a
-    robot without geometry no file is written, which is also a loss. If the kernel fails, an error is reported for the document.
+    The geometry service writes the file with the CAD kernel. Parts without a B-rep (meshes) and links with listed shapes are reported as
+    export losses. If the robot has no geometry, no file is written, and an export loss is reported. If the CAD kernel fails, an error is
+    reported for the document.
     """
     assembly = request.assembly
     begun = request.made.get("step")

@@ -1,4 +1,4 @@
-"""STL files for printing. `emit.py` is the target."""
+"""Write STL files for 3D printing. The module `emit.py` writes the files."""
 
 from thingc.targets.target import Target
 

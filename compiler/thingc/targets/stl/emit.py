@@ -1,4 +1,6 @@
-"""`stl/<definition>.stl`: a print file for each definition that is not bought, in millimetres, with z away from the bed."""
+"""Write `stl/<definition>.stl`, a file to print each definition that is not bought. The unit is millimetres, and the z axis points away
+from the print bed.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +15,11 @@ from thingc.targets.request import EmitRequest
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Write an STL file in print orientation for each definition with geometry, unless all its occurrences are bought.
+    """Write an STL file in print orientation for each definition with geometry. Definitions are omitted if all their occurrences are
+    bought.
 
-    If a mesh is not closed, the file is written and an export loss is reported, because a slicer may repair or reject the mesh. If two
-    definitions have the same file name (`a/b.step` and `a.b.step`), an error is reported at the second definition.
+    If a mesh is not closed, the file is still written, because a slicer may be able to repair the mesh. An export loss is reported. If two
+    definitions have the same file name (such as `a/b.step` and `a.b.step`), an error is reported at the second definition.
     """
     files: dict[str, Content] = {}
     losses: list[Loss] = []
@@ -50,14 +53,14 @@ def emit(request: EmitRequest) -> Artifacts:
 def _up(occurrence: Occurrence) -> Vector:
     """Return the direction away from the print bed, in the frame of the part.
 
-    The document has precedence over the Thing, and the Thing has precedence over the default.
+    A direction in the document takes precedence over the direction of the Thing, and the latter over the default.
     """
     record = occurrence.record
     return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
 
 
 def _turned(stl: bytes, up: Vector) -> bytes:
-    """Rotate a binary STL file about the part's origin by the smallest angle that aligns `up` with z."""
+    """Rotate a binary STL file about the origin of the part, by the smallest angle after which `up` points along z."""
     import numpy as np
 
     x, y, z = up

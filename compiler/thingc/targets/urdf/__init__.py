@@ -1,4 +1,4 @@
-"""URDF 1.0 files for ROS and other readers, one for each mode."""
+"""Write a URDF 1.0 file for each mode, for ROS and other readers."""
 
 from thingc.targets.target import Target
 

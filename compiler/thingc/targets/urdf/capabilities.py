@@ -7,7 +7,9 @@ from typing import Literal, Never
 from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["each", "threaded"]
-"""How a joint is written: as a rotation or a slide for each coordinate, or as a rotation and a slide that mimics the rotation."""
+"""How a joint is written. A coordinate becomes a rotation or a slide, and a screw becomes a rotation and a slide that mimics the
+rotation.
+"""
 
 DriveForm = Literal["transmission"]
 

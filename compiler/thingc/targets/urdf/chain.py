@@ -1,7 +1,7 @@
-"""Convert the joints of a mode to joints of URDF. A joint of URDF rotates about an axis, or slides along an axis, through the origin of
-its child link.
+"""Convert the joints of a mode to joints of URDF. A URDF joint rotates about an axis, or slides along an axis, through the origin of its
+child link.
 
-A joint with several coordinates becomes a chain of such joints with almost massless links between them. A screw becomes a rotation and a
+A joint with several coordinates becomes a chain of URDF joints, with almost massless links between them. A screw becomes a rotation and a
 slide that mimics the rotation. A ball becomes three rotations.
 """
 
@@ -17,15 +17,15 @@ from thingc.targets.capabilities import joint_cell
 from thingc.targets.urdf.capabilities import CAPABILITIES
 
 SLIDE = "_slide"
-"""Suffix of the name of a screw's slide."""
+"""Suffix of the name of the slide that represents the translation of a screw."""
 
 
 class Move(FrozenStruct):
     """A joint in a URDF file.
 
-    `path` is the name of the joint, and `type` is its motion about or along the unit vector `axis`. `origin` is the frame of the joint and
-    its child at q = 0, relative to the previous joint or link. `follows` is the joint that the slide of a screw mimics, with the ratio
-    [m/rad].
+    `path` is the name of the joint. `type` is the kind of its motion about or along the unit vector `axis`. `origin` is the frame of the
+    joint and of its child at q = 0, relative to the previous joint or link. `follows` is the joint that the slide of a screw mimics, and
+    the ratio [m/rad].
     """
 
     path: str
@@ -37,15 +37,15 @@ class Move(FrozenStruct):
 
 
 def own_frame(joints: Sequence[TreeJoint]) -> Pose:
-    """Return the URDF frame of a link relative to the link's own frame.
+    """Return the URDF frame of a link, relative to the link's own frame.
 
-    The URDF frame is on the last of the `joints` that lead to the link.
+    The URDF frame is located at the last of the `joints` that lead to the link.
     """
     return shifted(*joints[-1].twist.anchor) if joints else NO_POSE
 
 
 def moves(joints: Sequence[TreeJoint], X_PL: Pose) -> Iterator[Move]:
-    """Yield the URDF joints that lead to a link, one for each motion of `joints`.
+    """Yield the URDF joints that lead to a link. Each motion of `joints` becomes one URDF joint.
 
     `X_PL` is the pose of the link's own frame in the URDF frame of its parent link.
     """

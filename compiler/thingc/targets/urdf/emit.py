@@ -1,4 +1,4 @@
-"""`urdf/<name>_<mode>.urdf`: a URDF 1.0 file for each chosen mode, with meshes in the shared folder `urdf/meshes/`."""
+"""Write `urdf/<name>_<mode>.urdf`, a URDF 1.0 file for each chosen mode. The meshes are in the shared folder `urdf/meshes/`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _uri(request: EmitRequest) -> str:
-    """Return the URI of the mesh folder as configured in the workspace. If the build folder is unknown, the URI is relative."""
+    """Return the URI of the mesh folder, which the workspace can configure. If the path of the build folder is unknown, the URI is
+    relative.
+    """
     match request.workspace.mesh_uri:
         case "package":
             return f"package://{package_name(request.assembly.name)}/{MESHES}"

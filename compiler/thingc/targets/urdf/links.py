@@ -1,9 +1,9 @@
 """Write a robot in one mode as a URDF tree.
 
-The URDF frame of a link is on the joint that leads to the link. The link's own frame, as in MJCF and `modes.json`, is the same in every
-mode. If this frame differs from the URDF frame, it is written as an additional massless link `<link>_frame`. Exported mounts, `frame`
-components and roots of modes are also massless links. All frames have the link's own axes, so that no frame of an inertia or a joint is
-rotated.
+The URDF frame of a link is located at the joint that leads to the link. The link's own frame, as in MJCF and `modes.json`, is the same in
+every mode. If a link's own frame differs from its URDF frame, the own frame is written as an additional massless link `<link>_frame`.
+Exported mounts, `frame` components and roots of modes also become massless links. All these frames have the axes of the link, so that no
+frame of an inertia or a joint is rotated.
 """
 
 from __future__ import annotations
@@ -29,31 +29,35 @@ from thingc.targets.urdf.chain import Move, moves, own_frame
 from thingc.targets.xml_writer import Element, XmlValue
 
 WORLD = "world"
-"""The root link for a base that does not float."""
+"""Name of the root link for a base that does not float."""
 
 UNBOUNDED = 1e9
-"""Limit [rad, m, N m, N, rad/s or m/s] that is written for a joint without a limit, because URDF requires a limit."""
+"""Limit that is written for a joint without a limit, because URDF requires a limit. Its unit is rad, m, N m, N, rad/s or m/s."""
 
 BETWEEN = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
-"""Mass properties of a moving link without mass, because MuJoCo rejects zero."""
+"""Mass properties that are written for a moving link without mass, because MuJoCo rejects a mass of zero."""
 
 MASSLESS = MassProperties(mass=0.0)
-"""Mass properties of a fixed link without mass. PyBullet assigns 1 kg to a link without `<inertial>`, unless its name is `world`."""
+"""Mass properties that are written for a fixed link without mass. They are written because PyBullet assigns 1 kg to a link without
+`<inertial>`, unless the name of the link is `world`.
+"""
 
 LINK = "_link"
-"""Suffix of a link in a chain of joints, appended to the name of the preceding joint. A component can have the name of a joint."""
+"""Suffix of the name of an intermediate link in a chain of joints. It is appended to the name of the preceding joint. The suffix is needed
+because a component can have the same name as a joint.
+"""
 
 MESHES = "meshes"
-"""The folder of meshes beside the files."""
+"""The folder that contains the meshes, beside the URDF files."""
 
 INTERFACES: Mapping[DriveType, str] = {
     "position": "PositionJointInterface", "velocity": "VelocityJointInterface", "motor": "EffortJointInterface",
 }
-"""The interface of a drive in ROS 1."""
+"""The hardware interface of each kind of drive in ROS 1."""
 
 
 def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES) -> Element:
-    """Create the `<robot>` element of a mode. `meshes` is the URI of the mesh folder. Duplicate names are reported."""
+    """Create the `<robot>` element of a mode. `meshes` is the URI of the mesh folder. If two names are equal, an error is reported."""
     return _Builder(robot, geometry, report, meshes).build()
 
 
@@ -88,8 +92,8 @@ class _Builder:
     def build(self) -> Element:
         """Build the `<robot>` element.
 
-        The element contains the materials, followed by the links and joints from the root on, the mimic joints, the frames, and the
-        transmissions. Frames come last, because some readers, such as ikpy, only use the first child of a link.
+        The element contains the materials, the links and joints in the order of the tree, the mimic joints, the frames, and the
+        transmissions. The frames come last, because some readers, such as ikpy, only use the first child of a link.
         """
         for name, (color, origin) in materials(self.geometry.shapes).items():
             self.root.add("material", {"name": name}, origin).add("color", {"rgba": channels(color)})
@@ -117,7 +121,7 @@ class _Builder:
         return self.root
 
     def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose) -> None:
-        """Add the URDF joints between two links, and the intermediate links. A fixed base gets a fixed joint."""
+        """Add the URDF joints between two links, and the intermediate links. If the base is fixed, a fixed joint is added."""
         if not chain:
             self.root.children.append(self._joint(BASE, "fixed", parent, child, X_PL, self.robot.mode.origin))
             return
@@ -132,8 +136,8 @@ class _Builder:
     def _moving(self, move: Move, parent: str, child: str) -> None:
         """Add a movable joint to the URDF file.
 
-        If the leader of a mimic joint is also a mimic joint, the independent joint is written as the leader, because not every reader
-        supports chains.
+        If the leader of a mimic joint is also a mimic joint, the independent joint is written as the leader. The reason is that not every
+        reader supports chains of mimic joints.
         """
         joint = move.joint
         leader, multiplier, offset = self.follows.get(joint.path, (joint.path, 1.0, 0.0))
@@ -171,7 +175,7 @@ class _Builder:
     def _ends(self, move: Move) -> tuple[float, float]:
         """Return the lower and upper limit of a URDF joint.
 
-        For a mimic joint without limits, they are computed from the limits of its leader.
+        If a mimic joint has no limits, they are computed from the limits of its leader.
         """
         limit, thread = move.joint.limit, 1.0 if move.follows is None else move.follows[1]
         offset = 0.0
@@ -185,7 +189,7 @@ class _Builder:
     def _strength(self, move: Move) -> dict[str, XmlValue]:
         """Return the effort and velocity limits of a URDF joint.
 
-        For the slide of a screw, they are computed from the limits of the rotation, which has the drive.
+        For the slide of a screw, the limits are computed from the limits of the rotation, which has the drive.
         """
         joint = move.joint
         if joint.kind.at_once and joint.mate >= 0:
@@ -203,8 +207,8 @@ class _Builder:
     def _strength_of_turn(self, joint: TreeJoint) -> tuple[float, float | None]:
         """Return the effort and velocity limits of one of the three rotations of a ball joint, at q = 0.
 
-        The effort limit is the largest total torque of the drives about the axis of the rotation, because each drive has its own axis.
-        The velocity is the velocity limit of the slowest drive.
+        The effort limit is the largest total torque of the drives about the axis of the rotation. It is computed because each drive has its
+        own axis. The velocity limit is that of the slowest drive.
         """
         joints = self.assembly.mates[joint.mate].joints
         about = next(index for index, one in enumerate(joints) if one.path == joint.path)
@@ -265,7 +269,7 @@ class _Builder:
 
 
 def _transmission(joint: str, drive: ActuatorModel) -> Element:
-    """Return a transmission with ratio 1 for a drive. The transmission has the name of the joint."""
+    """Return a transmission element with the ratio 1 for the drive of a joint. The transmission has the same name as the joint."""
     element = Element(tag="transmission", attributes={"name": f"{joint}_transmission"}, origin=drive.origin)
     element.say("type", "transmission_interface/SimpleTransmission")
     element.add("joint", {"name": joint}).say("hardwareInterface", f"hardware_interface/{INTERFACES[drive.kind]}")
@@ -274,7 +278,9 @@ def _transmission(joint: str, drive: ActuatorModel) -> Element:
 
 
 def parts(shape: Shape) -> tuple[Shape, ...]:
-    """Split a shape into URDF 1.0 shapes whose union is the given shape. This function is needed because URDF has no capsules."""
+    """Split a shape into shapes that URDF 1.0 supports. The union of these shapes is the given shape. The function is needed because URDF
+    does not support capsules.
+    """
     form = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
     match form:
         case "itself":
@@ -290,7 +296,7 @@ def parts(shape: Shape) -> tuple[Shape, ...]:
 
 
 def _origin(element: Element, pose: Pose) -> None:
-    """Add an `<origin>` element for a pose, unless the pose is the identity."""
+    """Add an `<origin>` element for a pose. It is omitted if the pose is the identity."""
     attributes = {"xyz": pose.translation} if any(pose.translation) else {}
     if pose.rotation != IDENTITY:
         attributes["rpy"] = rpy_of(pose.rotation)
@@ -299,9 +305,10 @@ def _origin(element: Element, pose: Pose) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Add an `<inertial>` element to a link: the mass [kg], the centre of mass [m], and the inertia about it [kg m^2].
+    """Add an `<inertial>` element to a link. It contains the mass [kg], the centre of mass [m], and the inertia about the centre of mass
+    [kg m^2].
 
-    The inertia is in the axes of the link.
+    The inertia is expressed along the axes of the link.
     """
     inertial = link.add("inertial")
     _origin(inertial, shifted(*properties.centre))

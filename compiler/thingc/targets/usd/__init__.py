@@ -1,4 +1,4 @@
-"""USD files for Isaac Sim, Newton and other readers: a UsdPhysics stage for each mode."""
+"""Write USD files for Isaac Sim, Newton and other readers. Each mode becomes a UsdPhysics stage."""
 
 from thingc.targets.target import Target
 

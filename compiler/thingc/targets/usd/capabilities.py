@@ -7,14 +7,14 @@ from typing import Literal, Never
 from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
 JointForm = Literal["single", "generic", "spherical"]
-"""How a joint is written: `PhysicsRevoluteJoint` or `PhysicsPrismaticJoint`, `PhysicsJoint`, or `PhysicsSphericalJoint`."""
+"""How a joint is written: as `PhysicsRevoluteJoint` or `PhysicsPrismaticJoint`, as `PhysicsJoint`, or as `PhysicsSphericalJoint`."""
 
 DriveForm = Literal["drive"]
 
 LoopForm = Literal["joint"]
 
 ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
-"""The type of a shape's prim."""
+"""The type of the prim that represents a shape."""
 
 _SINGLE: Supported[JointForm] = Supported("single")
 _GENERIC: Supported[JointForm] = Supported("generic", "a generic joint (D6)")

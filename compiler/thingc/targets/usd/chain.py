@@ -1,12 +1,13 @@
-"""Convert the joints of a mode to joints of UsdPhysics. A joint of UsdPhysics defines a frame on each of two bodies, and the motions
-between these frames.
+"""Convert the joints of a mode to joints of UsdPhysics. A UsdPhysics joint defines a frame on each of two bodies, and the motions between
+these frames.
 
     X_body1 = X_body0 @ frame0 @ T(trans) @ RotX @ RotY @ RotZ @ inv(frame1)
 
-A rotation about z of the frame, a slide along z, and a ball have their own types. Any other joint with several coordinates is a generic
-joint (D6), which first slides, and then rotates about x, about the rotated y, and about the rotated z. UsdPhysics does not define the order
-of the rotations; this is Newton's order. Other motions become a chain of two joints with an almost massless link between them. In Newton's
-schema a rotation can mimic only a rotation, and a slide only a slide.
+A rotation about z of the frame, a slide along z, and a ball have their own types. Any other joint with several coordinates becomes a
+generic joint (D6). A generic joint first slides, and then rotates about x, about the rotated y, and about the rotated z. This order of the
+rotations is that of Newton, because UsdPhysics does not define an order. If a generic joint cannot represent the motions, they become a
+chain of two joints with an almost massless link between them. In Newton's schema, a rotation can only mimic a rotation, and a slide can
+only mimic a slide.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ from thingc.targets.usd.capabilities import CAPABILITIES
 UsdType = Literal["Fixed", "Revolute", "Prismatic", "Spherical", "D6"]
 
 PARALLEL = 1e-9
-"""Tolerance of the cosine for parallel and perpendicular axes."""
+"""Tolerance for the cosine of the angle between axes that count as parallel or perpendicular."""
 
 LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
-"""Frame axes for the directions of a joint, by the number of directions."""
+"""Axes of the joint frame that represent the directions of a joint, by the number of directions."""
 
 
 class Freedom(FrozenStruct):
     """A free motion of a USD joint: a rotation about an axis or a slide along an axis.
 
-    `name` is the name of the motion in UsdPhysics: `angular` or `linear` for a joint with one coordinate, `ball` for a ball, otherwise
-    a name such as `rotX` or `transX`. The value of the motion is `ratio` [1 or m/rad] times the q of `joint`.
+    `name` is the name of the motion in UsdPhysics. It is `angular` or `linear` for a joint with one coordinate, `ball` for a ball joint,
+    and otherwise a name such as `rotX` or `transX`. The value of the motion is `ratio` [1 or m/rad] times the coordinate q of `joint`.
     """
 
     name: str
@@ -48,7 +49,7 @@ class Freedom(FrozenStruct):
 
     @property
     def turns(self) -> bool:
-        """Whether the motion is a rotation (in degrees in the file) or a slide [m]."""
+        """Return whether the motion is a rotation, which is written in degrees. Otherwise, the motion is a slide [m]."""
         return self.name.startswith(("angular", "rot"))
 
 
@@ -56,7 +57,7 @@ class UsdJoint(FrozenStruct):
     """A joint in a UsdPhysics stage.
 
     `path` is the name of the joint, and `frame` is the frame of the joint in the child body at q = 0. `freedoms` contains the motions
-    of the joint. For a ball joint, these are the coordinates in the document.
+    of the joint. For a ball joint, the motions are the coordinates in the document.
     """
 
     path: str
@@ -66,12 +67,12 @@ class UsdJoint(FrozenStruct):
 
     @property
     def single(self) -> TreeJoint | JointEdge | None:
-        """The joint coordinate of a USD joint with a single rotation or slide. None for other joints."""
+        """Return the joint coordinate of a USD joint that is a single rotation or a single slide. Return None for any other joint."""
         return self.freedoms[0].joint if self.type in ("Revolute", "Prismatic") else None
 
 
 def chain(connection: Connection) -> tuple[UsdJoint, ...]:
-    """Return the joints that connect two bodies, in order.
+    """Return the USD joints that connect two bodies, in order from the first to the second body.
 
     If F is the frame of a returned joint, the frame on the parent is `X_0 @ F`, and the frame on the child is `X_1 @ F`.
     """
@@ -107,7 +108,9 @@ def _single(path: str, joint: TreeJoint | JointEdge, twist: Twist) -> UsdJoint:
 
 
 def _generic(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> Iterator[UsdJoint]:
-    """Yield a generic USD joint. If a slide comes after a rotation about another axis, yield several joints."""
+    """Yield the generic USD joints for a joint with several coordinates. If a slide comes after a rotation about another axis, several
+    joints are needed.
+    """
     groups: list[list[int]] = [[]]
     for k, twist in enumerate(twists):
         if not twist.turns and any(twists[other].turns and not _parallel(twists[other].axis, twist.axis) for other in groups[-1]):
@@ -138,7 +141,7 @@ def _several(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequenc
 
 
 def _frame(directions: Sequence[Vector], anchor: Vector) -> Pose:
-    """Return the frame at `anchor` whose axes have the given directions. The axes are named by `LETTERS`."""
+    """Return the frame at `anchor` whose axes have the given directions. `LETTERS` defines which axis of the frame has which direction."""
     if len(directions) == 1:
         return along(directions[0], anchor)
     x, y = directions[:2]
@@ -151,11 +154,11 @@ def _parallel(a: Vector, b: Vector) -> bool:
 
 
 class MimicJoint(FrozenStruct):
-    """A joint that mimics another joint, with its path in the USD stage.
+    """A mimic joint, with its path in the USD stage.
 
-    The joint follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said` is True if Newton's schema can
-    express the mimic joint, which requires two joints of the same kind with one coordinate. `reach` is the range computed from the leader's
-    limits, or None if the leader does not have both limits.
+    The mimic joint follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said` is True if Newton's schema
+    can express the mimic joint. The schema requires two joints of the same kind, each with one coordinate. `reach` is the range that is
+    computed from the leader's limits. It is None if the leader does not have both limits.
     """
 
     path: str
@@ -169,7 +172,7 @@ class MimicJoint(FrozenStruct):
 
 
 def followers(robot: Robot) -> dict[str, MimicJoint]:
-    """Return the joints that mimic other joints, by path."""
+    """Return the mimic joints of a robot, by path."""
     steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
     single = {step.single.path: step.type for step in steps if step.single is not None}
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}

@@ -1,7 +1,8 @@
-"""Limits, drives and other properties of joints in the units of UsdPhysics: degrees, and gains per degree.
+"""Write limits, drives and other properties of joints in the units of UsdPhysics. Angles are in degrees, and gains are per degree.
 
-Properties that UsdPhysics lacks are written with the schemas of Newton and PhysX (Isaac Sim), which other readers ignore. Both schemas
-describe joints with one axis. PhysX properties are not written for balls, and generic joints use neither schema.
+Properties that UsdPhysics does not support are written with the schemas of Newton and PhysX (Isaac Sim). Other readers ignore these
+schemas. Both schemas only describe joints with one axis. Therefore, PhysX properties are not written for balls, and generic joints use
+neither schema.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from thingc.targets.usd.chain import Freedom, MimicJoint, UsdJoint
 from thingc.targets.usd.usda import Prim
 
 LOCKED = (1.0, -1.0)
-"""The limits of a locked motion: the lower limit is above the upper limit (UsdPhysics, `PhysicsLimitAPI`)."""
+"""The limits of a motion that is locked. According to UsdPhysics (`PhysicsLimitAPI`), the lower limit of such a motion is larger than the
+upper limit.
+"""
 
 GENERIC = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
-"""The motions of a generic joint. Each motion is free or locked."""
+"""Names of the motions of a generic joint. Each of these motions is either free or locked."""
 
 
 def ends(freedom: Freedom) -> tuple[float, float]:
@@ -54,8 +57,8 @@ def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
 def _drive(prim: Prim, freedom: Freedom) -> None:
     """Add the drive of a motion, with its gains, to the USD prim of a joint.
 
-    A motor has no gains, because the simulator sets its force. For other drives, the target is q = 0, or the nearest value within the
-    limits.
+    A motor is written without gains, because the simulator sets its force. For any other drive, the target is q = 0, or the nearest value
+    within the limits.
     """
     drive = freedom.joint.actuator
     if drive is None or written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]) is None:
@@ -79,8 +82,8 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
 def passive(joint: UsdJoint) -> dict[str, float]:
     """Return the armature, damping, friction and velocity limit of a joint by their names in Newton's schema.
 
-    The schema has one value for all coordinates of a joint. Damping and velocity limit are in degrees for a rotation or a ball. Zero
-    values are omitted.
+    Newton's schema has only one value for all coordinates of a joint. For a rotation or a ball joint, damping and velocity limit are in
+    degrees. Values of zero are omitted.
     """
     if joint.type not in ("Revolute", "Prismatic", "Spherical") or not joint.freedoms:
         return {}
@@ -94,13 +97,13 @@ def passive(joint: UsdJoint) -> dict[str, float]:
 
 
 AXIS = "rotZ"
-"""PhysX's name of the mimic coordinate, for a rotation about z or a slide along z."""
+"""PhysX's name of the coordinate in a mimic constraint, for a rotation about z or a slide along z."""
 
 
 def articulation(prim: Prim) -> None:
     """Add the PhysX properties of an articulation to its root prim.
 
-    The links of the articulation collide with each other, except for filtered pairs.
+    The links of an articulation collide with each other, except for pairs that are filtered.
     """
     prim.schemas.append("PhysxArticulationAPI")
     prim.say("bool physxArticulation:enabledSelfCollisions", "1")
@@ -109,9 +112,9 @@ def articulation(prim: Prim) -> None:
 def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
     """Add the armature, damping, friction and velocity limit of a joint to its USD prim.
 
-    PhysX supports these properties only for the joints of an articulation. Armature and velocity limit apply to the whole joint. Since
-    Isaac Sim 5, all four properties can also be set per axis, and the values per axis take precedence. The older `jointFriction` of
-    PhysX is not a torque, but a factor of the load of the joint.
+    PhysX supports these properties only for the joints of an articulation. The armature and the velocity limit apply to the whole joint.
+    Since Isaac Sim 5, all four properties can also be set for each axis. These values take precedence. The older property `jointFriction`
+    of PhysX is not used. It is not a torque, but a factor of the load of the joint.
     """
     values = passive(joint)
     if values:
@@ -136,10 +139,10 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
 
 
 def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> None:
-    """Make a joint mimic the joint at the path `leader`. For a rotation, values are in degrees.
+    """Make a joint mimic the joint at the path `leader`. For a rotation, the values are in degrees.
 
-    The range of a joint without limits is computed from the leader's limits, because PhysX requires limits for rotations. PhysX uses the
-    opposite sign: q + gearing * q(leader) + offset = 0.
+    PhysX requires limits for rotations. If the joint has no limits, they are computed from the limits of its leader. PhysX uses the
+    opposite sign of the gearing: q + gearing * q(leader) + offset = 0.
     """
     unit = numeric.degrees(1.0) if follower.turns else 1.0
     offset, own = follower.offset * unit, ends(joint.freedoms[0])

@@ -1,4 +1,4 @@
-"""`usd/<name>_<mode>.usda`: a UsdPhysics stage for each chosen mode, with its meshes."""
+"""Write `usd/<name>_<mode>.usda`, a UsdPhysics stage for each chosen mode. The stage contains the meshes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from thingc.targets.usd.usda import FLOAT_MAX, rendered, write
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Write a USD file for each chosen mode. Each file contains the meshes.
+    """Write a USD file for each chosen mode. Each file contains all meshes.
 
     The USD text of the meshes is generated only once.
     """
@@ -48,7 +48,7 @@ def emit(request: EmitRequest) -> Artifacts:
 def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
     """Yield the export losses of one mode that do not follow from `CAPABILITIES`.
 
-    An export loss that is common to all modes has no mode.
+    If an export loss is common to all modes, its `mode` is None.
     """
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"]):
@@ -95,14 +95,16 @@ def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
 
 
 def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, degrees: bool = False) -> Iterator[Loss]:
-    """Yield an export loss if a number is too large for a float in USD. Angles are converted to degrees."""
+    """Yield an export loss if a number is too large for a float in USD. If `degrees` is True, the value is an angle that is converted to
+    degrees.
+    """
     if value > (numeric.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
         words = f"the {what} of {value:.6g} {unit}: infinite in the file, which supports numbers up to {FLOAT_MAX:.2g}"
         yield _loss(None, path, words, "approximated", origin)
 
 
 def _closed(robot: Robot) -> bool:
-    """Return whether the loops and holds of a mode are closed at q = 0, with the base in the pose that the mode specifies."""
+    """Return whether the loops and holds of a mode are closed at q = 0, if the base has the pose that the mode specifies."""
     if not robot.closures:
         return True
     joints, base = joints_of(robot.assembly), robot.bodies[0].X_PL

@@ -1,4 +1,4 @@
-"""Apply the raw attributes in `raw: {usd: ...}` to the prims of links and joints, and to the scene.
+"""Apply the raw attributes that documents define with `raw: {usd: ...}` to the prims of links and joints, and to the scene.
 
     joint: {crane.swing: {"physics:breakForce": 20.0}}            an attribute of a joint; the same for a link
     scene: {"token physxScene:solverType": TGS}                   of the scene; with its type, unless the value shows it
@@ -25,13 +25,15 @@ from thingc.targets.usd.usda import FLOAT_MAX, Prim, listed, quoted, several
 from thingc.targets.xml_writer import NO_CHARACTER, number
 
 KINDS = ("joint", "link", SCENE)
-"""Kinds of prims that can have raw attributes. Links and joints have names."""
+"""Kinds of prims that can have raw attributes. Links and joints are selected by name."""
 
 SCHEMAS = "apiSchemas"
-"""The key of applied schemas. It is not an attribute."""
+"""The key under which documents list applied schemas. This key does not set an attribute."""
 
 TYPES = ("bool", "int", "float", "double", "string", "token")
-"""Types of attributes. Each type can be an array (`int[]`), and a numeric type can also be a vector (`float3`)."""
+"""Types of USD attributes that documents can set. Each type can be an array (`int[]`), and a numeric type can also be a vector
+(`float3`).
+"""
 
 _NAME = r"[A-Za-z_]\w*(?::[A-Za-z_]\w*)*"
 _KEY = re.compile(rf"(?:(\S+) )?({_NAME})", re.ASCII)
@@ -43,7 +45,7 @@ _INT_MAX = 2**31 - 1
 def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
     """Apply the raw attributes to the default prims of the chosen modes.
 
-    Report attributes that match no prim, and values of the wrong type.
+    Attributes that match no prim, and values of the wrong type, are reported.
     """
     for attribute in assembly.raw:
         if attribute.target == "usd":
@@ -81,7 +83,7 @@ def _all(kind: str, model: Prim) -> list[Prim]:
 
 
 def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
-    """Apply a raw attribute to a USD prim. If the attribute is invalid, return the fault, else None."""
+    """Apply a raw attribute to a USD prim. Return the error if the attribute is invalid, or else None."""
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
     if strange is not None:
@@ -117,7 +119,9 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
 
 
 def _type_of(value: object) -> str:
-    """Return the USD type of an attribute with this value. For a list, return the first type that is valid for all items."""
+    """Return the USD type of an attribute with the given value. If the value is a list, return the first type that is valid for all
+    items.
+    """
     if isinstance(value, list):
         return next((f"{type}[]" for type in ("bool", "int", "float", "string") if _literal(f"{type}[]", value) is not None), "float[]")
     return {bool: "bool", int: "int", str: "string"}.get(type(value), "float")

@@ -7,9 +7,10 @@
           ->  joints
     /arm_meshes                             prototypes (a class: not part of the scene by itself)
 
-There is one articulation, whose root is the base link. Unless the base floats, the joint `root` connects it to the world. According to the
-schema, the root of such an articulation is that joint. Newton accepts a joint or a link as root; mujoco-usd accepts only a link. Joints of
-the tree go from the parent in the tree to the child, as Newton requires. Joints that close loops are excluded from the articulation.
+There is one articulation, whose root is the base link. Unless the base floats, the joint `root` connects the base link to the world.
+According to the UsdPhysics schema, this joint is then the root of the articulation. Newton accepts a joint or a link as the root, whereas
+mujoco-usd only accepts a link. Joints of the tree connect the parent in the tree to the child, as Newton requires. Joints that close loops
+are excluded from the articulation.
 """
 
 from __future__ import annotations
@@ -40,31 +41,31 @@ from thingc.targets.usd.usda import Prim, listed, several
 Key = TypeVar("Key")
 
 MESH = "mesh"
-"""The name of the mesh in a prototype. Instances share the prims below the prototype."""
+"""Name of the mesh prim in a prototype. All instances share the prims below the prototype."""
 
 SCENE, MATERIALS, JOINTS = "scene", "materials", "joints"
-"""Prims beside the links. No link can have these names."""
+"""Names of the prims that are siblings of the links. A link cannot have one of these names."""
 
 LINK = "_link"
-"""Suffix of a link in a chain of joints, appended to the name of the preceding joint."""
+"""Suffix of the name of an intermediate link in a chain of joints. It is appended to the name of the preceding joint."""
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
-"""Mass [kg] and moments of inertia [kg m^2] of a link without mass, because 0 means "not specified" in UsdPhysics."""
+"""Mass [kg] and moments of inertia [kg m^2] that are written for a link without mass. In UsdPhysics, the value 0 means "not specified"."""
 
 ROUGHNESS = 0.6
-"""Roughness of all surfaces. Documents specify colours but no gloss."""
+"""Roughness of the material of all surfaces. The value is constant because documents specify colours but no gloss."""
 
 ROOM = 2.0**-22
-"""Relative margin by which the largest principal moment is below the sum of the other moments.
+"""Relative margin between the largest principal moment and the sum of the other two moments.
 
-For a flat body, the largest moment equals this sum, and rounding to floats could make it larger than the sum.
+For a flat body, the largest moment equals this sum. Without the margin, rounding to floats could make it larger than the sum.
 """
 
 
 def model(robot: Robot, geometry: Geometry, meshes: dict[str, str], report: Report) -> Prim:
-    """Create the default prim of the USD stage of a mode. `meshes` contains the paths of the prototypes by the names of the mesh assets.
+    """Create the default prim of the USD stage of a mode. `meshes` contains the paths of the prototypes, by the names of the mesh assets.
 
-    Duplicate names are reported.
+    If two names are equal, an error is reported.
     """
     return _Builder(robot, geometry, meshes, report).build()
 
@@ -85,7 +86,9 @@ class _Builder:
         self.materials = identifiers({**{name: name for name in materials(geometry.shapes)}, **frictions})
 
     def build(self) -> Prim:
-        """Build the default prim of the stage. It contains the scene, the materials, the links with their contents, and the joints."""
+        """Build the default prim of the stage. The prim contains the scene, the materials, the links with their contents, and the
+        joints.
+        """
         robot = self.robot
         for word, what in ((SCENE, "the physics scene"), (MATERIALS, "the scope of the materials"), (JOINTS, "the scope of the joints")):
             self.names.take(word, (), what)
@@ -117,14 +120,14 @@ class _Builder:
         return self.root
 
     def _scene(self) -> None:
-        """Add the physics scene with gravity [m/s^2]."""
+        """Add the physics scene, which defines gravity [m/s^2]."""
         scene = self.root.add("PhysicsScene", SCENE)
         size = hypot(*self.robot.gravity)
         scene.say("vector3f physics:gravityDirection", several(g / size for g in self.robot.gravity) if size else "(0, 0, -1)")
         scene.say("float physics:gravityMagnitude", size)
 
     def _materials(self) -> None:
-        """Add visual materials by colour, and physics materials by friction."""
+        """Add a visual material for each colour, and a physics material for each combination of friction values."""
         holder = self.root.add("Scope", MATERIALS)
         for name, (color, _) in materials(self.geometry.shapes).items():
             red, green, blue, alpha = channels(color)
@@ -150,9 +153,9 @@ class _Builder:
                 material.say(f"float newton:{word}Friction", value)
 
     def _body(self, name: str, properties: MassProperties, pose: Pose) -> Prim:
-        """Add a rigid body to the stage, with its pose in the world.
+        """Add a rigid body to the stage at its pose in the world.
 
-        The body has its mass [kg], centre of mass [m], and principal moments of inertia [kg m^2].
+        The body has a mass [kg], a centre of mass [m], and principal moments of inertia [kg m^2].
         """
         prim = self.root.add("Xform", name, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
         moments, axes = moments_of(properties)
@@ -164,7 +167,7 @@ class _Builder:
         return prim
 
     def _lead(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: Connection) -> None:
-        """Add the USD joints between two links, and the intermediate links, which have the pose of the child link."""
+        """Add the USD joints between two links. Also add the intermediate links, which have the pose of the child link."""
         parent, X_0 = self.path if connection.parent is None else f"{self.path}/{names[connection.parent]}", connection.X_0
         *before, last = chain(connection)
         for step in before:
@@ -197,7 +200,7 @@ class _Builder:
             follow(prim, joint, follower, f"{self.path}/{JOINTS}/{safe(follower.leader)}")
 
     def _shapes(self, prim: Prim, link: Link) -> None:
-        """Add the visual shapes of a link, and its collision shapes, which viewers hide by default."""
+        """Add the visual shapes and the collision shapes of a link. By default, viewers hide collision shapes."""
         taken = {child.name for child in prim.children}
         visuals, collisions = (Prim(type="Scope", name=free(word, taken)) for word in ("visuals", "collisions"))
         collisions.say("uniform token purpose", '"guide"')
@@ -210,7 +213,7 @@ class _Builder:
         prim.children += [one for one in (visuals, collisions) if one.children]
 
     def _visual(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
-        """Add a visual shape with its colour to the prim of a link. The shape is an instance of a mesh, or a primitive."""
+        """Add a visual shape with its colour to the prim of a link. The shape is either an instance of a mesh, or a primitive."""
         kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
         if kind is None:
             return
@@ -244,7 +247,8 @@ class _Builder:
 def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
     """Return the principal moments of inertia [kg m^2], and a rotation matrix whose columns are the principal axes.
 
-    The moments remain physical after rounding to floats. For an inertia that is not physical, return the smallest allowed moments.
+    The moments are still physically possible after they are rounded to floats. If the inertia is not physically possible, return the
+    smallest allowed moments.
     """
     if properties.mass <= 0.0 or physical_fault(properties.inertia) is not None:
         return (LEAST_INERTIA,) * 3, IDENTITY
@@ -257,23 +261,23 @@ Friction = tuple[str, float | None, float | None, float | None]
 
 
 def _friction(material: Material) -> Friction:
-    """Return the values that distinguish physics materials.
+    """Return the values that distinguish physics materials from each other.
 
-    A name is not sufficient, because nested documents may use the same name for different materials.
+    The name of a material is not sufficient, because nested documents may use the same name for different materials.
     """
     return material.name, material.slide, material.torsion, material.roll
 
 
 def rubbing(geometry: Geometry) -> dict[Friction, Material]:
-    """Return the materials of collision shapes that specify friction."""
+    """Return the materials of collision shapes that specify friction, by their friction values."""
     touching = [shape.material for one in geometry.shapes for shape in one.collision if shape.material is not None]
     return {_friction(one): one for one in touching if (one.slide, one.torsion, one.roll) != (None, None, None)}
 
 
 def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
-    """Set the size of a primitive on its USD prim. Return the additional scale factors of the prim (empty if none are needed).
+    """Set the size of a primitive on its USD prim. Return the additional scale factors of the prim. The tuple is empty if none are needed.
 
-    A mesh has no size.
+    If the shape is a mesh, no size is set.
     """
     match shape.kind:
         case "mesh":
@@ -306,12 +310,14 @@ def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
 
 
 def _extent(prim: Prim, half: tuple[float, float, float]) -> None:
-    """Set the bounding box of a primitive that is centred at its origin. `half` contains the half lengths of the box."""
+    """Set the bounding box of a primitive that is centred at its origin. `half` contains half of each side length of the box."""
     prim.say("float3[] extent", f"[{several(-value for value in half)}, {several(half)}]")
 
 
 def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
-    """Convert words to unique and valid USD names, such as `arm.Hand` to `arm_Hand`. Duplicate names get a number."""
+    """Convert strings to unique and valid USD names, such as `arm.Hand` to `arm_Hand`. If two names would be equal, a number is
+    appended.
+    """
     names: dict[Key, str] = {}
     for key, word in words.items():
         plain = re.sub(r"\W", "_", word, flags=re.ASCII)
@@ -320,12 +326,12 @@ def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
 
 
 def free(word: str, taken: Collection[str]) -> str:
-    """Return a name that is not in `taken`. This is the given word, or the word with a number appended."""
+    """Return a name that is not in the collection `taken`. The name is `word` itself, or `word` with a number appended."""
     return next(name for k in range(len(taken) + 1) if (name := f"{word}_{k}" if k else word) not in taken)
 
 
 def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, str]) -> Prim:
-    """Create a class prim that contains a prototype for each mesh asset. Instances reference the prototypes."""
+    """Create a class prim that contains a prototype for each mesh asset. Instances of the meshes reference these prototypes."""
     prim = Prim(type="Scope", name=scope, specifier="class")
     drawn = {shape.mesh for shapes in geometry.shapes for shape in shapes.visual}
     for asset in geometry.meshes:
@@ -335,7 +341,7 @@ def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, st
 
 
 def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
-    """Set the triangles of a mesh from the store (OBJ), unchanged."""
+    """Set the triangles of a mesh prim from a mesh in the store (OBJ), without changes."""
     rows = [line.split() for line in text.splitlines()]
     points = [row[1:4] for row in rows if row and row[0] == "v"]
     corners = [int(corner.partition("/")[0]) - 1 for row in rows if row and row[0] == "f" for corner in row[1:4]]

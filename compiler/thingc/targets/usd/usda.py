@@ -1,8 +1,8 @@
 """Write USD text files (`.usda`).
 
-The writer of the package usd-core is not used for three reasons. The bytes of a file would depend on the version of usd-core. A build
-would need a package of 30 MB. Numbers in float attributes would be rounded to eight digits, whereas this module writes all numbers
-exactly.
+The package usd-core is not used to write the files, for three reasons. The first reason is that the bytes of a file would depend on the
+version of usd-core. The second reason is that a build would need an additional package of 30 MB. The third reason is that usd-core would
+round numbers in float attributes to eight digits, whereas this module writes all numbers exactly.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from thingc.targets.xml_writer import number
 INDENT = "    "
 
 FLOAT_MAX = 3.4028234663852886e38
-"""The largest `float`."""
+"""The largest value of a USD `float`."""
 
 _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r"})
 
@@ -25,9 +25,9 @@ _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r"})
 class Prim:
     """A prim of a USD stage, with its properties and children.
 
-    `type` is for example `Xform`, and `schemas` are the applied API schemas. Other metadata and properties are lines of text. If
-    `specifier` is `class`, the prim and its children are not part of the scene, and other prims can reference them. The class is
-    mutable, because trees are built from the top.
+    `type` is the type of the prim, such as `Xform`, and `schemas` contains the applied API schemas. Other metadata and properties are
+    stored as lines of text. If `specifier` is `class`, the prim and its children are not part of the scene. Other prims can reference them.
+    The class is mutable, because trees are built from the top.
     """
 
     type: str
@@ -45,11 +45,11 @@ class Prim:
         return child
 
     def say(self, property: str, value: str | float) -> None:
-        """Add a property to the prim, such as `float physics:mass`. The value is a number or USD text."""
+        """Add a property to the prim, such as `float physics:mass`. The value is a number, or a string that is already USD text."""
         self.properties.append(f"{property} = {value if isinstance(value, str) else number(value)}")
 
     def place(self, pose: Pose, scale: tuple[float, ...] = ()) -> None:
-        """Set the pose of the prim in its parent, and its scale [1]. An identity pose is omitted."""
+        """Set the pose of the prim relative to its parent, and its scale factors. If the pose is the identity, it is omitted."""
         steps = []
         if any(pose.translation):
             self.say("double3 xformOp:translate", several(pose.translation))
@@ -75,7 +75,7 @@ def several(values: Iterable[float]) -> str:
 
 
 def listed(values: Iterable[str]) -> str:
-    """Format an array as USD text. The values are already USD text."""
+    """Format an array as USD text. The items of the array must already be USD text."""
     return f"[{', '.join(values)}]"
 
 
@@ -85,9 +85,9 @@ def rendered(prim: Prim) -> str:
 
 
 def write(prims: Iterable[str], default: str, heading: str) -> str:
-    """Return the text of a USD layer, in metres and kilograms, with z up.
+    """Return the text of a USD layer. Its units are metres and kilograms, and its z axis points up.
 
-    `prims` are already rendered; empty strings are omitted. `default` is the name of the default prim.
+    `prims` contains the text of each prim. Empty strings are omitted. `default` is the name of the default prim.
     """
     lines = [
         "#usda 1.0", "(", f"{INDENT}defaultPrim = {quoted(default)}", f"{INDENT}doc = {quoted(heading)}", f"{INDENT}kilogramsPerUnit = 1",
@@ -99,7 +99,9 @@ def write(prims: Iterable[str], default: str, heading: str) -> str:
 
 
 def _lines(prim: Prim, indent: str) -> Iterator[str]:
-    """Yield the lines of a prim and its descendants. Recursion is safe, because prims are nested only a few levels deep."""
+    """Yield the lines of a prim and its descendants. The function is recursive. This is safe, because prims are nested only a few levels
+    deep.
+    """
     schemas = [f"prepend apiSchemas = {listed(quoted(schema) for schema in prim.schemas)}"] if prim.schemas else []
     metadata = [*schemas, *prim.metadata]
     yield f"{indent}{prim.specifier} {prim.type} {quoted(prim.name)}" + (" (" if metadata else "")

@@ -1,6 +1,7 @@
-"""Adapt MJCF models to the additional programs that `compat` lists.
+"""Adapt MJCF models to the additional programs that the option `compat` lists.
 
-A model is adapted to a program if the change does not affect other readers. Features that the program still rejects are reported.
+A model is only adapted to a program if the change does not affect other readers. If the program still does not support a feature, a warning
+is reported.
 """
 
 from __future__ import annotations
@@ -20,18 +21,18 @@ from thingc.targets.xml_writer import Element
 __all__ = ["CONSUMERS", "separator", "suited"]
 
 CONSUMERS: tuple[Consumer, ...] = (MJX, WARP, DRAKE, PYMJCF)
-"""The consumers, in the order in which models are adapted to them. Names are changed last."""
+"""The consumers, in the order in which models are adapted to them. Names are changed last, by the last consumer."""
 
 
 def separator(names: Collection[str]) -> str:
-    """Return the separator of paths in the names of a model that these consumers require."""
+    """Return the path separator that the given consumers require in the names of a model."""
     return SEPARATOR if PYMJCF.name in names else "/"
 
 
 def suited(
     names: Collection[str], robots: Sequence[Robot], roots: Sequence[Element], report: Report,
 ) -> tuple[list[Element], dict[Loss, None]]:
-    """Adapt the MJCF models of the modes to the named consumers. Return the adapted models and the resulting export losses.
+    """Adapt the MJCF models of all modes to the named consumers. Return the adapted models and the resulting export losses.
 
     Report a warning for each feature that one of the consumers still rejects.
     """

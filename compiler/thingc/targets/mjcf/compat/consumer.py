@@ -1,4 +1,4 @@
-"""Programs besides MuJoCo that read MJCF, and MuJoCo's options that they do not support."""
+"""Describe the programs besides MuJoCo that read MJCF, and the options of MuJoCo that they do not support."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from thingc.targets.xml_writer import Element
 
 
 class Refusal(FrozenStruct):
-    """The reason why a consumer rejects a model, if the model cannot be adapted without harm to other readers.
+    """The reason why a consumer rejects a model, if the model cannot be adapted without affecting other readers.
 
-    `what` is the reason, a text that follows a colon. `origin` and `path` locate the cause, and `hint` is the help text.
+    `what` is the reason, as a text that follows a colon. `origin` and `path` are the location of the cause, and `hint` is the help text.
     """
 
     what: str
@@ -24,10 +24,11 @@ class Refusal(FrozenStruct):
 
 
 class Consumer(FrozenStruct):
-    """A program that reads MJCF: its `name` in `compat`, its display name `label`, and the `version` that was examined.
+    """A program that reads MJCF. `name` is its name in `compat`, `label` is its display name, and `version` is the version that was
+    examined.
 
-    `suit` adapts the tree of a mode's model and yields the differences from the document as losses; no other consumer uses this tree.
-    `refuses` yields every feature that the consumer still rejects.
+    The function `suit` adapts the tree of a model, and yields the differences from the document as losses. No other consumer uses this
+    tree. The function `refuses` yields every feature that the consumer still does not support.
     """
 
     name: str
@@ -48,9 +49,9 @@ def nothing_refused(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 class UnsupportedOptions(FrozenStruct):
-    """Options that a consumer does not support: solvers, and flags that must not be enabled or disabled, by their names in MJCF.
+    """Options that a consumer does not support. They are solvers, and flags that must not be enabled or disabled, by their names in MJCF.
 
-    Only raw attributes can set them.
+    These options are only in a model if raw attributes set them.
     """
 
     solvers: Collection[str] = ()
@@ -58,7 +59,7 @@ class UnsupportedOptions(FrozenStruct):
     disabled: Collection[str] = ()
 
     def refusals(self, root: Element) -> Iterator[Refusal]:
-        """Yield a refusal for each option in a model that the consumer rejects."""
+        """Yield a refusal for each option of a model that the consumer does not support."""
         option = root.find("option")
         if option is None:
             return

@@ -1,6 +1,6 @@
-"""Pairs of geoms that may collide, selected from the tree of a model by the rules of MuJoCo.
+"""Find the pairs of geoms that may collide. They are selected from the tree of a model, by the rules of MuJoCo.
 
-See the section "Selection" in the chapter Computation of MuJoCo's documentation.
+The rules are described in the documentation of MuJoCo, in the section "Selection" of the chapter Computation.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ WORLD = -1
 class ContactPairs(FrozenStruct):
     """A geom that can collide with other geoms.
 
-    It contains the element of the geom (None for the floor of the scene), and its attributes, including those of its default class.
+    The object contains the element of the geom (None for the floor of the scene), and its attributes. These include the attributes of its
+    default class.
     """
 
     element: Element | None
@@ -28,12 +29,12 @@ class ContactPairs(FrozenStruct):
 
     @property
     def type(self) -> str:
-        """The type of the geom in MJCF."""
+        """Return the type of the geom in MJCF."""
         return self.values.get("type", "sphere")
 
     @property
     def margin(self) -> float:
-        """The contact margin [m] of the geom."""
+        """Return the contact margin [m] of the geom."""
         return float(self.values.get("margin", "0"))
 
 
@@ -43,8 +44,8 @@ FLOOR = ContactPairs(element=None, values={"type": PLANE})
 def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
     """Yield every pair of geoms that MuJoCo tests for contacts, including pairs with the floor.
 
-    Pairs on rigidly connected bodies, on parent and child, and in `exclude` are omitted. MuJoCo later also skips a held root and the floor,
-    because neither moves.
+    A pair is omitted if its bodies are rigidly connected, if they are parent and child, or if `exclude` lists the pair. At run time, MuJoCo
+    also skips pairs of a held root and the floor, because neither moves.
     """
     classes = defaults(root, "geom")
     bodies = list(_bodies(root))
@@ -72,7 +73,9 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
 
 
 def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
-    """Return the default attributes of elements with a tag, by the name of the default class. Attributes of outer classes are included."""
+    """Return the default attributes of elements with a tag, by the name of the default class. The attributes of outer classes are
+    included.
+    """
     by_class: dict[str, dict[str, str]] = {}
     waiting = [(child, dict[str, str]()) for child in root.children if child.tag == "default"]
     while waiting:
@@ -85,7 +88,7 @@ def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
 
 
 def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
-    """Yield every body of a model with the index of its parent body. Parents come before their children."""
+    """Yield every body of a model with the index of its parent body. Each body comes after its parent."""
     world = root.find("worldbody")
     waiting: list[tuple[Element, int | None]] = [(child, None) for child in world.children] if world is not None else []
     number = 0

@@ -1,9 +1,9 @@
-"""Adapt MJCF models to Drake, whose parser accepts every file but ignores some elements and attributes. Drake ignores features that a
-`MultibodyPlant` does not support, with a warning at most.
+"""Adapt MJCF models to Drake, whose parser accepts every file but ignores some elements and attributes. For features that a
+`MultibodyPlant` does not support, Drake prints at most a warning.
 
-If a body has several joints, Drake reads the axes and anchors of all joints except the last in the axes of the parent. Therefore a rotated
-body with several joints gets an additional parent body, which is rotated in its place. Drake reads the `ctrlrange` of a drive as its force
-range, so only motors have a `ctrlrange`.
+If a body has several joints, Drake expects the axes and anchors of all joints except the last in the axes of the parent. Therefore, a
+rotated body with several joints is put into an additional parent body, which has the rotation. Drake reads the attribute `ctrlrange` of a
+drive as its force range. Therefore, only motors have this attribute.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ ATTRIBUTES = {
     ("joint", "frictionloss"): "the dry friction", ("joint", "actuatorfrcrange"): "the effort limit",
     ("body", "mocap"): "the motion at run time",
 }
-"""Attributes that Drake ignores, by tag and attribute."""
+"""Attributes that Drake ignores, by tag and name of the attribute."""
 
 
 COMMANDS = "the range of its commands: Drake uses it as the range of the force"
 """Description of the loss for a drive that is not a motor."""
 
 TURNED = ":turned"
-"""Suffix of the name of an additional body that is rotated."""
+"""Suffix of the name of an additional body that has the rotation of another body."""
 
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Wrap the bodies that Drake would read incorrectly in additional bodies. Yield an export loss for each feature that Drake ignores."""
+    """Put each body that Drake would read incorrectly into an additional body. Yield an export loss for each feature that Drake ignores."""
     for parent in list(root.walk()):
         parent.children[:] = [_unturned(child) if _is_misread(child) else child for child in parent.children]
     for section in root.children:
@@ -68,7 +68,9 @@ def _is_misread(element: Element) -> bool:
 
 
 def _unturned(body: Element) -> Element:
-    """Wrap a rotated body in a new massless body with the same pose, and return the new body. The original body becomes its child."""
+    """Put a rotated body into a new massless body with the same pose, and return the new body. The original body becomes the child of the
+    new body.
+    """
     outside = {name: value for name, value in body.attributes.items() if name in ("pos", "quat")}
     inside = {name: value for name, value in body.attributes.items() if name not in outside}
     inner = Element(tag="body", attributes=inside, children=body.children, origin=body.origin, raw=body.raw)

@@ -1,8 +1,9 @@
 """Adapt MJCF models to MJX, the implementation of MuJoCo in JAX (`mjx.put_model`).
 
-The source code of MJX determines which features are listed as unsupported.
+The lists of unsupported features are taken from the source code of MJX.
 
-In MJX, `collision_driver.py` lists supported pairs of shapes; `types.py` lists supported options and kinds of actuators.
+In this source code, `collision_driver.py` lists the supported pairs of shapes. `types.py` lists the supported options and kinds of
+actuators.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from thingc.targets.mjcf.compat.contact_pairs import ContactPairs, pairs
 from thingc.targets.xml_writer import Element
 
 LACKING = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))
-"""Pairs of shapes whose contacts MJX does not support."""
+"""Pairs of shapes between which MJX does not support contacts."""
 
 LACKS = UnsupportedOptions(solvers=("PGS",), enabled=("override", "energy", "fwdinv", "diagexact"))
 
 SIDES = 20
 """Number of sides of the prism that replaces a cylinder.
 
-The error is at most 1.2 % of the radius. MJX warns about faces with more corners.
+With this number, the prism deviates from the cylinder by at most 1.2 % of the radius. MJX would warn about faces with more corners.
 """
 
 FLUID = ("density", "viscosity", "wind")
@@ -82,7 +83,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
-    """Yield the reasons why MJX rejects a contact between two geoms, each with the attribute that causes the rejection."""
+    """Yield the reasons why MJX rejects a contact between two geoms. Each reason includes the attribute that causes the rejection."""
     kinds = sorted((one.type, other.type))
     if frozenset(kinds) in LACKING:
         yield f"it does not support contacts between {kinds[0]} and {kinds[1]}", "type"
@@ -93,20 +94,20 @@ def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterat
 
 
 def _condim(one: ContactPairs, other: ContactPairs) -> int:
-    """Return the dimension of a contact (`condim`): the value of the geom with the higher priority, else the larger value."""
+    """Return the dimension of a contact (`condim`). It is the value of the geom with the higher priority, or else the larger value."""
     ranked = sorted(((int(geom.values.get("priority", "0")), int(geom.values.get("condim", "3"))) for geom in (one, other)), reverse=True)
     return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
 
 
 class _Kind(FrozenStruct, kw_only=False):
-    """The properties of a geom that determine whether MJX rejects a pair that contains this geom."""
+    """The properties of a geom that determine whether MJX rejects its contacts."""
 
     values: tuple[str, ...]
     raw: bool
 
 
 def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
-    """Yield one pair of geoms for each reason why MJX rejects pairs."""
+    """Yield one pair of geoms for each reason why MJX rejects contacts."""
     seen: set[tuple[_Kind, _Kind]] = set()
     for pair in meeting:
         one, other = (
@@ -133,9 +134,9 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
 
 
 def _prisms(root: Element) -> Iterator[Loss]:
-    """Replace cylinders by prisms if they may collide with a box or a mesh.
+    """Replace a cylinder by a prism if the cylinder may collide with a box or a mesh.
 
-    Prisms are meshes, so other cylinders may collide with them.
+    Because prisms are meshes, other cylinders may then collide with a mesh.
     """
     meeting = [pair for pair in pairs(root) if pair[0].element is not None]
     replaced: dict[int, ContactPairs] = {}
@@ -170,13 +171,15 @@ def _prisms(root: Element) -> Iterator[Loss]:
 
 
 def prism(radius: float, half: float) -> tuple[float, ...]:
-    """Return the corners [m] of a prism inside a cylinder about z, as a flat list of coordinates."""
+    """Return the corners of a prism inside a cylinder about z, as a flat list of coordinates [m]."""
     turns = [2.0 * math.pi * side / SIDES for side in range(SIDES)]
     return tuple(value for z in (-half, half) for turn in turns for value in (radius * math.cos(turn), radius * math.sin(turn), z))
 
 
 def _margins(root: Element) -> None:
-    """Remove the margin of adhesive contacts from models with meshes. Without adhesion actuators the margin has no purpose."""
+    """Remove the margin of adhesive contacts from a model that has meshes. The margin is not needed, because MJX does not support adhesion
+    actuators.
+    """
     if any("mesh" in (one.type, other.type) and one.margin + other.margin for one, other in pairs(root)):
         for element in root.walk():
             geom = element.find("geom") if element.get("class") == adhesion_contacts.CLASS else None
@@ -185,7 +188,9 @@ def _margins(root: Element) -> None:
 
 
 def _cones(root: Element) -> None:
-    """Remove elliptic cones from a model without possible contacts, also with the scene. MJX rejects elliptic cones in such a model."""
+    """Remove elliptic friction cones from a model in which contacts are impossible, even with the floor of the scene. MJX rejects elliptic
+    cones if a model has no contacts.
+    """
     option = root.find("option")
     if option is not None and option.get("cone") == "elliptic" and next(pairs(root), None) is None:
         del option.attributes["cone"]
@@ -193,7 +198,7 @@ def _cones(root: Element) -> None:
 
 
 def _needed(robot: Robot) -> list[str]:
-    """Return the mounts whose active adhesion supports the robot. Mounts on links that are fixed or held are omitted."""
+    """Return the mounts whose active adhesion is needed to support the robot. Mounts on links that are fixed or held are omitted."""
     still = {closure.child for closure in robot.closures if closure.hold} | ({0} if robot.base in ("fixed", "held") else set())
     links = {robot.bodies[body].link for body in still}
     return [
@@ -203,7 +208,7 @@ def _needed(robot: Robot) -> list[str]:
 
 
 def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Remove adhesion actuators from the model, and their controls from keyframes. Yield an export loss for each removed actuator."""
+    """Remove adhesion actuators from a model, and remove their controls from keyframes. Yield an export loss for each removed actuator."""
     section, keys = root.find("actuator"), root.find("keyframe")
     if section is None or not robot.assembly.adhesions:
         return

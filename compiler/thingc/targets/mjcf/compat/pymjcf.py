@@ -10,10 +10,10 @@ from thingc.targets.mjcf.compat.consumer import Consumer, nothing_refused
 from thingc.targets.xml_writer import Element
 
 SEPARATOR = "."
-"""Replacement for `/` in the paths of documents. No name in a document contains it."""
+"""Separator in the paths of names that replaces `/`. Names in documents do not contain this character."""
 
 FILES = frozenset({"file", "meshdir", "texturedir", "assetdir"})
-"""Attributes that contain file paths. In all other attributes, `/` is part of a name."""
+"""Attributes whose values are file paths. In all other attributes, `/` only occurs in names."""
 
 
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
