@@ -28,7 +28,7 @@ MADE = "called"
 """Key under which a request caches the renamed request."""
 
 AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, LinkedTest, Occurrence})
-"""Classes of records in which the names of the documents are kept."""
+"""Classes of records that keep the names of the documents."""
 
 
 def called(request: EmitRequest) -> EmitRequest:
