@@ -57,7 +57,7 @@ class Memo:
     def same(self, place: Hashable, value: Answer) -> Answer:
         """Return the object that is cached under the key `place` if it equals `value`.
 
-        If it differs, or if nothing is cached, `value` is cached and returned.
+        If the cached object differs, or if nothing is cached, cache and return `value`.
 
         Returning the same object for equal values makes later comparisons fast.
         """

@@ -37,7 +37,7 @@ class ReachTest(Model):
     min: LengthField | None = None
     """Lower bound of the greatest distance."""
     max: LengthField | None = None
-    """Upper bound of the greatest distance. A search that measures the distance can miss greater distances."""
+    """Upper bound of the greatest distance. The distance is measured by a search, which can miss greater distances."""
 
     @model_validator(mode="after")
     def _bounds(self) -> ReachTest:

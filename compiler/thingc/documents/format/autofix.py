@@ -26,7 +26,7 @@ GIVING = frozenset({"components", "joints", "links", "mounts", "parameters", "ma
 """Keys of a document whose entries declare names."""
 
 PASSES = 5
-"""Maximum number of times that fixes are applied. More than one time may be needed, because fixing an error may reveal other errors."""
+"""Maximum number of rounds in which fixes are applied. Several rounds may be needed, because fixing an error may reveal other errors."""
 
 
 class TextEdit(FrozenStruct):

@@ -220,7 +220,7 @@ def outline(piece: Segment) -> Any:
 def order_of(items: list[Item], shape: FieldType | None) -> list[int]:
     """Return the indices of `items`, which are the entries of a mapping, in canonical order.
 
-    In canonical order, a YAML alias could precede its anchor. In this case, return the order of the document.
+    If a YAML alias would precede its anchor in canonical order, return the order of the document.
     """
     order = ordered([item.name for item in items], shape)
     if order == sorted(order):

@@ -167,9 +167,9 @@ class _Commenter:
         return self.head(root.items[0])
 
     def head(self, first: Item) -> list[str | None]:
-        """Separate the comments of the document from the comments of its first key, and return the former.
+        """Return the comments above the first key that belong to the whole document. The other comments remain with the first key.
 
-        The former are comments before an empty line, and comments for an editor.
+        Comments before an empty line, and comments for an editor, belong to the document.
         """
         lines = first.leading
         cut = max((at for at, line in enumerate(lines) if line is None or is_modeline(line)), default=-1) + 1

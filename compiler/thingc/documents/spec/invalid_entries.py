@@ -21,7 +21,8 @@ ANY_NAME = "*"
 class InvalidEntries(FrozenStruct):
     """The paths of invalid values that validation has removed from a document.
 
-    Also contains paths of required keys if an invalid key may be a misspelling of the required key. The invalid values have been reported.
+    If an invalid key may be a misspelling of a required key, the path of the required key is also included. The invalid values have been
+    reported.
 
     Later passes do not report errors at one of these paths, at its parent paths, or inside its value.
     """

@@ -1,8 +1,8 @@
 """The types of model fields whose keys or values declare a name or refer to a name.
 
-These types are the only place that defines to which kind of name a string refers. The module `documents/names/document_names.py` reads the
-types, so the editor commands "rename" and "go to definition" do not need lists of keys. The test `tests/spec/test_mentions.py` lists all
-other string fields.
+No other types determine to which kind of name a string refers. The module `documents/names/document_names.py` reads the types, so the
+editor commands "rename" and "go to definition" do not need lists of keys. The test `tests/spec/test_mentions.py` lists all other string
+fields.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Regular expressions and schemas of values in documents, for the JSON Schemas.
 
-The regular expressions accept every value that the compiler accepts. They reject unknown units and simple units of another physical
-dimension. Regular expressions cannot check the dimension of products of units or the syntax of expressions.
+The regular expressions accept every value that the compiler accepts. Unknown units, and simple units of another physical dimension, are
+rejected. Regular expressions cannot check the dimension of products of units or the syntax of expressions.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from thingc.documents.spec.annotation_types import FieldType, model_keys
 from thingc.documents.spec.invalid_entries import ANY_NAME
 
 ROUNDS = 12
-"""Maximum number of times that invalid entries are removed. More than one time may be needed, because removing a required key makes the
+"""Maximum number of rounds in which invalid entries are removed. Several rounds may be needed, because removing a required key makes the
 enclosing entry invalid.
 """
 

@@ -28,7 +28,7 @@ EXAMPLES = "`components.NAME.part` (or `.assembly`, `.file`, `.material`), or `d
 
 VALUES = "the path of a value, such as `joints.NAME.limit.upper` or `components.NAME.mass`"
 SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "sensors", "tendons")
-"""Sections of a nested assembly whose values a variant can set. These names differ from all keys of components."""
+"""Sections of a nested assembly whose values a variant can set. Components do not have keys with these names."""
 
 
 class ChoicePath(FrozenStruct):
@@ -185,8 +185,8 @@ def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] |
 
     Return the path of the value and its long form, or None if the path does not refer to a value in short form.
 
-    There are two short forms. A joint drive can be only the name of a component, or come from `defaults` (`joints.elbow.drive.kp`). A
-    vector can be a single string (`modes.moon.gravity.2`).
+    Two kinds of values have a short form. A joint drive can be only the name of a component, or come from `defaults`
+    (`joints.elbow.drive.kp`). A vector can be a single string (`modes.moon.gravity.2`).
     """
     text = node_at(tree, keys[:-1])
     vector = _VECTOR.fullmatch(text.text.strip()) if keys[-1].isdecimal() and isinstance(text, ScalarNode) else None

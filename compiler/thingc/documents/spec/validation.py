@@ -100,8 +100,8 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEnt
 def _build(model: type[Model]) -> None:
     """Build the validator of a pydantic model when it is first used.
 
-    pydantic normally searches all installed packages for plugins first. This search is skipped, because it takes longer than validating a
-    document.
+    pydantic normally searches all installed packages for plugins first. This search is skipped here, because the search takes longer than
+    validating a document.
     """
     if model.__pydantic_complete__:
         return

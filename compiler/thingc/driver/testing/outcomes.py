@@ -33,7 +33,9 @@ class Failure(FrozenStruct):
 
 
 class Outcome(FrozenStruct):
-    """The result of a measurement. It contains the measured and the expected values [SI] by name, a description, and the failure, if any.
+    """The result of a measurement.
+
+    The fields are the measured and the expected values [SI] by name, a description, and the failure, if any.
 
     `needed` contains the indices of the `allow` entries that permitted a collision.
     """

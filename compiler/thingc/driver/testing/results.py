@@ -42,7 +42,7 @@ def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic])
 
     The report contains one suite with the name of the robot, and a test case for each combination of test, mode and pose. The text of a
     failed test case is the diagnostic that the command line prints. `others` contains errors that do not belong to a test, such as errors
-    that prevented the tests from running. These errors are combined into a single error of the suite.
+    that prevented the tests from running. The errors in `others` are combined into a single error of the suite.
     """
     root = ElementTree.Element("testsuites")
     suite = ElementTree.SubElement(root, "testsuite", {

@@ -29,7 +29,7 @@ Show = Callable[[Any, int], str]
 class RecordDifference(FrozenStruct, kw_only=False):
     """A difference between two geometry records of the same part.
 
-    It contains the property (`volume`) and a description (`its volume is 1.2 cm^3 and 1.3 cm^3`).
+    The fields are the property (`volume`) and a description (`its volume is 1.2 cm^3 and 1.3 cm^3`).
     """
 
     name: str

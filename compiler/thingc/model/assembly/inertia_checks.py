@@ -22,8 +22,8 @@ _ROOM = 1e-9
 def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
     """Report inertias in documents that no rigid body can have. Return the indices of the occurrences with such an inertia.
 
-    Such an inertia is accepted if the inertia of the whole link is physical. This is common in URDF files with `fixed` joints. A zero
-    inertia is always an error.
+    Such an inertia is accepted if the inertia of the whole link is physical. Such links are common in URDF files with `fixed` joints. A
+    zero inertia is always an error.
     """
     faulty = []
     for index, one in enumerate(robot.occurrences):

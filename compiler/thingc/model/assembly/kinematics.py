@@ -69,7 +69,7 @@ def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -
 def bent(joints: Iterable[JointEdge]) -> bool:
     """Return whether any joint mimics another joint by a nonlinear polynomial.
 
-    If so, the result of `leaders` depends on its argument `q`.
+    If such a joint exists, the result of `leaders` depends on its argument `q`.
     """
     return any(joint.mimic is not None and joint.mimic.higher for joint in joints)
 

@@ -137,7 +137,7 @@ def links_between(
 ) -> frozenset[int]:
     """Return the indices of massless intermediate links.
 
-    Intermediate links do not have mass, geometry, holds, feet or magnets. An intermediate link has exactly two joints. These are neither
+    Intermediate links do not have mass, geometry, holds, feet or magnets. An intermediate link has exactly two joints, which are neither
     ball joints nor part of a loop.
     """
     ends: dict[int, list[Mate]] = {link.index: [] for link in links if link.properties.mass == 0.0 and link.properties.inertia == ZERO}

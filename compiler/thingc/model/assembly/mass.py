@@ -150,7 +150,7 @@ def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
 def is_fully_stated(overrides: Overrides) -> bool:
     """Return whether the document specifies mass, centre of mass and inertia of a component.
 
-    If so, its mass properties need not be computed from its geometry.
+    The mass properties of such a component need not be computed from its geometry.
     """
     return overrides.mass is not None and overrides.com is not None and overrides.inertia is not None
 

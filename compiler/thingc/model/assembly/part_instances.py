@@ -405,7 +405,7 @@ class PartInstances:
         )
 
     def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
-        """Return whether a rigid body can have the inertia that the Thing specifies. If not, report an error.
+        """Return whether a rigid body can have the inertia that the Thing specifies. An error is reported if the inertia is not physical.
 
         Inertias in documents are checked by the function `check_stated`. Inertias that are computed from geometry need no check.
         """

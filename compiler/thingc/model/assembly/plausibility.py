@@ -135,7 +135,7 @@ def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> Non
 
 
 def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> bool:
-    """Warn of each part with an implausible size, at its first component. Return whether there are such parts."""
+    """Warn of each part with an implausible size, at its first component. Return whether any part has an implausible size."""
     warned: set[str] = set()
     for one in occurrences:
         if one.box is None or one.record is not None and not one.record.exact or one.definition.text in warned:
@@ -379,7 +379,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> No
 class _Offset(FrozenStruct):
     """A suspiciously long offset between components.
 
-    It contains the length [m], the location in the document, and texts for the warning.
+    The fields are the length [m], the location in the document, and texts for the warning.
     """
 
     words: str

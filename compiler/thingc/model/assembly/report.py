@@ -65,7 +65,7 @@ class LinkReport:
     def _may_say(self, key: _Key) -> bool:
         """Return whether to report a diagnostic: it is not a duplicate, and the maximum number of diagnostics has not been reached.
 
-        When the maximum is reached, this is reported once.
+        A diagnostic about the exceeded maximum is reported once.
         """
         if len(self._said) == MAX_FAULTS and key not in self._said:
             self._said.add(key)

@@ -108,7 +108,7 @@ class MissingDensity(Exception):
 def solid_shapes(definition: LinkDefinition) -> Sequence[LinkShape]:
     """Return the shapes from which the mass of a link is computed.
 
-    By default, they are the collision shapes. If the link has no collision shapes, they are the display shapes.
+    The result contains the collision shapes or, if the link has none, the display shapes.
     """
     return [one for one in definition.shapes if one.touches] or [one for one in definition.shapes if one.drawn]
 

@@ -52,7 +52,10 @@ def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
 
 
 def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> bool:
-    """Return whether the mount `side` of a shape around which a tendon wraps is on the same link as the shape. If not, report an error."""
+    """Return whether the mount `side` of a shape around which a tendon wraps is on the same link as the shape.
+
+    An error is reported if the links differ.
+    """
     if step.mount is None or step.side is None or link_of[step.mount.occurrence] == link_of[step.side.occurrence]:
         return True
     findings.error(

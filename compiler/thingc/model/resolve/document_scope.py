@@ -130,7 +130,10 @@ class DocumentScope:
                     yield f"{node.name}.{path}", inner
 
     def unsure_joints(self) -> bool:
-        """Return whether joints may be missing because of errors. If so, a pattern that does not match any joint is not reported."""
+        """Return whether joints may be missing because of errors.
+
+        If joints may be missing, a pattern that does not match any joint is not reported.
+        """
         return bool(self.unbuilt or self.unbuilt_joints) or any(
             node.unsound or node.unplaced or (node.table is not None and node.table.unsure_joints()) for node in self.nodes.values()
         )

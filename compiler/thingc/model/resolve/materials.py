@@ -1,6 +1,6 @@
 """Resolve the materials that a document can use.
 
-They are defined in material documents, in the document itself, or in the library bd_materials.
+Materials are defined in materials documents, in the document itself, or in the library bd_materials.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str,
 
 
 def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
-    """Return whether any materials document of an assembly could not be read. If so, unknown materials are not reported."""
+    """Return whether any materials document of an assembly could not be read. If the result is True, unknown materials are not reported."""
     if scope.doubts.lacks("materials"):
         return True
     if isinstance(spec.materials, Mapping):

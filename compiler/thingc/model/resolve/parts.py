@@ -262,7 +262,10 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
 
 
 def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> Hint:
-    """Return a hint for an unknown part. It suggests the same class name in another module, or a similar class name in the same module."""
+    """Return a hint for an unknown part.
+
+    The hint suggests the same class name in another module, or a similar class name in the same module.
+    """
     classes = [one for one in failure.candidates if ":" in one]
     namesakes = [one for one in classes if one.partition(":")[2] == reference.rpartition(":")[2]]
     if namesakes:
@@ -273,7 +276,7 @@ def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> H
 
 
 def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) -> Hint:
-    """Return a hint for an unknown module. It suggests a similar module name, or shows where modules are searched."""
+    """Return a hint for an unknown module. The hint suggests a similar module name, or shows where modules are searched."""
     module, _, name = reference.partition(":")
     close = near_hint(module, known)
     if close is not None:

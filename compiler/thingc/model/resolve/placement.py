@@ -101,8 +101,8 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
     """Find the base component of a document. Afterwards, a component that is placed twice, and every additional base, counts as unplaced.
 
     Components that are placed twice, and additional bases, become unplaced. Nothing is reported for components whose placement may be
-    invalid because of another error. `unsure` is True if the child of a joint could not be read. Because this joint may place any
-    component, missing placements are then not reported.
+    invalid because of another error. `unsure` is True if the child of a joint could not be read. Missing placements are then not reported,
+    because this joint may place any component.
     """
     vague = {
         node.name for node in table.nodes.values()

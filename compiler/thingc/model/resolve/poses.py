@@ -111,7 +111,9 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
 
 
 def _stand_ins(known: Joints, origin: Origin) -> Settings:
-    """Return a position within the limits for each joint whose limits exclude 0. These placeholders are used for a pose with errors.
+    """Return a position within the limits for each joint whose limits exclude 0.
+
+    The returned positions are placeholders for a pose with errors.
 
     Without placeholders, an error that 0 is outside the limits would be reported, although the real reason is the other error in the pose.
     Build outputs never contain the placeholders.

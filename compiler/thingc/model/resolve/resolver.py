@@ -1,6 +1,6 @@
 """The pass `resolve`, which converts validated documents to the model.
 
-It evaluates parameters, expressions, units, references, defaults, repeats and patterns.
+The pass evaluates parameters, expressions, units, references, defaults, repeats and patterns.
 
 The inputs of the pass are `Settings` and `Sources`.
 """

@@ -40,8 +40,8 @@ class Scope(FrozenStruct):
 
     `names` contains the names that expressions can use. Errors are reported. `broken` contains names with invalid values, which have been
     reported. An expression with such a name is invalid, but is not reported again. `index` contains the name of the repeat's index, and its
-    value in references (`$i`). `said` is shared by all scopes of a run. It prevents duplicate reports of an error for the items of a repeat
-    and for a document that is nested several times. `doubts` contains the locations of errors that validation has reported.
+    value in references (`$i`). `said` is shared by all scopes of a run. `said` prevents duplicate reports of an error for the items of a
+    repeat and for a document that is nested several times. `doubts` contains the locations of errors that validation has reported.
     """
 
     document: Document

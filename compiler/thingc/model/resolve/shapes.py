@@ -74,7 +74,7 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> Mes
 def _file(scale: Vector, digest: Callable[[str], str], absolute: str, path: str, _state: tuple[int, ...]) -> MeshFile:
     """Return a mesh file of a link.
 
-    The argument `_state` is the state of the file on disk. It is only used as a part of the cache key.
+    The argument `_state` is the state of the file on disk. The state is only used as a part of the cache key.
     """
     return mesh_file(absolute, path, scale, digest)
 

@@ -273,7 +273,7 @@ class Tendon(OneLineRepr, FrozenStruct):
 class LinkName(OneLineRepr, FrozenStruct):
     """An entry of the section `links:`, such as `{base_link: plate}`.
 
-    It contains the name of a link, and the component whose frame is the frame of the link.
+    The entry contains the name of a link, and the component whose frame is the frame of the link.
     """
 
     name: str
@@ -487,11 +487,10 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     parameters that differ from the values in the document (`end_effector(pen_diameter=0.02)`). `label` is the text for display
     (`end_effector(pen_diameter=20 mm)`). `materials` contains all materials that the document can use, by name. `poses` contains only the
     poses of this document, with joint paths relative to this document. `modes`, `simulation` and `tests` are only used for the top
-    document. `materials_known` is False if a materials document could not be read. In this case, unknown materials are not reported.
-    `whole` is False if validation removed invalid entries from the document. `loose` contains the valid references of elements that were
-    omitted because of another, invalid reference. `step_origin` is the location of the setting `timestep` in the document. A mirror image
-    is a separate definition, such as `leg(mirror=y)`. `mirror` is the axis along which it is mirrored, and `plain` is the original
-    definition.
+    document. `materials_known` is False if a materials document could not be read. Unknown materials are then not reported. `whole` is
+    False if validation removed invalid entries from the document. `loose` contains the valid references of elements that were omitted
+    because of another, invalid reference. `step_origin` is the location of the setting `timestep` in the document. A mirror image is a
+    separate definition, such as `leg(mirror=y)`. `mirror` is the axis along which it is mirrored, and `plain` is the original definition.
     """
 
     document: str

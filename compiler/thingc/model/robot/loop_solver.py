@@ -62,8 +62,8 @@ oscillate across a valley.
 ROUNDING = 1e-13
 """If the error decreases by less than this relative value, the step counts as a step without progress.
 
-A step without progress is repeated with more damping, which turns the step towards the steepest descent. This is necessary because a step
-can move two joints to their limits although in the solution only one joint is at its limit.
+A step without progress is repeated with more damping, which turns the step towards the steepest descent. Such a step can move two joints to
+their limits although in the solution only one joint is at its limit.
 """
 
 

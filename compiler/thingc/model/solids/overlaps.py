@@ -160,8 +160,8 @@ def _cubic(volume: float) -> str:
 def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> float:
     """Return the smallest extent [m] of the intersection of two boxes.
 
-    It is an upper bound of the mean thickness of the intersection of the parts. If the boxes do not intersect, the result is zero or
-    negative.
+    This extent is an upper bound of the mean thickness of the intersection of the parts. If the boxes do not intersect, the result is zero
+    or negative.
     """
     lows, highs = map(maximum, one[0], other[0]), map(minimum, one[1], other[1])
     return minimum(high - low for low, high in zip(lows, highs, strict=True))

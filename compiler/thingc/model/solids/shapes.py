@@ -61,8 +61,8 @@ class Solid(FrozenStruct, kw_only=False):
     def overlap(self, other: Solid) -> tuple[float, float]:
         """Return the volume [m^3] of the intersection with another solid, and its mean thickness [m].
 
-        The mean thickness is twice the volume divided by the surface area. For a thin layer, it is the thickness of the layer. Both results
-        are 0 if the solids only touch.
+        The mean thickness is twice the volume divided by the surface area. For a thin layer, it is the thickness of the layer. The volume
+        and the thickness are 0 if the solids only touch.
         """
         shared = self.whole ^ other.whole
         volume = float(shared.volume())

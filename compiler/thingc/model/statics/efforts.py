@@ -85,8 +85,8 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
 
     `load` maps the paths of coordinates to loads [N m or N].
 
-    Several drives can act on one coordinate with the load Q. Their factors are f, and their weights are l. The least sum of (t / l)^2 with
-    sum f t = -Q is at t = -Q f l^2 / sum (f l)^2.
+    Several drives can act on one coordinate with the load Q. The drives have the factors f and the weights l. The least sum of (t / l)^2
+    with sum f t = -Q is at t = -Q f l^2 / sum (f l)^2.
     """
     largest: dict[str, float] = {}  # scale the limits, because the square of a limit may overflow
     for _, ((leader, factor),), _, weight in drives:
@@ -118,10 +118,10 @@ def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[
     The result is keyed by joint path. A positive load acts in the direction of positive q.
 
     `q` maps the paths of all joints to positions [rad or m], and `bodies` contains the poses of all bodies in the world. The gravity load
-    of a joint is a moment about its axis: the sum over the weights of all bodies below the joint in the kinematic tree. Loops are open.
-    Closed loops do no work along the motions that they allow, so the loads are also the generalized forces of a robot with loops. A joint
-    at which a loop was cut has only the load of its spring. For the moments of weights, see Featherstone, Rigid Body Dynamics Algorithms,
-    section 5.3 (inverse dynamics at rest). The time is linear in the number of bodies.
+    of a joint is a moment about its axis: the sum over the weights of all bodies below the joint in the kinematic tree. Kinematic loops
+    count as open. Closed loops do no work along the motions that they allow, so the loads are also the generalized forces of a robot with
+    loops. A joint at which a loop was cut has only the load of its spring. For the moments of weights, see Featherstone, Rigid Body
+    Dynamics Algorithms, section 5.3 (inverse dynamics at rest). The time is linear in the number of bodies.
     """
     count = len(robot.bodies)
     masses = [0.0] * count

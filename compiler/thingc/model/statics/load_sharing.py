@@ -160,7 +160,10 @@ class _Shares(NamedTuple):
 
 
 def _share(held: Array, known: Array, pushed: Array) -> _Shares:
-    """Solve `held x + known + pushed y = 0` as far as possible, with the least |x|."""
+    """Solve `held x + known + pushed y = 0` as far as possible, with the least |x|.
+
+    The vector x contains the drive efforts, and y >= 0 contains the forces along the edges.
+    """
     left, sizes, right = np.linalg.svd(held) if held.size else (np.eye(len(known)), np.zeros(0), np.eye(held.shape[1]))
     rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
     inverse = right[:rank].T / sizes[:rank] @ left[:, :rank].T

@@ -43,8 +43,8 @@ class Efforts(NamedTuple):
 
     The efforts may be ambiguous, for example for two held feet, two drives on a loop, or two coupled joints. Then the solution with the
     least sum of squares of effort divided by limit is used. `choices` is the dimension of the space of solutions. `unheld` is the largest
-    load that no drive balances, as a fraction of the largest load. `where` is the coordinate with this load. It is empty if all loads are
-    balanced, or if the load acts on the free base. `fall` is the reason if the robot would fall off its feet, whatever the efforts.
+    load that no drive balances, as a fraction of the largest load. `where` is the coordinate with this load. `where` is empty if all loads
+    are balanced, or if the load acts on the free base. `fall` is the reason if the robot would fall off its feet, whatever the efforts.
     """
 
     by_joint: dict[str, float]
