@@ -94,7 +94,7 @@ def formatter(form: str) -> Callable[[Formatter], Callable[[float | Recorded], s
 def _extreme(function: Function) -> Function:
     """Wrap the built-in function `min` or `max` so that a call with recorded numbers is recorded as a single operation.
 
-    The argument `key` is not supported.
+    The wrapped function does not accept the argument `key`.
     """
     extreme = one_operation(function)
 

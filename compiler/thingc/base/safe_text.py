@@ -1,8 +1,8 @@
 """Escape untrusted text, such as names and values from documents, before it is printed or written into tables, pictures and HTML pages.
 
-Documents, output of parts, lock files, file names, environment variables and the command line can contain any characters: escape sequences
-of terminals, bidirectional control characters, invisible characters, line breaks, or names of a million characters. All text that thingc
-prints passes through one of the functions of this module.
+Documents, output of parts, lock files, file names, environment variables and the command line can contain any characters. Examples are
+escape sequences of terminals, bidirectional control characters, invisible characters, line breaks, and names of a million characters. All
+text that thingc prints passes through one of the functions of this module.
 """
 
 from __future__ import annotations

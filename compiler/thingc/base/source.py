@@ -230,7 +230,7 @@ class Document:
         return lines[number - 1] if number <= len(lines) else ""
 
     def span(self, path: Path = (), *, key: bool = False) -> Span:
-        """Return the span of the value, or with `key=True` of the key, at a key path of this document. See `span_at`."""
+        """Return the span of the value, or with `key=True` of the key, at a key path of this document."""
         span = self._spans.get((path, key))
         if span is None:  # cached, because repeated compilations request the same spans
             span = self._spans[path, key] = span_at(self.tree, path, key=key)

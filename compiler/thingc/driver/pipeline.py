@@ -147,8 +147,6 @@ def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
     """Return the names of Python modules for `Options.ahead`: modules that `build` needs for the given targets and that are slow to import.
 
     The module numpy is only included for the target `mjcf`, for which solids are compared.
-
-    numpy is only included for the target `mjcf`, for which solids are compared.
     """
     from thingc.targets.registry import modules_of
 

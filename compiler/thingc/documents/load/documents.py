@@ -35,8 +35,8 @@ class Documents(FrozenStruct):
 
     `by_path` is keyed by path in the workspace, in the order of first reference. `links` maps pairs (path of a document, reference in this
     document) to the path of the referenced document. `broken` contains the documents on a reported cycle of assemblies. `files` contains
-    absolute paths of existing and missing files: all files in the workspace that the documents reference, with symbolic links unresolved,
-    and all paths that were examined to find documents of packages.
+    the absolute paths of all files in the workspace that the documents reference, with symbolic links unresolved. Missing files, and all
+    paths that were examined to find documents of packages, are also in `files`.
     """
 
     root: Document

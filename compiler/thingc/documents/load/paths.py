@@ -34,8 +34,8 @@ def find_file(
 ) -> str | None:
     """Return the absolute path of a file that the document at the path `beside` references.
 
-    Report an error at `where` and return None if the reference is an absolute path, or if the file is outside the workspace, does not
-    exist, or has none of the `suffixes`. `what` is the description of the file in messages, such as `an assembly document`.
+    Report an error at `where` and return None if the reference is an absolute path. The same applies if the file is outside the workspace,
+    does not exist, or has none of the `suffixes`. `what` is the description of the file in messages, such as `an assembly document`.
     """
     shown = shortened(text)
     if not text.strip():

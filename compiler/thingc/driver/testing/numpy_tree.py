@@ -108,7 +108,8 @@ def quasi_random(count: int, dimensions: int) -> Array:
 
     The same points are returned in every run. In one dimension, the points are equally spaced from end to end. In more dimensions, the
     corners of the cube come first, if they are at most a quarter of the points. The other points follow the additive recurrence of the
-    generalised golden ratio g, the root of g**(d + 1) = g + 1 (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+    generalised golden ratio g, which is the root of g**(d + 1) = g + 1. See Roberts, "The unreasonable effectiveness of quasirandom
+    sequences", 2018.
     """
     if dimensions == 0:
         return np.zeros((1, 0))

@@ -96,8 +96,9 @@ _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 class Mimic(OneLineRepr, FrozenStruct):
     """The polynomial by which a joint mimics another joint.
 
-    The position q of the joint is a polynomial in the position x of the other joint, in SI units: q = offset + multiplier * x + higher[0] *
-    x^2 + higher[1] * x^3 ...
+    In SI units, the position q of the joint follows from the position x of the other joint:
+
+        q = offset + multiplier * x + higher[0] * x^2 + higher[1] * x^3 ...
 
     `joint` is the name of a coordinate in the same document. `name` is the name of the MuJoCo equality, or None.
     """

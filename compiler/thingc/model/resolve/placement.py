@@ -100,9 +100,8 @@ def _at(table: DocumentScope, node: ComponentScope) -> At | None:
 def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
     """Find the base component of a document. Afterwards, a component that is placed twice, and every additional base, counts as unplaced.
 
-    Components that are placed twice, and additional bases, become unplaced. Nothing is reported for components whose placement may be
-    invalid because of another error. `unsure` is True if the child of a joint could not be read. Missing placements are then not reported,
-    because this joint may place any component.
+    Nothing is reported for components whose placement may be invalid because of another error. `unsure` is True if the child of a joint
+    could not be read. Missing placements are then not reported, because this joint may place any component.
     """
     vague = {
         node.name for node in table.nodes.values()
@@ -155,7 +154,7 @@ def _report_no_base(table: DocumentScope, places: Places) -> None:
 def _perhaps_swapped(table: DocumentScope, free: list[str]) -> dict[str, Joint]:
     """Return the joints whose parent component is unplaced, keyed by child component.
 
-    The document may have swapped parent and child. The document may have swapped the parent and the child.
+    The document may have swapped the parent and the child.
     """
     joints = [joint for joint in table.joints.values() if joint is not None and not joint.loop]
     return {joint.child.path[0]: joint for joint in joints if joint.parent.path and joint.parent.path[0] in free[1:]}

@@ -11,9 +11,9 @@ from thingc.base.numeric import sqrt, sum_of
 def solve(columns: Sequence[Sequence[float]], error: Sequence[float], damping: float) -> list[float] | None:
     """Return the vector x that minimizes |error + J x|^2 + lambda |x|^2, or None if the matrix is numerically singular.
 
-    `columns` contains the n columns of J, with m rows each. lambda is `damping` times the mean square of the entries of J along the smaller
-    side, so that the result does not depend on units. As lambda goes to 0, x goes to -pinv(J) error. The method uses the normal equations
-    of the smaller side, n x n or, since inv(J'J + l) J' = J' inv(JJ' + l), m x m.
+    `columns` contains the n columns of J, with m rows each. The factor lambda is `damping` times the mean square of the entries of J along
+    the smaller side, so that the result does not depend on units. As lambda goes to 0, x goes to -pinv(J) error. The function solves the
+    normal equations of the smaller side, which are n x n or m x m. The m x m equations follow from inv(J'J + l) J' = J' inv(JJ' + l).
     """
     n, m = len(columns), len(error)
     rows = [[column[k] for column in columns] for k in range(m)]

@@ -6,9 +6,9 @@ that was cut, and B is the frame on the child:
     p = p_B - p_A,    w = R_A log(inv(R_A) R_B)
 
 Steps are computed by the method of Levenberg and Marquardt (Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
-1963): the shortest step for underdetermined closures, the least-squares step for overdetermined or unsolvable ones. If a step would move a
-coordinate beyond a limit, the coordinate is set to the limit and the step is repeated with the other coordinates. The module is pure
-Python, because importing numpy would slow down `check` and there are only a few equations.
+1963). If the closures are underdetermined, the shortest step is computed. If they are overdetermined or unsolvable, the least-squares step
+is computed. If a step would move a coordinate beyond a limit, the coordinate is set to the limit and the step is repeated with the other
+coordinates. The module is pure Python, because importing numpy would slow down `check` and there are only a few equations.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
     Warn of modes in which the robot should stand on the plane but starts with a part below the plane. The root of a `fixed` base may extend
     into the ground, unless the whole root is below the plane. If `mesh_vertices` is None, only bounding boxes are known. The computed depth
     is then a lower bound, because a part touches every side of its bounding box. Also warn of modes in which a part is lower than the feet,
-    of modes without a start pose although 0 is outside the limits of a joint, and of poses that loop closure changes.
+    and of poses that loop closure changes. Another warning is for modes without a start pose if 0 is outside the limits of a joint.
     """
     _check_feet(robots, report)
     _check_limits(robots, report)

@@ -148,7 +148,7 @@ def _lowered(
     """Return the pose of the child link of a joint in its parent link at q = 0, and the twists of the joint in the frame of the child.
 
     Parent and child are as in the tree. `parent` and `child` are the poses of the mated components in their links. Let F be the pose of the
-    joint frame in the link of the document's parent, and G the pose of the child link in the moving frame of the joint. Then
+    joint frame in the link of the document's parent. Let G be the pose of the child link in the moving frame of the joint. Then
     `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`. A reversed joint has the inverse sequence: each twist is negated and in the
     frame of the document's parent, which is the child in the tree.
     """

@@ -1,12 +1,14 @@
 """Compute the efforts with which drives hold a robot still against gravity and springs, and the margins of the drives.
 
-The coordinates of a robot are the joints that do not mimic others. Q is the load of gravity and springs on them, C the derivative of the
-closing conditions of the loops, N a basis of the motions that these conditions allow. The efforts t of the drives S balance the load if
+The coordinates of a robot are the joints that do not mimic others. Q is the load of gravity and springs on the coordinates. The columns of
+N are a basis of the motions that the closing conditions of the loops allow. The matrix S maps the efforts t of the drives to loads on the
+coordinates. The efforts balance the load if
 
     N' (Q + S t) = 0
 
-A tree has no C: the drives on each coordinate balance its load in closed form. Loops, holds and feet on the floor share the load by least
-squares (`load_sharing.py`, the only module of this folder that imports numpy). Dry friction in joints is not taken into account.
+In a tree, N is the identity. If no feet support the tree and each drive acts on a single coordinate, the efforts are computed separately
+for each coordinate. In all other cases, the load is distributed by least squares (`load_sharing.py`, the only module of this folder that
+imports numpy). Dry friction in joints is not taken into account.
 """
 
 from __future__ import annotations

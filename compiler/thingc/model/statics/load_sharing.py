@@ -1,16 +1,17 @@
 """Compute static efforts by least squares, for loads that loops, holds and feet on the floor can share in several ways.
 
-x are the coordinates of a robot (including the six coordinates of a floating base), Q the load of gravity and springs on them, N a basis of
-the motions that loops and holds allow, S the drives, and J the velocities of the feet. The efforts t and the forces f of the floor balance
-the load if
+The coordinates x of a robot include the six coordinates of a floating base. Q is the load of gravity and springs on the coordinates, and
+the columns of N are a basis of the motions that loops and holds allow. The matrix S maps the efforts t of the drives to loads on the
+coordinates. The matrix J maps the rates of x to the velocities of the feet, and f are the forces of the floor. The efforts and forces
+balance the load if
 
-    N' (Q + S t + J' f) = 0,    every f within the cone |f_t| <= mu f_n of its foot, moved down its axis by the force of adhesion
+    N' (Q + S t + J' f) = 0,    every f within the cone |f_t| <= mu f_n of its foot
 
-The result is the t with the smallest sum of squares of effort divided by limit. For a robot without feet, this result follows from a
-pseudo-inverse. With feet, the f are nonnegative sums of the edges of pyramids within the cones. The problem is then nonnegative least
-squares with equality constraints. A large weight enforces the constraints (Haskell and Hanson, "An algorithm for linear least squares
-problems with equality and nonnegativity constraints", 1981). The last step keeps the set of used edges and solves the remaining equations
-exactly.
+The cone of a foot with adhesion is moved down its axis by the force of adhesion. The result is the t with the smallest sum of squares of
+effort divided by limit. For a robot without feet, this result follows from a pseudo-inverse. With feet, the f are nonnegative sums of the
+edges of pyramids within the cones. The problem is then nonnegative least squares with equality constraints. A large weight enforces the
+constraints (Haskell and Hanson, "An algorithm for linear least squares problems with equality and nonnegativity constraints", 1981). The
+last step keeps the set of used edges and solves the remaining equations exactly.
 """
 
 from __future__ import annotations

@@ -80,9 +80,7 @@ def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
 
 
 def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
-    """Check whether the robot stays at rest in the pose, and return a description and a failure if it does not.
-
-    Return None if the robot stays at rest.
+    """Return a description and a failure if the robot does not stay at rest in the pose. Otherwise return None.
 
     The robot does not stay at rest if feet are above the floor, if it falls over, or if an undriven joint would move.
     """
