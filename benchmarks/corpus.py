@@ -63,7 +63,7 @@ ASSEMBLY = re.compile(r"^thingc *[:=] *\"?assembly/1", re.MULTILINE)
 PASSING = re.compile(r"^(modelling|decomposing|slicing) parts: .*\n|\d+ parts? modelled.*|\d+\.\d+ s\b", re.MULTILINE)
 """Pattern of the output that depends on the store or on the clock."""
 OF_THE_RUN = frozenset({"journal.jsonl", "results.parquet", "shown.json"})
-"""Files of a batch that contain durations. They are not compared, because `results.csv` contains the other columns of the table."""
+"""Files of a batch that contain durations. These files are not compared, because `results.csv` contains the other columns of the table."""
 
 Entry = dict[str, str]
 """An entry of the corpus: the exit code, the hash of the output, and the SHA-256 of every file by its path in the output folder."""

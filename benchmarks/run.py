@@ -1,9 +1,9 @@
 """`make bench`: measure the costs of thingc as ratios to a reference time I.
 
-I is the time of `python -c "import build123d"` in the same run. It represents the speed of the machine, so the ratios of different machines
-can be compared. Each command is measured as a whole process, from start to exit. Its memory is the largest resident set of any process that
-it starts. The documents and parts of both robots are copied to a temporary workspace, where the benchmark edits them. If a scenario counts
-parts, the build must model exactly the definitions whose parameters have changed.
+I is the time of `python -c "import build123d"` in the same run. I represents the speed of the machine, so the ratios of different machines
+can be compared. Each command is measured as a whole process, from start to exit. The memory of a command is the largest resident set of any
+process that it starts. The documents and parts of both robots are copied to a temporary workspace, where the benchmark edits them. If a
+scenario counts parts, the build must model exactly the definitions whose parameters have changed.
 """
 
 from __future__ import annotations

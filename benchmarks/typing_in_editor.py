@@ -125,8 +125,8 @@ def slowest(seconds: list[float]) -> float:
 def rows(
     thingc: str, folder: Path, environment: dict[str, str], document: Path, wide: list[Path], times: int,
 ) -> list[tuple[str, float, str, float | None]]:
-    """Return a name, value, unit and upper bound for each measurement. First, only `document` is open. Then all documents of the workspace
-    `wide` are open, and keystrokes in the last document are measured.
+    """Return a name, value, unit and upper bound for each measurement. First, only `document` is open. In the second part, all documents of
+    the workspace `wide` are open, and keystrokes in the last document are measured.
     """
     editor = Editor(thingc, folder, environment)
     typed = keystrokes(editor, document, times)

@@ -19,7 +19,7 @@ ROUND = 8
 
 
 class Driver(Protocol):
-    """A search strategy that proposes variants and receives their results. Call `ask` until it returns None. Build each document that it
+    """A search strategy that proposes variants and receives their results. Call `ask` until it returns None. Build each document that `ask`
     returns, and pass the results to `tell`.
     """
 

@@ -55,8 +55,8 @@ def search(
     """Run an Optuna study until it contains `count` walks, and return the walks in the order of the trials. If `lengths` [m] is set, these
     lengths are fixed and only the gait varies.
 
-    The sampler of each walk has its own seed. It uses the results of all previous rounds. Therefore, an interrupted search continues with
-    the same designs.
+    The sampler of each walk has its own seed. A sampler uses the results of all previous rounds. Therefore, an interrupted search continues
+    with the same designs.
     """
     study = optuna.create_study(study_name=f"{name}, seed {seed}", storage=storage, direction="maximize", load_if_exists=True)
     while True:

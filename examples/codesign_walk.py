@@ -53,7 +53,7 @@ class Outcome:
     """The result of a walk: distance [m], time [s] and energy [J].
 
     `work` is the mechanical work of the servos: the integral of |torque * velocity|. Braking does not recover energy. `heat` is the energy
-    [J] that the windings of the motors lose as heat. `failed` is the reason why the walk failed. It is empty for a successful walk.
+    [J] that the windings of the motors lose as heat. `failed` is the reason why the walk failed. `failed` is empty for a successful walk.
     """
 
     failed: str = ""

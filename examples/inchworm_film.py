@@ -16,7 +16,7 @@ ROOT, HOLDING, LOOSE, BRACKET = (0.95, 0.42, 0.08, 1.0), (0.98, 0.75, 0.45, 1.0)
 
 STEEL, LINE = [0.66, 0.70, 0.76, 1], [0.45, 0.49, 0.55, 1]
 NEAR, FAR, THICK, OPEN = -0.08, 0.16, 0.012, -0.45
-"""The plates extend from y = `NEAR` to y = `FAR` [m] and begin at x = `OPEN` [m]. Their thickness is `THICK` [m]."""
+"""The plates extend from y = `NEAR` to y = `FAR` [m] and begin at x = `OPEN` [m]. The plates are `THICK` [m] thick."""
 
 FULL = 300.0
 """Pull margin [N] at which the bar of the film is full."""

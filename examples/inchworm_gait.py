@@ -40,7 +40,7 @@ def other(foot: str) -> str:
 
 
 def smooth(s: Array) -> Array:
-    """Return a smooth step from 0 at s = 0 to 1 at s = 1. Its first four derivatives are 0 at both ends."""
+    """Return a smooth step from 0 at s = 0 to 1 at s = 1. The first four derivatives of the step are 0 at both ends."""
     return s**5 * (126.0 - 420.0 * s + 540.0 * s**2 - 315.0 * s**3 + 70.0 * s**4)
 
 
@@ -135,9 +135,9 @@ class Legs:
     def solve(self, x: float, z: float, turn: float, pitch: float, near: Array) -> Array:
         """Return the joint positions q (6,) [rad] for a pose of the moving sole.
 
-        The moving sole is at `x` and `z` [m] relative to the held sole: x points forwards, and z points out of the steel. It is rotated by
-        `turn` [rad], toe up. The nose of the body is rotated upwards by `pitch` [rad]. Newton's method starts at the joint positions `near`
-        (6,) [rad]. Raises `ValueError` if the iteration does not find a solution.
+        The moving sole is at `x` and `z` [m] relative to the held sole: x points forwards, and z points out of the steel. The moving sole
+        is rotated by `turn` [rad], toe up. The nose of the body is rotated upwards by `pitch` [rad]. Newton's method starts at the joint
+        positions `near` (6,) [rad]. Raises `ValueError` if the iteration does not find a solution.
         """
         q = near.copy()
         for _ in range(50):
@@ -196,9 +196,9 @@ class Stance:
 def swing(legs: Legs, near: Array, begin: Stance, end: Stance, *, lift: float, nose: float, sink: float, seconds: float = SWING) -> Swing:
     """Plan a swing from the stance `begin` to the stance `end`. The inverse kinematics start at joint angles `near` (6,) [rad].
 
-    The foot is lifted by `lift` [m], while the nose of the body rises by `nose` [rad]. It is then lowered to `sink` [m] below the surface
-    of the steel. The servos therefore press the foot gently onto the steel before the magnet is switched on. Raises `ValueError` if the
-    legs cannot reach.
+    The foot is lifted by `lift` [m], while the nose of the body rises by `nose` [rad]. After that, the foot is lowered to `sink` [m] below
+    the surface of the steel. The servos therefore press the foot gently onto the steel before the magnet is switched on. Raises
+    `ValueError` if the legs cannot reach.
     """
     q, knots = near, []
     s = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, KNOTS))

@@ -1,9 +1,9 @@
 """Simulate MInchW on steel in MuJoCo, in one of two ways. Either the model is rooted at the holding foot and switches modes, or its base is
 free and only the magnets hold it.
 
-The servos are the position drives that the document defines. Their position commands are computed from the torques that the motion
-requires. The torques result from inverse dynamics in the mode that is rooted at the foot that carries the robot. A servo applies `force =
-kp (ctrl - q) - kv v`.
+The servos are the position drives that the document defines. The position commands of the servos are computed from the torques that the
+motion requires. The torques result from inverse dynamics in the mode that is rooted at the foot that carries the robot. A servo applies
+`force = kp (ctrl - q) - kv v`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ the contact direction from rounding errors, and could report a penetration of 24
 """
 
 Watch = Callable[[mujoco.MjModel, mujoco.MjData, float], None]
-"""A callback that runs after every simulation step. Its last argument is the pull margin [N] of the feet that carry the robot."""
+"""A callback that runs after every simulation step. The last argument of the callback is the pull margin [N] of the feet that carry the
+robot.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,8 +221,8 @@ class World:
 
 
 def root_wrench(model: mujoco.MjModel, data: mujoco.MjData, body: int, centre: Array) -> Array:
-    """Return the force [N] and the moment about `centre` [N m] that the world exerts on the root, as an array (6,). They are computed from
-    the accelerations in `data`.
+    """Return the force [N] and the moment about `centre` [N m] that the world exerts on the root, as an array (6,). Force and moment are
+    computed from the accelerations in `data`.
     """
     mujoco.mj_rnePostConstraint(model, data)
     moment, force = data.cfrc_int[body][:3], data.cfrc_int[body][3:]

@@ -90,8 +90,8 @@ class Planner:
     visited: int = 0
 
     def plan(self, start: State, goal: float) -> list[State]:
-        """Return the states of a plan to a state with both feet on the last surface. There, the midpoint between the feet is at least
-        `goal` [m] along the path.
+        """Return the states of a plan to a state with both feet on the last surface. On the last surface, the midpoint between the feet
+        must be at least `goal` [m] along the path.
 
         Raises `NoPlan` if the search does not find such a state.
         """
@@ -143,8 +143,8 @@ class Planner:
         return False
 
     def _lands(self, mode: Mode, state: State) -> bool:
-        """Return whether the moving foot can be pressed against the steel without detaching the holding foot. Count the reason in `refused`
-        if not.
+        """Return whether the moving foot can be pressed against the steel without detaching the holding foot. If the answer is False, count
+        the reason in `refused`.
         """
         if mode.spread(state.q) < SPREAD:
             self.refused["stretched legs"] += 1

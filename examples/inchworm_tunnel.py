@@ -1,8 +1,8 @@
 """Plan the path of MInchW through a steel tunnel. The path leads along the floor, over the inner corner to the wall, up the wall, and over
 the next corner to the ceiling.
 
-Both corners use the same plan, because in both corners the new surface is rotated by 90 degrees, nose up, relative to the old surface. Only
-the direction of gravity differs. The servo commands take gravity into account; the plan does not depend on it.
+Both corners use the same plan, because in both corners the new surface is rotated by 90 degrees, nose up, relative to the old surface. The
+two corners differ only in the direction of gravity. The servo commands take gravity into account; the plan does not depend on it.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ corners.
 """
 
 PRESS = 1.5
-"""Time [s] that a magnet needs to attach in a corner. There, the impact acts on the holding foot with a long lever."""
+"""Time [s] that a magnet needs to attach in a corner. In a corner, the impact acts on the holding foot with a long lever."""
 
 ARRIVE, LEAVE = 0.39, 0.08
-"""Distances [m] from the rear sole to a corner, before and after the robot crosses the corner. In both cases the feet are close
+"""Distances [m] from the rear sole to a corner, before and after the robot crosses the corner. At both distances, the feet are close
 together.
 """
 

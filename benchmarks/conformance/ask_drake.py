@@ -1,8 +1,8 @@
 """Read MJCF, URDF and SDF with Drake: `python ask_drake.py REQUESTS ANSWERS`.
 
 The plant is discrete and uses the contact solver SAP, because Drake ignores mimic joints otherwise. Drake does not report mimic joints, so
-the program finds them by simulation. It pushes the leader for 400 steps, and fits a line to the positions of leader and follower in the
-second half of the steps. The line gives multiplier and offset.
+the program finds them by simulation. The program pushes the leader for 400 steps, and fits a line to the positions of leader and follower
+in the second half of the steps. The line gives multiplier and offset.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Read USD with mujoco-usd, MuJoCo's own USD reader, and compile the model: `python ask_mujoco_usd.py REQUESTS ANSWERS`.
 
-The reader only supports revolute and prismatic joints. It ignores mimic joints and frames below links, so the program reads these frames
-from the file.
+The reader only supports revolute and prismatic joints. The reader ignores mimic joints and frames below links, so the program reads these
+frames from the file.
 """
 
 from __future__ import annotations

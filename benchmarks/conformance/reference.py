@@ -41,8 +41,8 @@ class Coordinate:
     """Coordinate number `axis` of the joint `name` in a file.
 
     In MJCF, the coordinate is the joint `path`. The joints in `others`, such as the slide of a screw, move with this joint by a factor.
-    `zero` is the value of `path` at which the joint in the file is at 0. The coordinates of a ball joint are roll, pitch and yaw. Its
-    velocities are about the axes x, y and z of the parent.
+    `zero` is the value of `path` at which the joint in the file is at 0. The coordinates of a ball joint are roll, pitch and yaw. The
+    velocities of a ball joint are about the axes x, y and z of the parent.
     """
 
     name: str
@@ -59,8 +59,8 @@ FORMATS = {".urdf": "URDF", ".sdf": "SDF", ".xml": "MJCF", ".usda": "USD"}
 def question(file: Path, mjcf: Path, seed: int = 0, count: int = CONFIGURATIONS) -> Question:
     """Return a question about a URDF, SDF, USD or MJCF file, with `count` random configurations.
 
-    Frames are relative to the root link. If the base is fixed, gravity is in the world frame. Otherwise, it is along the axes of the root
-    link.
+    Frames are relative to the root link. If the base is fixed, gravity is in the world frame. If the base is free, gravity is along the
+    axes of the root link.
     """
     model, format = mujoco.MjModel.from_xml_path(str(mjcf)), FORMATS[file.suffix]
     tree = ElementTree.Element("none") if format == "USD" else ElementTree.parse(file).getroot()

@@ -1,5 +1,5 @@
-"""Create documents of random robots. Each robot is a tree of joints, with all joint types that every format supports, with masses, mimic
-joints and a pose, and with a mode for each kind of base.
+"""Create documents of random robots. Each robot is a tree of joints, with all joint types that every format supports. It has masses, mimic
+joints, a pose, and a mode for each kind of base.
 """
 
 from __future__ import annotations

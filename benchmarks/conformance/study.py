@@ -1,7 +1,7 @@
 """`make conformance`: check that independent readers find the same robot in every file.
 
-The study builds both robots and random robots in all modes. Each reader runs in its own environment and process, and loads every file. Its
-answers at 50 random configurations are compared with the results of MuJoCo for the MJCF of the same mode. The study writes
+The study builds both robots and random robots in all modes. Each reader runs in its own environment and process, and loads every file. The
+answers of the readers at 50 random configurations are compared with the results of MuJoCo for the MJCF of the same mode. The study writes
 `docs/studies/conformance_table.md`, and exits with 1 if an answer differs. The environments are cached in `build/conformance/`.
 """
 
@@ -173,8 +173,8 @@ NOT_RUN = "ROS itself with the package: `colcon build`, `ros2 launch`, the contr
 
 @dataclass
 class Judged:
-    """The results of a reader for some files. They contain the largest difference of each quantity, the failures of each file, the number
-    of known limitations, and the message of the first limitation.
+    """The results of a reader for some files. The object contains the largest difference of each quantity, the failures of each file, the
+    number of known limitations, and the message of the first limitation.
     """
 
     refuses: str = ""
@@ -208,8 +208,8 @@ UNBOUNDED = 1e9
 
 
 def difference(key: str, answer: Any, expected: Any, joints: Sequence[str]) -> float:
-    """Return the difference between two answers. The difference is absolute for frames and ranges. Otherwise it is relative to the largest
-    expected value.
+    """Return the difference between two answers. The difference is absolute for frames and ranges. For all other quantities, the difference
+    is relative to the largest expected value.
     """
     if key == "range":
         both = [(_ends(a), _ends(b)) for name, a, b in zip(joints, answer, expected, strict=True) if not name.endswith("_slide")]

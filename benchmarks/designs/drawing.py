@@ -33,7 +33,7 @@ HIGHEST = 106.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edit:
-    """An edit of a document. It replaces the string `old`, which must occur exactly once in `file`, by `new`."""
+    """An edit of a document. The edit replaces the string `old`, which must occur exactly once in `file`, by `new`."""
 
     name: str
     file: str

@@ -2,13 +2,13 @@
 NAME=FILE_OR_FOLDER...`.
 
 Use the unpacked wheels of robosuite 1.5 and dm_control 1.0.50 as folders. MuJoCo reads each original file. The robot is also imported, with
-five random links as additional roots. In random states, the study compares poses, mass matrices, bias forces, forces and contacts. It also
-compares shapes, limits, gains, keyframes, the order of actuators and sensors, and 200 steps with random controls. For each additional root,
-it compares the poses relative to this root, and the mass matrix when this root is held.
+five random links as additional roots. In random states, the study compares poses, mass matrices, bias forces, forces and contacts. The
+study also compares shapes, limits, gains, keyframes, the order of actuators and sensors, and 200 steps with random controls. For each
+additional root, it compares the poses relative to this root, and the mass matrix when this root is held.
 
 An export loss must explain each difference. MuJoCo finds contacts of meshes and of some other pairs iteratively, and chooses the axes of
-meshes itself. Therefore these contacts only agree to 1e-4 m. They explain a different trajectory or adhesion if both are equal without
-contacts.
+meshes itself. Therefore these contacts only agree to 1e-4 m. If both models are equal without contacts, these contacts explain a different
+trajectory or adhesion.
 """
 
 from __future__ import annotations
@@ -114,7 +114,9 @@ def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) ->
 
 
 def reordered(pair: Pair) -> bool:
-    """Return whether the two models have actuators or sensors in a different order. This includes new sensors before existing sensors."""
+    """Return whether the two models have actuators or sensors in a different order. New sensors before existing sensors also count as a
+    different order.
+    """
     sensors = pair.words.get("sensors", {})
     named = {number: sensors[name] for number, name in pair.named["sensor"].items() if name in sensors}
     places = [pair.ours.sensor(name).id for _, name in sorted(named.items())]

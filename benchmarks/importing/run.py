@@ -4,8 +4,8 @@ NAME=FILE_OR_FOLDER...`.
 The options `--pinocchio` and `--drake` are paths of Python interpreters with these packages (`pip install pin`, `pip install drake`).
 Original URDF files are read with pinocchio, and original SDF files with Drake, without joints that close loops. The package
 `example-robot-data` contains URDF and SDF files. In random states, the study compares the poses of all links, mass matrices, bias forces,
-gravity forces and limits. It also compares five links as roots: the poses relative to the root, and the mass matrix when the root is held.
-The latter is not compared if Drake fixes the robot to the world. A loss or a repair must explain each difference.
+gravity forces and limits. The study also compares five links as roots: the poses relative to the root, and the mass matrix when the root is
+held. The mass matrix is not compared if Drake fixes the robot to the world. A loss or a repair must explain each difference.
 """
 
 from __future__ import annotations

@@ -22,8 +22,8 @@ COPIED = ("assemblies", "parts", "thingc.toml")
 
 @dataclass(frozen=True)
 class Subject:
-    """A valid document in the temporary workspace, and the documents that are compiled to check it. These are the document itself, if it is
-    an assembly, and the robot that contains it.
+    """A valid document in the temporary workspace, and the documents that are compiled to check it. The documents are the valid document
+    itself, if it is an assembly, and the robot that contains it.
     """
 
     document: Document
@@ -32,8 +32,8 @@ class Subject:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The result for a mutant. `outcome` is `right`, `elsewhere` or `built`. It is `right` if an error is reported at most one line away
-    from the change, or at a line that uses a removed name.
+    """The result for a mutant. `outcome` is `right`, `elsewhere` or `built`. The outcome is `right` if an error is reported at most one
+    line away from the change, or at a line that uses a removed name.
 
     `said` contains the first error, or the warnings if the mutant was accepted.
     """

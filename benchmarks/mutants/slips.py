@@ -1,9 +1,9 @@
 """Two lists of user mistakes (slips) in valid documents of three robots. The 120 slips in the first list change the meaning of the
 document, and the 60 slips in the second list concern magnitudes, units and positions.
 
-The lists were written before thingc was run on any of the slips. They cover everything that a user writes in a document: components, mates,
-joints, drives, poses, modes and numbers. The lists are not changed later. If thingc reports a slip, or if a slip turns out to be valid,
-this is a result of the study.
+The lists were written before thingc was run on any of the slips. The slips cover everything that a user writes in a document: components,
+mates, joints, drives, poses, modes and numbers. The lists are not changed later. If thingc reports a slip, or if a slip turns out to be
+valid, this is a result of the study.
 
 An edit has the form `path: text` or `-path`. The first form replaces the value at the path or adds an entry, and the second form removes
 the entry. A path consists of the name of the document, a space, and keys that are separated by `/`.

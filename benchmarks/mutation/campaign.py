@@ -4,9 +4,9 @@
 
 The tests run in a copy of the working tree. First, each test file runs once to create a map. The map contains the CPU time of each file,
 and the statements of the compiler that the file executes. Then, for each mutant, test files that execute the changed line run until one
-fails. Test files of the same room run first, then the fastest files. The option `--seconds` limits their total time. Tests that are marked
-`slow` do not run. A test that did not run may still notice a surviving mutant. Before you write a new test, make the change by hand and run
-`tests/cases` and other related tests.
+fails. Test files of the same room run first, then the fastest files. The option `--seconds` limits the total time of these test files.
+Tests that are marked `slow` do not run. A test that did not run may still notice a surviving mutant. Before you write a new test, make the
+change by hand and run `tests/cases` and other related tests.
 
 Tests run in forks of a process that has already imported the compiler. Each fork replaces the code of the changed functions. If a mutant
 changes code that runs during an import, its tests run in a new Python process.
@@ -59,7 +59,7 @@ def copied(target: Path) -> Path:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a module. Its modification time is always new, so that Python does not use bytecode of the previous text."""
+    """Write a module. The modification time of the module is always new, so that Python does not use bytecode of the previous text."""
     path.write_text(text)
     now = next(CLOCK)
     os.utime(path, (now, now))

@@ -22,7 +22,7 @@ from types import CodeType, FunctionType
 import pytest
 
 WAITING = 20.0
-"""Ratio of the limit of wall time to the limit of CPU time. It is large because other programs use the machine, too."""
+"""Ratio of the limit of wall time to the limit of CPU time. The ratio is large because other programs use the machine, too."""
 
 
 def warmed(package: Path, rooms: Iterable[str]) -> list[FunctionType]:

@@ -21,8 +21,8 @@ TEXTS = {"fault", "note", "Note"}
 
 @dataclass(frozen=True)
 class Mutant:
-    """A mutant: a change of one expression in `file` (relative to the package). It contains the new text of the file, and the old and the
-    new expression.
+    """A mutant: a change of one expression in `file` (relative to the package). The mutant contains the new text of the file, and the old
+    and the new expression.
     """
 
     file: str

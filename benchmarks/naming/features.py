@@ -32,10 +32,10 @@ class Feature:
     """A face of a solid, described by its geometry.
 
     A `plane` is a plane face that contains the point `on` and has the outward normal `axis`. A `hole` is a cylindrical face with the given
-    `diameter` and with material outside, and a `shaft` has material inside. Its axis is the line through `on` along `axis`, in either
-    direction, and the face exists beside the point `on`. An `apex` is a conical face whose apex is at `on`. `rim` is the centre of the
-    circle at the mouth of a hole. It is None if the mouth is not a full circle. If the feature covers several faces, `other` contains a
-    point on each additional face.
+    `diameter` and with material outside, and a `shaft` has material inside. The axis of the cylindrical face is the line through `on` along
+    `axis`, in either direction, and the face exists beside the point `on`. An `apex` is a conical face whose apex is at `on`. `rim` is the
+    centre of the circle at the mouth of a hole. `rim` is None if the mouth is not a full circle. If the feature covers several faces,
+    `other` contains a point on each additional face.
     """
 
     kind: Kind

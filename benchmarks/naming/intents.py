@@ -30,8 +30,8 @@ TAP = {"M2.5": 2.05, "M3": 2.5}
 class Intent:
     """The intended geometry of a named mount or screw of a part, for one set of parameters.
 
-    The function `frame` returns the frame from the finished Thing. Its origin must be at `at`, and its z axis must be `z`. The solid must
-    have each of the `features` there. The study checks whether plain selectors find the first of these features.
+    The function `frame` returns the frame from the finished Thing. The origin of this frame must be at `at`, and its z axis must be `z`.
+    The solid must have each of the `features` there. The study checks whether plain selectors find the first of these features.
     """
 
     name: str

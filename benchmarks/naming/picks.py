@@ -1,7 +1,7 @@
 """Plain build123d selectors that find a face or an edge of a solid, chosen at the default parameters of a part.
 
-Each selector is chosen in favour of the selector: its sort axis is the axis on which the feature is farthest from its neighbours, and its
-index counts from the nearer end.
+Each selector gets the best possible chance. It sorts along the axis on which the feature is farthest from its neighbours, and its index
+counts from the nearer end.
 """
 
 from __future__ import annotations

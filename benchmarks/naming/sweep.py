@@ -63,8 +63,8 @@ class Result:
 
 
 def fault(frame: Location, intent: Intent, solid: Solid) -> str | None:
-    """Return a description of the error of a name, or None if the name is right. Its frame must be at the intended position, and the solid
-    must have the features there.
+    """Return a description of the error of a name, or None if the name is right. The frame of the name must be at the intended position,
+    and the solid must have the features there.
 
     """
     origin, z = _frame(frame)

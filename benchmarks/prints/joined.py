@@ -1,10 +1,10 @@
 """Compute the constant `JOINED` of `thingc.geometry.worker.kernel.slicing`: the fraction of the border of sparse infill along which
 PrusaSlicer joins infill lines.
 
-In a sparse region, infill lines end at the border. PrusaSlicer's setting `connect_infill` joins the ends. It first closes gaps between two
-neighbouring ends that are both free, the shortest gap first. Then each remaining end is joined to its nearer neighbour. The simulation uses
-a long straight border and families of parallel lines. It averages over all angles between border and lines, and over all offsets of the
-lines.
+In a sparse region, infill lines end at the border. PrusaSlicer's setting `connect_infill` joins the ends. First, PrusaSlicer closes gaps
+between two neighbouring ends that are both free, the shortest gap first. After that, each remaining end is joined to its nearer neighbour.
+The simulation uses a long straight border and families of parallel lines. The simulation averages over all angles between border and lines,
+and over all offsets of the lines.
 """
 
 from __future__ import annotations

@@ -63,9 +63,9 @@ moments.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One print of a part (`module:Class`), in an orientation and with settings. It contains the mass from thingc and from PrusaSlicer, and
-    the relative errors of the mass and of the principal moments. The error of the centre is relative to the extent of the part along each
-    axis.
+    """One print of a part (`module:Class`), in an orientation and with settings. Each print has the mass from thingc and from PrusaSlicer,
+    and the relative errors of the mass and of the principal moments. The error of the centre is relative to the extent of the part along
+    each axis.
     """
 
     part: str
@@ -189,7 +189,7 @@ def kept_bounds(found: Sequence[Case]) -> bool:
 
 
 def summary(found: Sequence[Case]) -> list[str]:
-    """Format a table of the errors of mass, centre and moments. Its columns are the mean, the root mean square, the value that 90 % do not
+    """Format a table of the errors of mass, centre and moments. The columns are the mean, the root mean square, the value that 90 % do not
     exceed, the largest value, and the number of values within the bound.
     """
     rows = {

@@ -1,10 +1,10 @@
 """Compare `thingc.family` with other ways to create variants: `python benchmarks/variants/beside.py [--count N] [--rounds N]`.
 
-The robot is a planar arm without parts. Its link lengths and its drive gain differ in each variant, and masses and centres of mass depend
-on the lengths. Each lane creates models one after the other, and the result is the number of models per second of CPU time. The lane `own`
-uses `thingc.family(DOC).models(many)`, and the lane `lent` uses the same method with `share=True`. The lane `MjSpec` writes the new values
-into one `MjSpec` of the built file and compiles it. The lane `PyMJCF` does the same with elements of dm_control in another process
-(`edit_pymjcf.py`), in the environment that `make conformance` creates.
+The robot is a planar arm without parts. The link lengths and the drive gain of the arm differ in each variant, and masses and centres of
+mass depend on the lengths. Each lane creates models one after the other, and the result is the number of models per second of CPU time. The
+lane `own` uses `thingc.family(DOC).models(many)`, and the lane `lent` uses the same method with `share=True`. The lane `MjSpec` writes the
+new values into one `MjSpec` of the built file and compiles it. The lane `PyMJCF` does the same with elements of dm_control in another
+process (`edit_pymjcf.py`), in the environment that `make conformance` creates.
 
 The lanes run in turn, for several rounds. The table contains the median, the smallest and the largest rate. Before the measurement, some
 models of each lane are compared with the models of thingc, in all arrays of numbers. The program exits with 1 if a number differs by more

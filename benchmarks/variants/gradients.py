@@ -7,9 +7,9 @@ of a Jacobian, relative to the time of an evaluation. The column `error` is the 
 quotient with 60 digits, relative to the largest derivative with respect to the same parameter. For these quotients, mpmath evaluates the
 program of the function again, so the rules for derivatives are not used.
 
-The next rows contain derivatives with respect to parameters on which modelled parts depend. They are compared with finite differences of
-other step sizes. The rows show the largest relative difference, and the number of settings for which all differences are within the stated
-errors.
+The next rows contain derivatives with respect to parameters on which modelled parts depend. Such derivatives are compared with finite
+differences of other step sizes. The rows show the largest relative difference, and the number of settings for which all differences are
+within the stated errors.
 
 The third table compares models of MJX with models that MuJoCo compiles, for 50 settings (4096 for the rates). The columns `f64` and `f32`
 are the largest difference of a field, relative to the largest entry of the field. The column `models` is the speed of creating all models

@@ -5,8 +5,8 @@ disk usage per variant, in inodes and in bytes of disk blocks. Tables and pages 
 Some packed variants are unpacked, and must equal the folders of the other layout, byte by byte.
 
 Then the program builds `--count` pendulums with different masses in the packed layout. The pendulum has no parts. The program prints the
-time, the peak memory of the driver, the time of `--resume` for the finished batch, the time to read the batch, and the time to create
-models of random variants.
+time and the peak memory of the driver, and the time of `--resume` for the finished batch. It also prints the time to read the batch, and
+the time to create models of random variants.
 """
 
 from __future__ import annotations

@@ -5,11 +5,12 @@ Each row is a pair of modes. The motion of the new root link is either removed (
 `thingc.modes.jax` for many worlds at once, relative to calls of `Modes.switch` one after the other. The column `error` is the largest
 difference between the two results, relative to the largest number of the result or to 1.
 
-The last row measures an environment in MJX (`MjxEnv`) whose actions switch between two modes of a small robot. It shows the time of a step
-relative to an environment with one mode, and the largest difference from the observations of the same environment in MuJoCo (`make_env`).
+The last row measures an environment in MJX (`MjxEnv`) whose actions switch between two modes of a small robot. The last row shows the time
+of a step relative to an environment with one mode, and the largest difference from the observations of the same environment in MuJoCo
+(`make_env`).
 
-All times are CPU times. The program exits with 1 if a result exceeds its bound. Modes with additional holds have no bounds. Their postures
-can be nearly singular, which increases rounding errors, and the singular values of their constraints take longer to compute.
+All times are CPU times. The program exits with 1 if a result exceeds its bound. Modes with additional holds have no bounds. The postures of
+these modes can be nearly singular, which increases rounding errors, and the singular values of their constraints take longer to compute.
 """
 
 from __future__ import annotations

@@ -3,21 +3,21 @@
 The robot is the arm with three modes. In a temporary copy of its document, a mass, a damping, a limit and a pose are parameters, too. Each
 lane has its own session with one process, and all parts except those of `modelled` are in the store. In the lane `plain`, the four numbers
 differ in each variant, so no part is modelled. The MJCF of the three modes, `modes.json` and the manifest are written to disk, as by
-`thingc batch` and `family.write`. They are computed by a plan, and every 64th variant is also compiled for comparison. The lane `passed`
-compiles every variant instead, and MuJoCo compiles every model, as with `--verify all`. Meshes that MuJoCo has accepted before are replaced
-by tetrahedra.
+`thingc batch` and `family.write`. All these files are computed by a plan, and every 64th variant is also compiled for comparison. The lane
+`passed` compiles every variant instead, and MuJoCo compiles every model, as with `--verify all`. Meshes that MuJoCo has accepted before are
+replaced by tetrahedra.
 
 The lane `loaded` writes the same files as `plain`. After each round, it reads every model as a new `mujoco.MjModel` with all meshes, as
 `models` of `thingc.batch.load` does. If texts differ only in numbers, the numbers are written into arrays. In the lane `compiled`, MuJoCo
 compiles every model instead, without threads. The lane `unseen` is the same as `compiled`, but without visual geometry. The lane `by hand`
-is a script that replaces a mass in the text of each model and writes the same files, and MuJoCo compiles the three models with all meshes.
-In the lane `modelled`, the reach differs in each variant, so one part is modelled for each variant, and the same files are written.
+is a script that replaces a mass in the text of each model and writes the same files. MuJoCo compiles the three models with all meshes. In
+the lane `modelled`, the reach differs in each variant, so one part is modelled for each variant, and the same files are written.
 
 The lanes run in turn, for several rounds, because the speed of a machine varies. The table contains the median, the smallest and the
 largest rate per second of CPU time. The time of the process that models parts is included. The rates of `loaded` and `compiled` are also
 given relative to `by hand`. `--scale N` runs the lane `plain` for 10, 100, ... N variants, and prints the growth of time and memory.
-`--refused N` only compares the times for N valid and N invalid settings, by plans and by compilations. It uses an arm and a gripper with
-loops, and checks that diagnostics and results are equal.
+`--refused N` only compares the times for N valid and N invalid settings, by plans and by compilations. `--refused` uses an arm and a
+gripper with loops, and checks that diagnostics and results are equal.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ def together(model: mujoco.MjModel, fields: Mapping[str, Any], count: int, steps
 
 
 def main() -> int:
-    """Simulate the arms in both programs, and compare the results. Return 1 if they differ."""
+    """Simulate the arms in both programs, and compare the results. Return 1 if the results differ."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=64, help="number of arms (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=100, help="number of steps of 2 ms (default: %(default)s)")

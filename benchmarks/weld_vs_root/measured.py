@@ -61,8 +61,8 @@ def _say(text: str) -> None:
 
 
 def _stiffness(found: Measured, study: Study, formulation: Formulation) -> None:
-    """For each integrator and timestep, find the time constant of the weld with the smallest error. The comparison then uses the best
-    possible weld.
+    """For each integrator and timestep, find the time constant of the weld with the smallest error. With this time constant, the comparison
+    uses the best possible weld.
     """
     _say("the best stiff weld of each integrator and timestep")
     for timestep in SWUNG:

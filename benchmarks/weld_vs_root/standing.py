@@ -23,10 +23,10 @@ TRIED = (0.3, 0.4, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 class Stand:
     """Results of one simulation of a robot at rest.
 
-    `steps` and `nearly` are the numbers of steps after which max |qvel| stays below the two bounds `REST` and `NEARLY`. They are None if
-    max |qvel| does not stay below the bound. The next fields are the largest deviations from the initial state: of the held sole (`drift`
-    [mm]), of its rotation (`turn` [deg]), of the ankle (`ankle` [mm]), of the free sole (`tip` [mm]), and of the energy [mJ]. `speeds`
-    contains max |qvel| after each step.
+    `steps` and `nearly` are the numbers of steps after which max |qvel| stays below the two bounds `REST` and `NEARLY`. `steps` and
+    `nearly` are None if max |qvel| does not stay below the bound. The next fields are the largest deviations from the initial state: of the
+    held sole (`drift` [mm]), its rotation (`turn` [deg]), the ankle (`ankle` [mm]), the free sole (`tip` [mm]), and the energy [mJ].
+    `speeds` contains max |qvel| after each step.
     """
 
     steps: int | None

@@ -1,4 +1,4 @@
-"""Draw the figure of the study. Its plots show a posture that should be at rest, the motion of the foot, and the error of a swing."""
+"""Draw the figure of the study. The plots show a posture that should be at rest, the motion of the foot, and the error of a swing."""
 
 from __future__ import annotations
 

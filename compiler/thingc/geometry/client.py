@@ -204,8 +204,8 @@ class Workers:
     def _heard(self) -> tuple[_Process, dict[str, Any], bool] | None:
         """Wait for a message from any worker process.
 
-        The result consists of a worker, its answer and True, or of a worker that was ended, its failure and False. It is None for any other
-        message. Raises `WorkerBroken` if no worker can be started.
+        The result consists of a worker, its answer and True, or of a worker that was ended, its failure and False. For any other message,
+        the result is None. Raises `WorkerBroken` if no worker can be started.
         """
         try:
             process, answer = self._lines.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))

@@ -19,11 +19,13 @@ from thingc.geometry.record import PartDefinition, PartFailure, PartSchema, Valu
 from thingc.geometry.store.local import Store
 
 Likely = Callable[[], Mapping[str, Collection[LikelySlicing]]] | None
-"""A function that returns the likely slicings of parts, by the text of their definitions. It is only called when a part must be built."""
+"""A function that returns the likely slicings of parts, by the text of their definitions. The function is only called when a part must be
+built.
+"""
 
 
 class PartRequest(FrozenStruct):
-    """A request to build a part. It contains the cache key of the result and the code of the part (None for a file or an installed
+    """A request to build a part. The request contains the cache key of the result and the code of the part (None for a file or an installed
     package).
     """
 

@@ -293,9 +293,9 @@ class PartRecord(OneLineRepr, FrozenStruct):
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals over the B-rep. For a
     Thing without geometry, these values are zero, and `box` is None.
 
-    `meshes` is empty for a part without geometry. Otherwise, `meshes` contains `visual`, `hull` and `mesh` (OBJ, metres) and `print`
-    (binary STL, millimetres). The mesh `slicing` contains the triangles of `print` in 64-bit floats, so that results of slicing are smooth
-    functions of parameters. The mesh `simulation` (OBJ, metres) exists if the definition limits the triangles for simulators. `fits`
+    `meshes` is empty for a part without geometry. For a part with geometry, `meshes` contains `visual`, `hull` and `mesh` (OBJ, metres) and
+    `print` (binary STL, millimetres). The mesh `slicing` contains the triangles of `print` in 64-bit floats, so that results of slicing are
+    smooth functions of parameters. The mesh `simulation` (OBJ, metres) exists if the definition limits the triangles for simulators. `fits`
     contains the smallest primitives that enclose the part, by shape. `pieces` contains the solids of the Thing's own `collision()`: a
     primitive if the solid is exactly a primitive, otherwise an OBJ file. `convex` contains the OBJ files of the convex decomposition, if
     requested.

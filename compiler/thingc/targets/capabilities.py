@@ -470,5 +470,5 @@ def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "sc
 
 
 def shape_cell(kind: Literal["mesh"] | PrimitiveShape) -> Literal["hull"] | PrimitiveShape:
-    """Return the name of the table cell for a collision shape. A mesh counts as convex."""
+    """Return the name of the table cell for a collision shape. Meshes count as convex."""
     return "hull" if kind == "mesh" else kind

@@ -25,7 +25,7 @@ class Connection(FrozenStruct):
     """A connection between two bodies. The bodies are given by their indices. If the parent is None, it is the world.
 
     `X_0` is a frame on the parent, and `X_1` is a frame on the child. The joint moves the second frame away from the first frame, as
-    `coordinates` describe. Each twist in `twists` is expressed in the first frame. It applies when all later coordinates are 0. A
+    `coordinates` describe. Each twist in `twists` is expressed in the first frame. A twist applies when all later coordinates are 0. A
     connection without coordinates is fixed. If `turns` is True, the connection only keeps the origins of the two frames together. `path` is
     the path of the whole joint, which can have several coordinates. `joints` are the coordinates of a joint in the document. A connection
     that is not `in_tree` closes a loop or holds a mount.
@@ -45,8 +45,8 @@ class Connection(FrozenStruct):
 
 
 def connections(robot: Robot, loops: LoopKinds[Literal["joint"]], *, closed: bool = True) -> Iterator[Connection]:
-    """Yield the connections between the bodies of a mode. The joints of the tree come first, in the order of the bodies. They are followed
-    by the closed loops and holds that the format supports.
+    """Yield the connections between the bodies of a mode. The joints of the tree come first, in the order of the bodies. The closed loops
+    and holds that the format supports come last.
     """
     for index, body in enumerate(robot.bodies):
         path, origin, moves = BASE, robot.mode.origin, body.joints or robot.moves

@@ -39,8 +39,8 @@ class MeshAsset(FrozenStruct):
     """A mesh that a target writes to its own file.
 
     `mesh` is the mesh in the store (OBJ) [m], and `volume` is the volume of the part [m^3]. `origin` is the location in the documents of
-    the first occurrence that uses the mesh. `own` is the content of the original mesh file. It is used if MuJoCo can read this file.
-    `scale` contains the factors that convert the original mesh to metres.
+    the first occurrence that uses the mesh. `own` is the content of the original mesh file. The original mesh file is used if MuJoCo can
+    read it. `scale` contains the factors that convert the original mesh to metres.
     """
 
     name: str
@@ -62,7 +62,8 @@ class MeshAsset(FrozenStruct):
 
 
 class Shape(FrozenStruct):
-    """A shape in the frame of its occurrence. It is either a mesh with the name `mesh`, or a primitive with a `size` [m] as in `Primitive`.
+    """A shape in the frame of its occurrence. The shape is either a mesh with the name `mesh`, or a primitive with a `size` [m] as in
+    `Primitive`.
 
     `name` is the custom name of the shape, with the path of the document that defines it as prefix.
     """
@@ -130,8 +131,8 @@ def numbered(name: str, index: int) -> str:
 def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
     """Yield a unique name for each shape.
 
-    The name is the custom name of the shape, if no other shape has the same custom name. Otherwise, the name is the default name `usual`
-    with a number.
+    The name is the custom name of the shape, if no other shape has the same custom name. For any other shape, the name is the default name
+    `usual` with a number.
     """
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
@@ -156,7 +157,7 @@ def channels(color: str) -> tuple[float, float, float, float]:
 
 
 def has_inside(piece: Mesh | Primitive) -> bool:
-    """Return whether a shape can collide. This is the case if it has a volume or is a plane."""
+    """Return whether a shape can collide. A shape can collide if it has a volume or is a plane."""
     return not piece.flat if isinstance(piece, Mesh) else piece.shape == "plane" or numeric.minimum(piece.size) > 0.0
 
 
@@ -166,7 +167,7 @@ def linear(channel: float) -> float:
 
 
 def inputs_of(assembly: Assembly) -> tuple[object, ...]:
-    """Return a value that determines the geometry of an assembly. It is used as a key of `Memo`. The key contains everything in the
+    """Return a value that determines the geometry of an assembly. `Memo` uses this value as a key. The key contains everything in the
     assembly that affects the geometry.
     """
     return tuple(

@@ -22,7 +22,7 @@ def encode(value: object) -> bytes:
 
 
 class JsonFragment(str):
-    """A value that is already encoded as JSON. It is indented for its nesting depth (see `fragment`)."""
+    """A value that is already encoded as JSON. The value is indented for its nesting depth (see `fragment`)."""
 
     __slots__ = ()
 

@@ -5,7 +5,7 @@ document, C its child link, and J the frame of the parent mount. The pose of C i
 
     X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ inv(X_CJ)
 
-A twist describes the motion per unit of q. It rotates about the vector `angular` through the origin of J, and moves along the vector
+A twist describes the motion per unit of q. The twist rotates about the vector `angular` through the origin of J, and moves along the vector
 `linear`. A ball joint has exponential coordinates: its factor is `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`, and its q is a rotation
 vector. If C is the parent in the tree of the mode (`reversed`), use the inverse of this pose. These values do not depend on the root of the
 mode.
@@ -73,22 +73,23 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
     expressed in the frame of the link.
 
     The key `joints` lists the joints in the order of the model. `parent` and `child` are the links in the tree of this mode. If `reversed`
-    is true, they are swapped in the document. `coordinates` are in the order of the document. `in_model` contains the names of the MuJoCo
-    joints of a coordinate, each with its motion per unit of q. `qpos` and `dof` are the addresses of these joints in `MjData.qpos` and
-    `MjData.qvel`. The entries of a free base come first: 7 in `qpos` and 6 in `qvel`. Each coordinate of a ball joint has the addresses of
-    the whole joint, which are a quaternion and an angular velocity.
+    is true, parent and child are swapped in the document. `coordinates` are in the order of the document. `in_model` contains the names of
+    the MuJoCo joints of a coordinate, each with its motion per unit of q. `qpos` and `dof` are the addresses of these joints in
+    `MjData.qpos` and `MjData.qvel`. The entries of a free base come first: 7 in `qpos` and 6 in `qvel`. Each coordinate of a ball joint has
+    the addresses of the whole joint, which are a quaternion and an angular velocity.
 
     The key `holds` contains additional mounts that are held to the world, by path. `link` is the link of the mount, and `anchor` is the
-    mocap body that holds the mount. `carries` is `force` if only the origin of the mount is held, so that the mount can rotate. Otherwise,
-    it is `force and torque`. `X_LM` is the pose of the mount in the link, and `X_WM` is the pose of the mount in the world.
+    mocap body that holds the mount. `carries` is `force` if only the origin of the mount is held, so that the mount can rotate. If the
+    mount cannot rotate, `carries` is `force and torque`. `X_LM` is the pose of the mount in the link, and `X_WM` is the pose of the mount
+    in the world.
 
     The key `poses` contains the joint values of each pose, by joint path. The pose of the mode itself comes first. `bases` contains
     `X_world_root` for each pose in which the pose of a free base is different. `standing_on` contains the mounts on which the robot stands
     in this mode.
 
     The key `cuts` lists the joints at which the mode cuts loops. These joints do not exist in the MuJoCo model. `X_PA` is the frame A on
-    the parent. It moves with the `coordinates` of the joint, including their offsets. `X_CB` is the frame B on the child, which must
-    coincide with A. `residuals` contains the error [m, rad] of the worst loop in each pose.
+    the parent. The frame A moves with the `coordinates` of the joint, including their offsets. `X_CB` is the frame B on the child, which
+    must coincide with A. `residuals` contains the error [m, rad] of the worst loop in each pose.
     """
     names = [robot.assembly.links[body.link].name.replace("/", separator) for body in robot.bodies]
     memo = memo or Memo()

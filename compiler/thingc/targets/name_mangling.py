@@ -1,5 +1,5 @@
-"""Convert paths in documents to the names that formats other than MJCF use. The character `_` replaces `/`. It also replaces `::`, which
-Gazebo uses as a separator.
+"""Convert paths in documents to the names that formats other than MJCF use. The character `_` replaces `/`. `::`, which Gazebo uses as a
+separator, is replaced in the same way.
 
 Each resulting name must be unique.
 """
@@ -20,8 +20,8 @@ def safe(path: str) -> str:
 
 
 def package_name(robot: str) -> str:
-    """Return the name of the ROS package of a robot, such as `arm_description` for `Arm`. It contains only the characters that REP 144
-    allows.
+    """Return the name of the ROS package of a robot, such as `arm_description` for `Arm`. The name contains only the characters that REP
+    144 allows.
     """
     return re.sub("_+", "_", f"{robot.lower()}_description")
 

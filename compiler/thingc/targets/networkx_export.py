@@ -24,9 +24,9 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
     """Convert the hierarchical assembly graph to a graph of networkx.
 
     The nodes are identified by the texts of definitions. The attributes of a node are `label`, `reference`, `kind` and `quantity`. The
-    quantity is the number of these parts in the robot. The node of a mirror image also has the attributes `mirror` and `mirrors`. The
-    latter is the definition text of the original part. Each edge goes from an assembly to one of its components. The key of an edge is the
-    name of the component, and its attributes are `mounts` and `joint`.
+    quantity is the number of these parts in the robot. The node of a mirror image also has the attributes `mirror` and `mirrors`. `mirrors`
+    is the definition text of the original part. Each edge goes from an assembly to one of its components. The key of an edge is the name of
+    the component, and its attributes are `mounts` and `joint`.
     """
     graph = networkx.MultiDiGraph(name=hag.label)
     for one in hag.definitions:
@@ -43,8 +43,8 @@ def mate_graph(assembly: Assembly) -> Graph:
     """Return a graph whose nodes are the occurrences of an assembly and whose edges are the mates between them.
 
     The nodes are identified by the paths of occurrences. The attributes of a node are `definition` (the definition text), `link` and `mass`
-    [kg]. Each edge goes from the parent of a mate to its child. The key of an edge has the form `mount -> mount`. Its attributes are
-    `parent_mount`, `child_mount`, `joint` (omitted if the mate is rigid) and `loop`.
+    [kg]. Each edge goes from the parent of a mate to its child. The key of an edge has the form `mount -> mount`. The attributes of an edge
+    are `parent_mount`, `child_mount`, `joint` (omitted if the mate is rigid) and `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     names = [occurrence.path for occurrence in assembly.occurrences]
@@ -62,8 +62,8 @@ def link_graph(assembly: Assembly) -> Graph:
     """Return a graph whose nodes are the links of an assembly and whose edges are the joints between them.
 
     The nodes are identified by the names of links. The attributes of a node are `mass` [kg] and `occurrences`. Each edge goes from the
-    parent of a joint in the document to its child. The key of an edge is the path of the joint. Its attributes are `kind`, `coordinates`
-    (their paths) and `loop`.
+    parent of a joint in the document to its child. The key of an edge is the path of the joint. The attributes of an edge are `kind`,
+    `coordinates` (their paths) and `loop`.
     """
     graph = networkx.MultiDiGraph(name=assembly.name)
     for link in assembly.links:
@@ -121,8 +121,8 @@ class Loop(FrozenStruct):
 
 
 def loops_of(robot: Robot) -> tuple[Loop, ...]:
-    """Return the loops that a mode cuts at joints and that pass through at least two links. These are the fundamental cycles of its
-    tree.
+    """Return the loops that a mode cuts at joints and that pass through at least two links. The result contains the fundamental cycles of
+    the mode's tree.
     """
     assembly = robot.assembly
     cuts = {closure.path for closure in robot.closures if not closure.hold}

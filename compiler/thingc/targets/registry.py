@@ -1,7 +1,7 @@
 """The table of all targets. Each target is declared in its own package. The emitter of a target is imported when it is first needed.
 
 A folder beside this module is a target if the `__init__.py` of the folder defines `TARGET`. Other packages can add targets through the
-entry-point group `thingc.emitters`. Their emitters have the same function signature.
+entry-point group `thingc.emitters`. The emitters of such packages have the same function signature.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ GROUP = "thingc.emitters"
 
 
 def _declared() -> dict[str, Target]:
-    """Return the targets of thingc. They are declared by the packages beside this module that define `TARGET`. The emitters are not
+    """Return the targets of thingc. The targets are declared by the packages beside this module that define `TARGET`. The emitters are not
     imported.
     """
     folders = (entry for entry in os.scandir(os.path.dirname(__file__)) if os.path.isfile(os.path.join(entry.path, "__init__.py")))
@@ -169,9 +169,9 @@ def _function(name: str) -> Emitter:
 def _installed() -> Mapping[str, str]:
     """Return the entry points of installed packages that declare targets, read from the metadata files of the packages.
 
-    `importlib.metadata` returns the same result, but takes 40 ms. This is a third of the time of a build without changes. If two packages
-    declare the same name, the first package on the path takes precedence, as in `importlib.metadata`. The cached result is valid until a
-    folder on the import path changes.
+    `importlib.metadata` returns the same result, but takes 40 ms. These 40 ms are a third of the time of a build without changes. If two
+    packages declare the same name, the first package on the path takes precedence, as in `importlib.metadata`. The cached result is valid
+    until a folder on the import path changes.
     """
     return _entry_points(tuple((folder, _changed(folder)) for folder in sys.path))
 

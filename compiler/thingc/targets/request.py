@@ -23,7 +23,7 @@ class EmitRequest(FrozenStruct, eq=False):
     `store` contains the meshes, `geometry` writes STEP files, and `report` collects diagnostics. `verify` controls how many models MuJoCo
     compiles: one out of every `verify` models that differ only in numbers (1: all, 0: none). `compat` names additional programs that will
     read the MuJoCo models. `folder` is the absolute path of the build folder (None if unknown). `repeated` is True if a process handles
-    many similar requests. In this case, the results of a single request are not cached.
+    many similar requests. If `repeated` is True, the results of a single request are not cached.
     """
 
     assembly: Assembly

@@ -125,8 +125,8 @@ class Element:
 
 
 class XmlText(FrozenStruct):
-    """The text of an XML document. `lines[k]` is the element whose opening tag is on line `k + 1`. It is None for a closing tag or a blank
-    line.
+    """The text of an XML document. `lines[k]` is the element whose opening tag is on line `k + 1`. For a closing tag or a blank line,
+    `lines[k]` is None.
     """
 
     text: str

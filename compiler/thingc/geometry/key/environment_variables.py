@@ -32,8 +32,8 @@ def passed() -> dict[str, str]:
 def environment(seed: int = 0) -> dict[str, str]:
     """Return the environment of a worker, with the hash seed `seed`.
 
-    In the worker process itself, the variables in `TEMPORARY` have this value. For each part, they are changed to the temporary folder of
-    the part.
+    In the worker process itself, the variables in `TEMPORARY` have this value. For each part, the variables are changed to the temporary
+    folder of the part.
     """
     variables = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
     variables.update(passed())

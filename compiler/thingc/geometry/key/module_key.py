@@ -3,8 +3,8 @@ files.
 
 All import statements are found, including imports inside functions. The result includes modules in part folders and in packages that are
 tracked by content, and the packages that contain these modules. Comments, layout and docstrings do not change the key. If some code may
-read docstrings, the text of every file becomes part of the key. A module that is imported in another way is detected when the part runs. It
-then counts as a file that the part read.
+read docstrings, the text of every file becomes part of the key. A module that is imported in another way is detected when the part runs.
+Such a module then counts as a file that the part read.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class ModuleFacts(FrozenStruct):
 class ModuleSource(FrozenStruct, kw_only=False):
     """A module's source code and the path of its file.
 
-    `path` is relative to the workspace. It is part of the key because code may search for files in its own folder. For a file outside of
-    the workspace, `path` is only the file name, which is the same on every machine.
+    `path` is relative to the workspace. The path is part of the key because code may search for files in its own folder. For a file outside
+    of the workspace, `path` is only the file name, which is the same on every machine.
     """
 
     module: Module

@@ -71,8 +71,8 @@ def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
 
 
 def _own(function: ast.FunctionDef) -> list[Any]:
-    """Return the parts of a function that have no effect until the function is called. These are its body, and default arguments that are
-    plain values.
+    """Return the parts of a function that have no effect until the function is called. Such parts are the body of the function, and default
+    arguments that are plain values.
     """
     defaults = [*function.args.defaults, *function.args.kw_defaults]
     return [function.body, *(one for one in defaults if one is not None and _is_value(one))]

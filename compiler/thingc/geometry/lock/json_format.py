@@ -38,7 +38,7 @@ KINDS: frozenset[ParameterKind] = frozenset(get_args(ParameterKind))
 SOURCES = frozenset({"measured", "vendor", "estimated", "stated"})
 _ORTHOGONAL = 1e-6
 _NOTHING = 1e-20
-"""Smallest plausible inertia at density 1 [m^5]. It is far below the inertia of any part with a mass."""
+"""Smallest plausible inertia at density 1 [m^5]. The value is far below the inertia of any part with a mass."""
 _ENTRIES = 9
 _MOMENTS = 10
 _LAID = ("solid", "joins", "sparse")

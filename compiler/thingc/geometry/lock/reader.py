@@ -24,8 +24,8 @@ from thingc.geometry.record import ActuatorRecord, PartDefinition, PartFailure, 
 from thingc.geometry.store.slice_cache import lacking
 
 MAX_READ = 200_000_000
-"""Maximum total size [bytes] of the files that are compared with the lock file. These are parts that are files, and files that parts
-read.
+"""Maximum total size [bytes] of the files that are compared with the lock file. The limit applies to parts that are files, and to files
+that parts read.
 """
 
 _CONTINUOUS = frozenset({"length", "angle", "mass", "ratio", "number"})
@@ -192,8 +192,8 @@ def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> st
 
 
 class LockOnlyGeometry:
-    """A replacement for `GeometryService` that uses only the lock file. It does not import code of the workspace, start processes or use a
-    store.
+    """A replacement for `GeometryService` that uses only the lock file. The replacement does not import code of the workspace, start
+    processes or use a store.
 
     `unknown` contains the labels of definitions that are not in the lock file, and `broken` contains the errors in the lock file. Without a
     lock file, the only results are failures of parts that cannot be loaded or must not be loaded. The caller must report that the lock file

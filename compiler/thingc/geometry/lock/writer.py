@@ -37,8 +37,8 @@ def locked(
     """Create the lock file of a workspace. The lock file contains the parts that documents use: `references` (`module:Class`),
     `definitions`, and `slicings` by definition text.
 
-    It also contains all Things of the part folders, and the Things of packages that documents use. If a Thing cannot be built with its
-    default parameters, the lock file has no record for these parameters, unless a document uses them.
+    The lock file also contains all Things of the part folders, and the Things of packages that documents use. If a Thing cannot be built
+    with its default parameters, the lock file has no record for these parameters, unless a document uses them.
     """
     in_folders = [reference for reference in geometry.catalogue() if geometry.in_part_folders(reference)]
     schemas = geometry.describe(sorted({*references, *in_folders}))

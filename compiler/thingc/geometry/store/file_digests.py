@@ -14,8 +14,8 @@ LARGE = 1 << 20
 """Minimum size [bytes] of files whose digests are cached."""
 
 SETTLED = 2_000_000_000
-"""Minimum time [ns] since the last change of a file before its digest is cached. The reason is that two changes in quick succession may
-have the same file times.
+"""Minimum time [ns] since the last change of a file before its digest is cached. The minimum exists because two changes in quick succession
+may have the same file times.
 """
 
 

@@ -1,5 +1,5 @@
-"""The content-addressed store. It contains geometry files under the SHA-256 of their contents, and small JSON documents under a kind and a
-key.
+"""The content-addressed store. The store contains geometry files under the SHA-256 of their contents, and small JSON documents under a kind
+and a key.
 
 Every file is written under a temporary name and renamed, so a file is either absent or complete. Any number of processes can share a store,
 and can be killed at any time. The checksum of a file is verified on every read. A damaged file counts as absent. The store does not use
@@ -103,7 +103,7 @@ class Store:
         """Return whether the store contains a valid blob with the hash `sha256` and, if given, the size `size` [bytes].
 
         A blob with the modification time `SEALED` is trusted. Any other blob is hashed. If its hash is correct, its modification time is
-        set to `SEALED`. Otherwise, it is removed.
+        set to `SEALED`. If the hash is not correct, the blob is removed.
         """
         try:
             path = self.path(sha256)

@@ -1,4 +1,4 @@
-"""Read the meshes that workers write for simulators. They are Wavefront OBJ files in which all vertices come before all triangles."""
+"""Read the meshes that workers write for simulators. The meshes are Wavefront OBJ files in which all vertices come before all triangles."""
 
 from __future__ import annotations
 

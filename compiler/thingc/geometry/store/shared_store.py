@@ -48,8 +48,8 @@ def opened(name: str | None) -> Store:
 class SharedStore(Store):
     """The store at a URL (`s3://bucket/parts`, `sftp://host/srv/parts`, ...), with a folder in the user's cache as a local copy.
 
-    `root` is the local folder. Reading also raises `StoreUnusable` if the server does not answer. Otherwise, all parts would be rebuilt
-    without a message.
+    `root` is the local folder. Reading also raises `StoreUnusable` if the server does not answer. Without this exception, all parts would
+    be rebuilt without a message.
     """
 
     __slots__ = ("_base", "_damaged", "_made", "_sent", "_system", "url")

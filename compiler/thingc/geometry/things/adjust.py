@@ -20,8 +20,8 @@ def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
     """Return a Thing of the same class with changed parameters.
 
     The name of a parameter is first searched in the class itself, and then in its parent classes, nearest first. If the parameter belongs
-    to a parent class, the parent's `__init__` gets the changed value instead of the value that the subclass passes. This also applies to
-    later adjustments. The operations `__add` and `__mul` start from the value that the subclass passes after its own changes.
+    to a parent class, the parent's `__init__` gets the changed value instead of the value that the subclass passes. The changed value is
+    also used in later adjustments. The operations `__add` and `__mul` start from the value that the subclass passes after its own changes.
     """
     cls, construction = type(thing), thing._construction
     signature = family_signature(cls)

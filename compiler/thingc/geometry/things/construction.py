@@ -66,8 +66,8 @@ class Construction:
     def scopes(self) -> Iterator[Mapping[str, Value]]:
         """Yield the sets of parameters in which `self.p` looks up a name.
 
-        If an `__init__` is running, its parameters come first. They are followed by the parameters of the class itself, and then by the
-        parameters of its parent classes.
+        If an `__init__` is running, its parameters come first. The parameters of the class itself come next, and then the parameters of its
+        parent classes.
         """
         if self.running:
             yield self.running[-1].values

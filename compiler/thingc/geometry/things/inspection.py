@@ -34,7 +34,7 @@ Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
-    """The part for which a mount was designed: a Thing of the class `family` with the given `parameters`. It is mated at its mount
+    """The part for which a mount was designed: a Thing of the class `family` with the given `parameters`. The part is mated at its mount
     `child_mount`. `parameters` contains all parameters in the units of part code.
 
     Parameters that `family` sets itself and that `adjust` changed are omitted, because documents cannot express such changes.
@@ -157,8 +157,8 @@ def _code_location(code: Any) -> tuple[str, int] | None:
 def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
     """Return the parameters in the order of the signature. Their defaults are canonical values in author units.
 
-    For a shape class or a function, arguments that cannot be parameters are omitted. They always have their default. Raises
-    `SignatureError`, a `TypeError`, if an argument of a Thing or an argument without default cannot be a parameter.
+    For a shape class or a function, arguments that cannot be parameters are omitted. Arguments that are omitted always have their default.
+    Raises `SignatureError`, a `TypeError`, if an argument of a Thing or an argument without default cannot be a parameter.
     """
     return _signature(part).parameters
 
@@ -209,7 +209,7 @@ def references_of(thing: Thing) -> tuple[str, ...]:
 
 
 def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
-    """Return the parts for which the Thing's mounts were designed. They are in the order of the mounts and of the calls of `align`."""
+    """Return the parts for which the Thing's mounts were designed. The parts are in the order of the mounts and of the calls of `align`."""
     return tuple(
         ExpectedPart(mount=name, family=type(other), parameters=dict(other._construction.parameters), child_mount=child)
         for name, mount in thing._construction.mounts.items()
@@ -249,7 +249,7 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
 
 
 def is_one_solid(geometry: Geometry) -> bool:
-    """Return whether the return value of `result()` should be one solid. This is the case for a single shape, but not for a list or a
+    """Return whether the return value of `result()` should be one solid. The answer is True for a single shape, but not for a list or a
     `Compound` of several shapes.
 
     The result of a boolean operation is also a Compound. However, it stores the operation and therefore counts as one solid.

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from thingc.geometry.things.thing import Thing
 
 MATE = Location(Plane(origin=(0, 0, 0), x_dir=(0, -1, 0), z_dir=(0, 0, -1)))
-"""The transformation between two mated mounts. Their z axes are opposed, and x and y are swapped and negated: [[0, -1, 0], [-1, 0, 0], [0,
-0, -1]].
+"""The transformation between two mated mounts. The z axes of the mounts are opposed, and x and y are swapped and negated: [[0, -1, 0], [-1,
+0, 0], [0, 0, -1]].
 
 The transformation is its own inverse. In build123d, it is written as `Location((0,0,0),(180,0,90))`.
 """
@@ -28,9 +28,9 @@ RESERVED = frozenset({"origin", "root", "world"})
 class MountPoint(Framed):
     """A mount point: an immutable frame on a Thing, whose z axis points out of the material.
 
-    `location` is the frame of the mount in the frame of the Thing [mm]. It may also be a `Plane` or another mount. `interface` is the name
-    of the mating interface (`"x430-horn"`, `"m2.5-clearance"`). `tolerance` [mm] is the largest distance between the mount of the real part
-    and its nominal position.
+    `location` is the frame of the mount in the frame of the Thing [mm]. `location` may also be a `Plane` or another mount. `interface` is
+    the name of the mating interface (`"x430-horn"`, `"m2.5-clearance"`). `tolerance` [mm] is the largest distance between the mount of the
+    real part and its nominal position.
 
     `facing` or `mate_x` rotates the frame about its z axis. Both arguments are directions in the frame of the Thing. `facing` is the
     direction of the mount's x axis. `mate_x` is the direction of the x axis of a mount that is mated with this one. Use `mate_x` for seats,
@@ -98,13 +98,12 @@ class MountPoint(Framed):
         """Place the Thing of the mount `other` so that the two mounts are mated. Return the Thing as a moved view in the frame of this
         mount's Thing.
 
-        If A is the frame of this mount, and B is the frame of the other mount on its Thing, the Thing is placed at A M inv(B), with
-        M = `MATE`. For type checkers, the result has the type `Any`. To let them check its use, write
-        `cap: PenCap = self.cap_seat.align(PenCap().seat)`.
+        A and B are the frames of this mount and of the other mount on its Thing. With M = `MATE`, the Thing is placed at A M inv(B). For
+        type checkers, the result has the type `Any`. To let them check its use, write `cap: PenCap = self.cap_seat.align(PenCap().seat)`.
 
-        During the construction of the Thing that contains this mount, the other Thing is stored as an expectation of this mount. This is
-        also the case before this mount is assigned to an attribute. Raises `TypeError` or `ValueError` if `other` is not a mount of a
-        finished Thing.
+        During the construction of the Thing that contains this mount, the other Thing is stored as an expectation of this mount. The other
+        Thing is also stored as an expectation before this mount is assigned to an attribute. Raises `TypeError` or `ValueError` if `other`
+        is not a mount of a finished Thing.
         """
         if not isinstance(other, MountPoint):
             raise TypeError(f"align() expects a mount of another Thing, such as `PenCap().seat`, found {other!r}")

@@ -45,7 +45,8 @@ class CallError(ParameterError, TypeError):
 
 
 class SignatureError(TypeError):
-    """Raised if an argument of `__init__` cannot be a parameter. Examples are an unknown annotation, `*args`, and a default out of bounds.
+    """Raised if an argument of `__init__` cannot be a parameter. Possible reasons are an unknown annotation, `*args`, and a default out of
+    bounds.
     """
 
 

@@ -34,7 +34,7 @@ class TransformResolver(Framed):
     methods.
 
     `thing.move(location)` and `mount.align(other)` return such views. In `TransformResolver(thing, location)`, the frame of `thing` is at
-    `location` [mm]. A view is only used while geometry is constructed. It does not add components to an assembly. The function `placed`
+    `location` [mm]. A view is only used while geometry is constructed. Views do not add components to an assembly. The function `placed`
     transforms the values of attributes. A method runs in the Thing's own frame, and `placed` then transforms its return value. The
     attributes of a view are read-only.
     """

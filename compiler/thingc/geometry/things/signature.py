@@ -164,8 +164,8 @@ def install(look: Callable[[Callable[..., Any]], None]) -> None:
 def signature_of(function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()) -> Signature:
     """Read the parameters of a function from its signature. If the function is a method, its first argument is skipped.
 
-    If `strict` is True (for a Thing), every argument must be a parameter. Otherwise, `SignatureError` is raised. If `strict` is False (for
-    a build123d class or a plain function), the result omits `*args`, `**kwargs`, and arguments with a default that cannot be parameters.
+    If `strict` is True (for a Thing), every argument must be a parameter, or `SignatureError` is raised. If `strict` is False (for a
+    build123d class or a plain function), the result omits `*args`, `**kwargs`, and arguments with a default that cannot be parameters.
     `docs` contains docstrings that may describe the arguments. If several docstrings describe the same argument, the last docstring takes
     precedence.
     """

@@ -29,11 +29,11 @@ class Thing(Framed, metaclass=ThingType):
     parameters and assigns geometry, frames and mounts to attributes.
 
     In `__init__`, call `super().__init__(material="petg")`. The material and the colour (a CSS name or `#rrggbb`) are optional defaults.
-    Documents can override them. The arguments of the subclass's own `__init__` are the parameters. Annotate them with `Length`, `Angle`,
-    `Mass`, `Count`, `Ratio`, `float`, `int`, `bool`, `str` or `Literal[...]`. If an argument has no annotation, its default determines
-    whether the parameter is a number, a string or a flag. Arguments are checked before `__init__` runs, and invalid arguments raise
-    `ParameterError`. `__init__` receives the arguments in canonical form (60 as 60.0). Two calls of a class with the same parameters return
-    the same object, which is immutable after `__init__`.
+    Documents can override the material and the colour. The arguments of the subclass's own `__init__` are the parameters. Annotate them
+    with `Length`, `Angle`, `Mass`, `Count`, `Ratio`, `float`, `int`, `bool`, `str` or `Literal[...]`. If an argument has no annotation, its
+    default determines whether the parameter is a number, a string or a flag. Arguments are checked before `__init__` runs, and invalid
+    arguments raise `ParameterError`. `__init__` receives the arguments in canonical form (60 as 60.0). Two calls of a class with the same
+    parameters return the same object, which is immutable after `__init__`.
     """
 
     bom: Mapping[str, str] = MappingProxyType({})

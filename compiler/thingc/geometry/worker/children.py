@@ -49,10 +49,10 @@ _PARENT_DEATH_SIGNAL = 1
 class Child:
     """A running child process of the worker.
 
-    `request` is the request that was sent to the child. It is empty until a request is sent. `process` is the process id of the child,
-    which leads its own process group. `asking` is the pipe for the request. It is -1 after the request was sent. `pipe` is the pipe for the
-    answer. `errors` is the standard error of the child, and `scratch` is the folder of the part. `status` is the wait status of the child,
-    or None if the child has not ended.
+    `request` is the request that was sent to the child. `request` is empty until a request is sent. `process` is the process id of the
+    child, which leads its own process group. `asking` is the pipe for the request. The pipe is closed, and `asking` is -1, after the
+    request was sent. `pipe` is the pipe for the answer. `errors` is the standard error of the child, and `scratch` is the folder of the
+    part. `status` is the wait status of the child, or None if the child has not ended.
     """
 
     request: Mapping[str, Any]
@@ -119,7 +119,7 @@ class Child:
         return "crashed" if self._ended() else None
 
     def wait(self) -> dict[str, Any]:
-        """Wait until the child answers or must be ended. Then end the child, and return the same answer as `end`."""
+        """Wait until the child answers or must be ended. After that, end the child, and return the same answer as `end`."""
         over = None
         while not self.answered and over is None:
             if not select.select([self.pipe], [], [], WATCH)[0]:
@@ -240,7 +240,7 @@ def start(
     readable: Sequence[str] | None = None,
 ) -> Child:
     """Fork a new child process. The child waits for a request (see `Child.ask`), calls `run(request)`, and writes the answer as one line.
-    Then it waits until the server ends it.
+    After that, the child waits until the server ends it.
 
     `scratch` is the only folder in which the child may change files. `nice` is the scheduling priority of the child. `close` contains the
     file descriptors that the child closes, and `readable` is passed to `confine`.
@@ -308,7 +308,7 @@ def _without_core_dump() -> None:
 
 
 def _watch(server: int) -> None:
-    """Start a thread that ends the child when the server ends. It is used on systems without a signal for the end of the parent."""
+    """Start a thread that ends the child when the server ends. The thread is used on systems without a signal for the end of the parent."""
     import threading
 
     def watch() -> None:

@@ -1,8 +1,9 @@
 """Record which functions of the authors' part code have run.
 
 The compiled code has a mark at the beginning of each function that `source_reader.functions` returns. The mark is an assignment that stores
-the file and the number of the function. It takes less than a tenth of a microsecond. Alternatives are worse. Python would also call a
-profiler for every function of build123d. A mark that is a function call would count towards Python's recursion limit.
+the file and the number of the function. The assignment takes less than a tenth of a microsecond. Two other methods would have
+disadvantages. A profiler would also be called for every function of build123d. A mark that is a function call would count towards Python's
+recursion limit.
 """
 
 from __future__ import annotations

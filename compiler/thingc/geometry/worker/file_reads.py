@@ -10,7 +10,8 @@ itself are not recorded. For any other module, the source file is recorded, even
 already part of the key is only recorded if the part reads it as text.
 
 Two kinds of reads are not recorded, because they would make a record valid on only one machine. The first kind are searches for modules by
-Python and thingc. Their results are already part of the key. The second kind are checks whether the folders above the workspace exist.
+Python and thingc. The results of these searches are already part of the key. The second kind are checks whether the folders above the
+workspace exist.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class FileReadRecorder:
     """Records which files are read between `start` and `stop`. In each process, at most one recorder is active.
 
     Paths are stored relative to the absolute folder `workspace`. Files in the folders `excluded` (absolute paths) are not recorded. The
-    code files `keyed` (absolute paths) are part of the key. They are not recorded when Python loads them.
+    code files `keyed` (absolute paths) are part of the key. The files in `keyed` are not recorded when Python loads them.
     """
 
     def __init__(self, workspace: str, excluded: Iterable[str] = (), keyed: Container[str] = ()) -> None:

@@ -115,8 +115,8 @@ _PROCESSES: dict[str, Callable[..., Any]] = {
     "pty.spawn": lambda words: words[0],
     "subprocess.Popen": lambda program, words, *_: program or (words if isinstance(words, (str, bytes)) else words[0]),
 }
-"""Functions that return the started program from the arguments of an audit event. They return None if the part started a copy of its own
-process.
+"""Functions that return the started program from the arguments of an audit event. The functions return None if the part started a copy of
+its own process.
 """
 
 _CONNECTIONS: dict[str, Callable[..., Any]] = {

@@ -16,7 +16,7 @@ from thingc.geometry.worker.part_session import NoPart, PartSession, RequestCont
 def describe(references: Sequence[str], placed: Collection[str], around: RequestContext) -> dict[str, Any]:
     """Return the schemas or failures of part classes in one module: `{"answers": {reference: ...}, "reads": [...]}`.
 
-    The locations of the classes in `placed` are already known. They are not searched, because the search is slow.
+    The locations of the classes in `placed` are already known. The classes in `placed` are not searched, because the search is slow.
     """
     answers: dict[str, Any] = {}
     mentioned: list[str | None] = []
@@ -60,7 +60,8 @@ def _code_location(part: Any, kind: str) -> tuple[str, int]:
 
 
 def _default_material(part: Any) -> str | None:
-    """Return the material that a class passes to `super().__init__(material="petg")`. It is read from the source code of the class.
+    """Return the material that a class passes to `super().__init__(material="petg")`. The material is read from the source code of the
+    class.
 
     Return None if the argument is not a literal. The part record, in contrast, always contains the material.
     """

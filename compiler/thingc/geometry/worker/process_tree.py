@@ -29,8 +29,8 @@ _SUBREAPER = 36
 
 
 def adopt_orphans() -> None:
-    """Make this process the parent of its descendants whose own parent ends. By default, the first process of the system would become their
-    parent.
+    """Make this process the parent of its descendants whose own parent ends. By default, the first process of the system would become the
+    parent of such descendants.
     """
     if sys.platform == "linux":
         prctl(_SUBREAPER, 1)

@@ -4,8 +4,8 @@ Part code may only change files in its own folder. A change in another folder, s
 addition, expressions of an imported robot may read only certain folders, and must not start programs or open connections.
 
 An audit hook of Python refuses a forbidden action first, so that the error has a line number. However, the hook only detects actions of
-Python code. If the system supports Landlock (Linux since 5.13), Landlock also refuses these actions. It covers all libraries that the code
-loads, and all programs that it starts. Part code cannot remove the restrictions of Landlock.
+Python code. If the system supports Landlock (Linux since 5.13), Landlock also refuses these actions. Landlock covers all libraries that the
+code loads, and all programs that it starts. Part code cannot remove the restrictions of Landlock.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ _SECCOMP = {"x86_64": (317, 0xC000003E, 41, 90, 91, 268, 425, 452), "aarch64": (
 calls to refuse.
 
 The refused calls are `socket`, `chmod`, `fchmod`, `fchmodat`, `io_uring_setup` and `fchmodat2`, if the machine type supports these calls.
-They are refused because Landlock does not restrict Unix sockets, UDP, and permissions of files outside of the folder.
+The calls are refused because Landlock does not restrict Unix sockets, UDP, and permissions of files outside of the folder.
 """
 
 

@@ -70,7 +70,9 @@ def settle(folder: str) -> None:
 
 
 def _made(base: str) -> tuple[str, int | None]:
-    """Create a new scratch folder. Return its path and the file descriptor of its lock. The descriptor is None on systems without locks."""
+    """Create a new scratch folder. Return the path of the folder and the file descriptor of its lock. The descriptor is None on systems
+    without locks.
+    """
     while True:
         folder = tempfile.mkdtemp(prefix=PREFIX, dir=base)
         if fcntl is None:

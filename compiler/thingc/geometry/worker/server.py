@@ -3,7 +3,7 @@
 Requests and answers are lines of JSON on standard input and output. The server imports build123d once and forks a child for each request.
 When its input ends, the server ends all its children and exits immediately. With `--inline`, requests run in the server process itself.
 This option is used on systems without fork, with one worker per core. With `--assemble`, the server reads one request to write a STEP file.
-It then needs only OCP.
+Writing a STEP file only requires OCP.
 """
 
 from __future__ import annotations
@@ -332,7 +332,7 @@ class _Server:
                 self.begin(asked.popleft())
 
     def begin(self, request: dict[str, Any]) -> None:
-        """Send a request to the spare child process. If there is none, fork a new child process."""
+        """Send a request to the spare child process. If there is no spare child process, fork a new child process."""
         self.prepare(request)
         child, self.spare = self.spare or self.start(), None
         child.ask(request)
@@ -364,8 +364,8 @@ class _Server:
     def finish(self, child: Child, over: str | None = None) -> None:
         """End a child process and send its answer to the client.
 
-        If the child has not started processes, it is only stopped before its answer is sent, and ended afterwards. The reason is that
-        freeing its memory takes as long as a fork.
+        If the child has not started processes, it is only stopped before its answer is sent, and ended afterwards. The child is stopped
+        first because freeing its memory takes as long as a fork.
         """
         alone = over is None and child.answered and child.stop()
         ended = child.answer if alone else self.end(child, over)

@@ -23,8 +23,8 @@ _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
 
 class BomRow(FrozenStruct):
-    """A row of the bill of materials. It represents `quantity` equal pieces, each with the mass `mass` [kg]. `cost` is a string that the
-    document or the Thing specifies.
+    """A row of the bill of materials. The row represents `quantity` equal pieces, each with the mass `mass` [kg]. `cost` is a string that
+    the document or the Thing specifies.
     """
 
     number: str

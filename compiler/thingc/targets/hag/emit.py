@@ -73,8 +73,8 @@ def text(hag: Hag) -> str:
     return "\n".join(lines) + "\n"
 
 def _remark(definition: Definition) -> str:
-    """Return a remark about a definition. It contains the kind of the definition (nothing for a part) and, for a mirror image, the original
-    part.
+    """Return a remark about a definition. The remark contains the kind of the definition (nothing for a part) and, for a mirror image, the
+    original part.
     """
     kind = f" ({definition.kind})" if definition.kind != "part" else ""
     return kind if definition.plain is None else f"{kind} mirrors {escape_control(definition.plain.label)}"

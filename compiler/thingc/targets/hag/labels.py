@@ -19,7 +19,7 @@ KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
 
 
 class EdgeBundle(FrozenStruct):
-    """All edges from one definition to another definition. They are drawn as one line."""
+    """All edges from one definition to another definition. The edges are drawn as one line."""
 
     parent: str
     child: str

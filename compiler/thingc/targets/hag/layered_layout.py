@@ -5,7 +5,7 @@ is given by the longest path to the box. A line has a dummy item in each layer t
 crossings. Labels are placed in their own layers between the layers of boxes. Therefore, boxes and labels do not overlap. The heights in a
 layer are a least-squares fit to the heights of the neighbours. The fit keeps the order and the minimum distances of the items (pool
 adjacent violators: Barlow et al., "Statistical Inference under Order Restrictions", 1972). The layers are columns from left to right. The
-reasons are that graphs of assemblies are wide and shallow, and that lists of components are read downwards.
+columns have this direction because graphs of assemblies are wide and shallow, and because lists of components are read downwards.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Line(FrozenStruct):
 
 
 class Rectangle(FrozenStruct):
-    """A rectangle. Its upper left corner is at (`x`, `y`). The y axis of the drawing points down."""
+    """A rectangle. The upper left corner of the rectangle is at (`x`, `y`). The y axis of the drawing points down."""
 
     x: float
     y: float
@@ -108,7 +108,7 @@ def draw(boxes: Sequence[Size], lines: Sequence[Line]) -> Drawing:
 
 
 def _ranks(count: int, lines: Sequence[Line]) -> list[int]:
-    """Return the column of each box. It is the length of the longest path that ends at the box."""
+    """Return the column of each box. The column of a box is the length of the longest path that ends at the box."""
     before: dict[int, list[int]] = {k: [] for k in range(count)}
     for line in lines:
         before[line.target].append(line.source)
@@ -133,7 +133,7 @@ def _chain(items: list[_Item], line: Line, ranks: Sequence[int]) -> list[int]:
 
 
 def _first_order(items: Sequence[_Item], lines: Sequence[Line], chains: Sequence[Sequence[int]]) -> list[list[int]]:
-    """Return the initial order of the items in each column. It follows the documents, depth first."""
+    """Return the initial order of the items in each column. The order follows the documents, depth first."""
     columns: list[list[int]] = [[] for _ in range(1 + max((item.column for item in items), default=-1))]
     leaving: dict[int, list[int]] = {}
     entered = {line.target for line in lines}

@@ -18,7 +18,7 @@ LEAD = 15.0
 """Distance between lines of text."""
 PADDING = 12.0
 ADVANCE = 0.61
-"""Width of a character in a monospaced font, relative to the font size. It is 0.602 for DejaVu Sans Mono and Menlo, and 0.600 for
+"""Width of a character in a monospaced font, relative to the font size. The width is 0.602 for DejaVu Sans Mono and Menlo, and 0.600 for
 Courier.
 """
 LONGEST = 46

@@ -30,8 +30,8 @@ class Page(FrozenStruct):
         """Return the HTML text of the page.
 
         If `live` is given, it identifies the version of the page. The page then asks its server for later versions. `editor` is a URL
-        template that opens a file in an editor. It contains `{file}` (the path in the workspace) and `{line}`. `against` is the page of
-        another robot with which this robot is compared.
+        template that opens a file in an editor. The template contains `{file}` (the path in the workspace) and `{line}`. `against` is the
+        page of another robot with which this robot is compared.
         """
         return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
 

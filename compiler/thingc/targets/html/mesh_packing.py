@@ -36,7 +36,7 @@ class PackedMeshes:
         self._numbers: dict[str, int] = {}
 
     def number(self, mesh: Mesh) -> int:
-        """Return the number of a mesh in the glTF file. A new mesh is added."""
+        """Return the number of a mesh in the glTF file. If the file does not contain the mesh yet, the mesh is added."""
         return self._numbers.setdefault(mesh.sha256, len(self._numbers))
 
     def glb(self) -> bytes:

@@ -153,7 +153,7 @@ def _mass(own: MassProperties) -> Data:
 
 
 def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
-    """Return the data of a joint coordinate for the page. It is the same in all modes.
+    """Return the data of a joint coordinate for the page. The data of a coordinate are the same in all modes.
 
     `parent` and `child` are the indices of links in the document.
     """
@@ -217,8 +217,8 @@ def _pose(robot: Robot, frame: Keyframe) -> Data:
     """Return the data of a pose of a mode for the web page.
 
     The data contains q by path, and the pose of the base if it differs. `margins` contains the factors by which the drives can hold the
-    pose. `falls` is True if no drive torques can hold the robot in this pose. `unheld` is the joint that the drives cannot hold. It is an
-    empty string for the base, and null if the drives hold all joints.
+    pose. `falls` is True if no drive torques can hold the robot in this pose. `unheld` is the joint that the drives cannot hold. `unheld`
+    is an empty string for the base, and null if the drives hold all joints.
     """
     q = coordinates(joints_of(robot.assembly), frame.q)
     base = frame.base or robot.bodies[0].X_PL

@@ -38,7 +38,7 @@ FOLDER = "mjcf/assets"
 
 
 MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
-"""Kinds of JSON documents in the store. They represent accepted models, accepted meshes and accepted initial states.
+"""Kinds of JSON documents in the store. The documents represent accepted models, accepted meshes and accepted initial states.
 
 A mesh counts as accepted if a version of MuJoCo compiled it without messages. An initial state counts as accepted if it has no errors
 (`initial_state_checks.py`).
@@ -97,8 +97,8 @@ class AcceptedModels:
             self.store.note_json(MESH, key, True)
 
     def unread(self, true: Collection[str]) -> list[MeshAsset]:
-        """Return the meshes that MuJoCo must read. These are the meshes that it has not accepted yet, and the meshes whose names are in
-        `true`.
+        """Return the meshes that MuJoCo must read. The result contains the meshes that MuJoCo has not accepted yet, and the meshes whose
+        names are in `true`.
         """
         return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
 

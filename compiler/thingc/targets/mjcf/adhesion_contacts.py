@@ -15,8 +15,8 @@ from thingc.model.assembly.types import Assembly
 from thingc.model.robot.types import Robot
 
 CLASS = "adhesive"
-"""The default class of all geoms of links with adhesion. It is a subclass of `collision`. All geoms have this class because in MuJoCo,
-adhesion acts at all contacts of the link.
+"""The default class of all geoms of links with adhesion. The class is a subclass of `collision`. All geoms have this class because in
+MuJoCo, adhesion acts at all contacts of the link.
 """
 
 CONTACT = {"margin": "1e-05", "solmix": "1000", "solref": "0.004 1", "solimp": "0.99 0.999 0.001 0.5 2"}

@@ -58,15 +58,17 @@ def losses(robot: Robot) -> Iterator[Loss]:
 
 
 def class_name(robot: Robot) -> str:
-    """Return the name of the default class of the robot. It is the name of the robot, unless MuJoCo or thingc uses this name for another
-    class.
+    """Return the name of the default class of the robot. The class has the name of the robot, unless MuJoCo or thingc uses this name for
+    another class.
     """
     name = robot.assembly.name
     return f"{name}_robot" if name in RESERVED_CLASSES else name
 
 
 def adhesion_name(robot: Robot, path: str) -> str:
-    """Return the name of the actuator of a magnet. It is the path of the mount. If a joint has the same path, a suffix is appended."""
+    """Return the name of the actuator of a magnet. The actuator has the path of the mount as its name. If a joint has the same path, a
+    suffix is appended.
+    """
     taken = any(joint.path == path for mate in robot.assembly.mates for joint in mate.joints)
     return f"{path}:adhesion" if taken else path
 
@@ -153,7 +155,9 @@ class _Builder:
                 section.add("numeric", {"name": f"{joint.path}:velocity", "data": data}, joint.origin)
 
     def asset(self) -> None:
-        """Add the materials and the meshes. They are in the order in which the occurrences of the document first use them."""
+        """Add the materials and the meshes. Materials and meshes are in the order in which the occurrences of the document first use
+        them.
+        """
         section = self.root.add("asset")
         self.grow(section, ("material",), elements.materials, self.geometry.shapes)
         self.grow(section, ("mesh",), elements.meshes, self.geometry.meshes)
@@ -255,7 +259,7 @@ class _Builder:
     def keyframe(self) -> None:
         """Add a keyframe for each pose of the mode, with joint positions and controls.
 
-        The pose of the base is specified by the mode. If the base is free, it follows from the holds.
+        The pose of the base is specified by the mode. If the base is free, the holds determine its pose.
         """
         section = self.root.add("keyframe")
         for frame in self.robot.keyframes:

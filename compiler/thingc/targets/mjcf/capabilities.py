@@ -10,7 +10,7 @@ JointForm = Literal["each", "threaded", "ball"]
 """How a joint is written: as a hinge or a slide for each coordinate, as a coupled hinge and slide, or as a ball."""
 
 DriveForm = Literal["joint", "ball"]
-"""The element that an actuator drives. It is either a joint, or a ball joint about one axis."""
+"""The element that an actuator drives. The element is either a joint, or a ball joint about one axis."""
 
 LoopForm = Literal["weld", "connect", "two connects", "connect and tendon", "weld or connect"]
 """The equality constraints that close a loop."""

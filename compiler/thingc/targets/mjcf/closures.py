@@ -6,8 +6,8 @@ An anchor is a mocap body, whose pose is part of `MjData`. Therefore, a change o
 
 MuJoCo has no equality constraint for a hinge. Therefore, a hinge is written as two `connect` constraints at different points of its axis.
 MuJoCo also has no equality constraint for a universal joint. A universal joint is written as a `connect` at the intersection of its axes,
-and a tendon. The tendon connects a point on one axis to a point on the other axis. Its constant length keeps the axes at right angles. Both
-ends of every constraint are written explicitly, so that no constraint depends on poses at qpos0.
+and a tendon. The tendon connects a point on one axis to a point on the other axis. The constant length of the tendon keeps the axes at
+right angles. Both ends of every constraint are written explicitly, so that no constraint depends on poses at qpos0.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "co
 
 
 def equality_name(closure: Closure) -> str:
-    """Return the name of an equality constraint. It is the custom name of the constraint, or a name such as `rear_foot/sole:hold` or
+    """Return the name of an equality constraint. The name is the custom name of the constraint, or a name such as `rear_foot/sole:hold` or
     `rod:loop`.
     """
     return closure.name or f"{closure.path}:{'hold' if closure.hold else 'loop'}"
@@ -108,7 +108,8 @@ def anchor_name(closure: Closure) -> str:
 def anchors(robot: Robot) -> dict[str, Pose]:
     """Return the poses of all anchors in the world, by name.
 
-    If the mount can rotate, the anchor is at the origin of the mount. Otherwise, it is at the frame of the held link.
+    If the mount can rotate, the anchor is at the origin of the mount. If the mount cannot rotate, the anchor is at the frame of the held
+    link.
     """
     return {
         anchor_name(one): Pose(translation=one.X_PA.translation) if one.turns else one.X_PA @ one.X_CB.inverse()
@@ -117,8 +118,8 @@ def anchors(robot: Robot) -> dict[str, Pose]:
 
 
 def _ends(closure: Closure) -> tuple[str, str]:
-    """Return the names of the two sites that a `connect` constraint joins. They are a held mount and its anchor, or the two sides of a ball
-    joint that was cut.
+    """Return the names of the two sites that a `connect` constraint joins. The sites belong to a held mount and its anchor, or to the two
+    sides of a ball joint that was cut.
     """
     return (anchor_name(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
 
@@ -178,7 +179,7 @@ def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tup
 def _lever(robot: Robot, closure: Closure) -> float:
     """Return the distance [m] between the two points at which a constraint acts.
 
-    It is the distance from the axis to the centre of mass of the child, rounded to one digit. The returned distance is at least 1e-3 m.
+    The distance is that from the axis to the centre of mass of the child, rounded to one digit. The returned distance is at least 1e-3 m.
 
     With this distance, translation and rotation have similar weights in the constraint.
     """
@@ -188,8 +189,8 @@ def _lever(robot: Robot, closure: Closure) -> float:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield the export losses for loops. They concern poses in which loops are not closed, poses that were changed to close loops, and
-    properties of cut joints.
+    """Yield the export losses for loops. Such losses concern poses in which loops are not closed, poses that were changed to close loops,
+    and properties of cut joints.
     """
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}

@@ -187,8 +187,8 @@ def _friction(material: Material | None) -> dict[str, XmlValue]:
 
 
 def inertial(properties: MassProperties) -> dict[str, XmlValue]:
-    """Return the attributes of an `inertial` element: the mass [kg], the centre of mass [m], and the inertia about the centre of mass [kg
-    m^2], in the frame of the link.
+    """Return the mass [kg], the centre of mass [m], and the inertia about the centre of mass [kg m^2] in an `inertial` element, in the
+    frame of the link.
 
     The inertia of a link that never moves may be almost 0, or may be an inertia that no solid can have (a point mass). MuJoCo cannot
     compute the principal axes of such an inertia. Since the inertia of such a link has no effect, it is written as 0.

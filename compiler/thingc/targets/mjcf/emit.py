@@ -138,12 +138,12 @@ def emit_archives(request: EmitRequest) -> Artifacts:
 
 
 def _archive(model: bytes, assets: Mapping[str, StoredArtifact], store: Store) -> bytes:
-    """Return the bytes of a zip file. It contains the model, and each asset as `assets/<file>`."""
+    """Return the bytes of a zip file. The zip file contains the model, and each asset as `assets/<file>`."""
     return zipped({MODEL: model, **{f"assets/{file}": _asset(stored, store) for file, stored in assets.items()}})
 
 
 def _asset(stored: StoredArtifact, store: Store) -> ZipEntry:
-    """Return the zip entry of a compressed asset. It is read from the store if possible."""
+    """Return the zip entry of a compressed asset. The entry is read from the store if possible."""
     deflated = store.get_json("deflated", stored.sha256)
     if deflated is not None:
         try:

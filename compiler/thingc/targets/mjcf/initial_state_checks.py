@@ -25,8 +25,8 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 
 DEEP = 0.5e-3
-"""Largest overlap of two links [m] that is not reported. It is larger than 0 because links with a tight fit are in contact, and because
-meshes are slightly inaccurate.
+"""Largest overlap of two links [m] that is not reported. The limit is larger than 0 because links with a tight fit are in contact, and
+because meshes are slightly inaccurate.
 """
 SHOWN = 3
 """Number of additional pairs that a message names."""
@@ -82,10 +82,9 @@ class Gains(FrozenStruct):
 
         In each step, MuJoCo computes the new velocity first, and uses it for the new position: v' = a v - b q and q' = q + dt v'. The
         matrix of a step has the determinant a and the trace 1 + a - dt b. By the Jury criterion, it is stable while 2 + 2 a > dt b.
-        Implicit integrators divide by I + dt d, with d = kv + damping. This means a = I / (I + dt d) and b = dt k / (I + dt d), and gives
-        dt^2 k < 4 I + 2 dt d. The integrator Euler is implicit in the damping c of joints and explicit in kv, which gives dt^2 k < 4 I + 2
-        dt c - 2 dt kv. Runge-Kutta of order 4 is stable for dt^2 k < 8 I, because its stability region ends at 2 sqrt(2) on the imaginary
-        axis.
+        Implicit integrators divide by I + dt d, with d = kv + damping. This gives a = I / (I + dt d), b = dt k / (I + dt d), and dt^2 k < 4
+        I + 2 dt d. The integrator Euler is implicit in the damping c of joints and explicit in kv, which gives dt^2 k < 4 I + 2 dt c - 2 dt
+        kv. Runge-Kutta of order 4 is stable for dt^2 k < 8 I, because its stability region ends at 2 sqrt(2) on the imaginary axis.
         """
         if self.integrator == "RK4":
             return 8.0 * self.inertia / self.dt**2
@@ -140,7 +139,7 @@ class Gains(FrozenStruct):
 
 
 class InitialState(FrozenStruct):
-    """The faults of a mode in its initial state. They are overlapping parts, deepest first, and the gains of oscillating drives by
+    """The faults of a mode in its initial state. The faults are overlapping parts, deepest first, and the gains of oscillating drives by
     joint.
     """
 
@@ -262,7 +261,7 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
 
 
 def _path(name: str) -> str:
-    """Return the path of a component from the beginning of an element's name. Its separator is `/`."""
+    """Return the path of a component from the beginning of an element's name. The separator of the path is `/`."""
     return name.partition(":")[0].replace(SEPARATOR, "/")
 
 

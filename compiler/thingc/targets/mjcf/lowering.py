@@ -57,8 +57,8 @@ def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
 def in_body(body: Body, axis: Vector) -> Vector:
     """Convert the axis of a ball joint's drive from the axes of the document to the axes of the body.
 
-    If the joint is reversed in the tree, the axis changes its sign. The reason is that the drive moves the document's parent relative to
-    the child.
+    If the joint is reversed in the tree, the axis changes its sign. The sign changes because the drive moves the document's parent relative
+    to the child.
     """
     joints = body.joints[::-1] if body.joints[0].reversed else body.joints
     return rotation_vector(tuple(joint.twist for joint in joints), axis)

@@ -18,8 +18,8 @@ def model_bodies(robot: Robot) -> Mapping[int, Body]:
     """Return the bodies of the MJCF model, by the index of the body in the robot. The parent of each returned body is also a body of the
     model.
 
-    If a link is omitted, the joints that lead to it are added to the next body, before the joints of this body. The axes of these joints
-    are expressed in the frame of the next body when its own joints are at 0.
+    If a link is omitted, the joints that lead to it are added to the next body, before the joints of this body. The axes of the added
+    joints are expressed in the frame of the next body when its own joints are at 0.
     """
     made: dict[int, Body] = {}
     for index, body in enumerate(robot.bodies):

@@ -137,7 +137,7 @@ def _names(attribute: RawAttribute) -> tuple[str, ...]:
     """Return the names that an element of the model may have, for the name in a raw attribute.
 
     A name in a nested document gets the path of this document as prefix. Assets, classes and sections do not belong to an occurrence. For
-    them, the name without the prefix is also possible.
+    assets, classes and sections, the name without the prefix is also possible.
     """
     name = _slashed(attribute.path[1])
     if attribute.path[0] not in (*SINGLE, "default", "mesh", "material", "key"):

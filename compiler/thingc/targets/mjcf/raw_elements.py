@@ -2,7 +2,8 @@
 
 An added element can refer to joints, components and mounts of the document by their paths. An added element can also refer to elements of
 the model, and to elements that were added before. If an element refers to a mount, the mount gets a site. If a mode does not contain the
-target of a reference, the element is omitted in this mode. Examples are a drive that is omitted, and a joint that cuts a loop.
+target of a reference, the element is omitted in this mode. For example, the target can be a drive that is omitted, or a joint that cuts a
+loop.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
     """Yield a message for each element or attribute that documents must not add.
 
-    The reason is that these elements and attributes could change other elements when MuJoCo reads them.
+    Such elements and attributes could change other elements when MuJoCo reads them.
     """
     for name, value in ((element.tag, ""), *element.attributes.items()):
         why = unwritable(name, value)
@@ -84,7 +85,7 @@ def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
 
 
 class _Target:
-    """An MJCF model to which elements are added. It contains the names of its elements, grouped by kind."""
+    """An MJCF model to which elements are added. The object contains the names of the model's elements, grouped by kind."""
 
     def __init__(self, robot: Robot, model: Element) -> None:
         self.robot = robot

@@ -17,7 +17,7 @@ FLOOR = "floor"
 def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | None = None, separator: str = "/") -> XmlText:
     """Return the XML text of the scene of a mode. The scene includes the model `file`, which is in the same folder.
 
-    `model` is the content of this file. Its paths contain the separator `separator`.
+    `model` is the content of this file. The paths in the model contain the separator `separator`.
     """
     memo, mode = memo or Memo(), robot.mode
     box = memo(("bounds", mode.name), bounds, *placements(robot))
@@ -46,8 +46,8 @@ def _scene(title: str, box: Box | None, file: str, floor: str, held: Sequence[tu
 
     Elements before the `include` can be overridden by raw attributes. The floor is the plane z = 0 of the world, to which the root of a
     mode is mated. If a mode is on a wall or a ceiling, this plane is the wall or the ceiling. Contacts between held links and the floor are
-    excluded, as MuJoCo excludes contacts of a fixed root. To exclude these contacts, the floor belongs to a body. The reason is that not
-    every reader can refer to the world by name.
+    excluded, as MuJoCo excludes contacts of a fixed root. To exclude these contacts, the floor belongs to a body. Not every reader can
+    refer to the world by name.
     """
     root = Element(tag="mujoco", attributes={"model": title}, origin=origin)
     if box is not None:

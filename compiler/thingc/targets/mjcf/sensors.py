@@ -24,8 +24,8 @@ from thingc.targets.sensors import body_of, elsewhere, on_free_root
 from thingc.targets.xml_writer import Element, XmlValue
 
 LOOKING = turned_y(numeric.pi)
-"""Rotation from the camera of a document to the camera of MuJoCo. The former looks along the z axis of the mount, with y up. The latter
-looks along -z, with y up.
+"""Rotation from the camera of a document to the camera of MuJoCo. The camera of a document looks along the z axis of the mount, with y up.
+The camera of MuJoCo looks along -z, with y up.
 """
 
 ELEMENTS: Mapping[SensorType, Mapping[ReadingName, str]] = {
@@ -160,8 +160,8 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
 def losses(robot: Robot) -> Iterator[Loss]:
     """Yield an export loss for each sensor, or property of a sensor, that a mode does not support.
 
-    The losses concern unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. (MuJoCo's
-    accelerometer reads 0 on a fixed body, and 9.81 m/s^2 on any other body at rest.)
+    The losses concern unsupported sensors, forces that are not measured at the mount, and accelerations of a fixed base. On a fixed body,
+    MuJoCo's accelerometer reads 0. On any other body at rest, it reads 9.81 m/s^2.
     """
     for sensor in robot.assembly.sensors:
         missing = _missing(robot, sensor)

@@ -68,7 +68,7 @@ def _shape(tendon: LinkedTendon, place: int) -> str:
 def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
     """Add the spheres and the cylinders around which tendons wrap.
 
-    These geoms have no contacts and no mass. They are drawn like collision geoms.
+    These geoms have no contacts and no mass. Wrapped spheres and cylinders are drawn like collision geoms.
     """
     sites = merged_joints.sites(robot)
     for one in present(robot):

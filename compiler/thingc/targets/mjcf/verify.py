@@ -52,7 +52,7 @@ class Candidate(FrozenStruct):
 
 
 class CompileResult(FrozenStruct):
-    """The result of compiling a file. It contains the error (None on success), the warnings, and the compiled `MjModel`."""
+    """The result of compiling a file. The result contains the error (None on success), the warnings, and the compiled `MjModel`."""
 
     error: str | None
     warnings: tuple[str, ...] = ()
@@ -65,8 +65,9 @@ def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, rep
 
     If `starts` is True, each distinct initial state is also checked (see `initial_state_checks.py`).
 
-    Models that MuJoCo accepted before are not compiled again (see `accepted_models.py`). A model is also not compiled again if its initial
-    state is that of an accepted model, and if its other contents (names, limits, colours, gravity) were accepted in this process.
+    Models that MuJoCo accepted before are not compiled again (see `accepted_models.py`). Two conditions also avoid a compilation: the
+    initial state is that of an accepted model, and this process has accepted the other contents of the model (names, limits, colours,
+    gravity).
     """
     known = AcceptedModels(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]
@@ -109,10 +110,10 @@ def _verdicts(
 ) -> Iterator[tuple[Candidate, CompileResult, Any]]:
     """Compile each scene with MuJoCo, and yield the results and the files that MuJoCo read.
 
-    The modes in `looked` come first. Their scenes need the true meshes whose names are in `touching`. Any other mode is omitted if
-    `settled` already contains it. The meshes in `instead` are used until MuJoCo reports a message (see `_one_by_one`). The scenes are
-    compiled one after the other, because MuJoCo caches files by name. If several scenes were compiled in parallel, a scene could get the
-    model of another scene, or the process could crash. MuJoCo also caches the meshes of the first scene. Therefore, only the first
+    The modes in `looked` come first. The scenes of these modes need the true meshes whose names are in `touching`. Any other mode is
+    omitted if `settled` already contains it. The meshes in `instead` are used until MuJoCo reports a message (see `_one_by_one`). The
+    scenes are compiled one after the other, because MuJoCo caches files by name. If several scenes were compiled in parallel, a scene could
+    get the model of another scene, or the process could crash. MuJoCo also caches the meshes of the first scene. Therefore, only the first
     compilation needs threads. The textures are the same in all scenes, so only the first scene generates textures.
     """
     first, standing = True, [*instead, {}]
@@ -146,8 +147,8 @@ def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mappin
     """If the meshes together are too large for one compilation, compile each mesh separately. Otherwise, return an empty list.
 
     Return two mappings from file names to replacements for the meshes in `touching` (names of meshes). The first mapping contains bounding
-    boxes. They overlap if the meshes overlap. The second mapping contains the convex hulls that MuJoCo uses for contacts. A mesh for which
-    MuJoCo reports a message is not replaced.
+    boxes. Two bounding boxes overlap if their meshes overlap. The second mapping contains the convex hulls that MuJoCo uses for contacts. A
+    mesh for which MuJoCo reports a message is not replaced.
     """
     waiting = known.unread(touching)
     if sum(mesh.stored.size for mesh in waiting) <= MANY:
@@ -194,9 +195,9 @@ _NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')
 
 
 def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candidate]:
-    """Return the models to compile. These are one out of every `share` models that differ only in numbers.
+    """Return the models to compile. The selected models are one out of every `share` models that differ only in numbers.
 
-    They include the first model of each kind, and every `share`-th later model of this kind.
+    The selected models include the first model of each kind, and every `share`-th later model of this kind.
     """
     if share <= 1:
         return list(candidates)
@@ -396,8 +397,8 @@ def _say(
 
 
 def _element_at(text: str, written: XmlText) -> Element | None:
-    """Return the element to which a message of MuJoCo refers. It is found by its line number, or else by its name. Return None if the
-    message does not refer to an element.
+    """Return the element to which a message of MuJoCo refers. The element is found by its line number, or else by its name. Return None if
+    the message does not refer to an element.
     """
     line = re.search(r"\bline (?:number=)?(\d+)", text, re.IGNORECASE)
     if line:

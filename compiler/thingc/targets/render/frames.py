@@ -1,4 +1,4 @@
-"""Draw frames and joint axes over a picture. They are drawn as arrows with names, and projected by the camera of the picture.
+"""Draw frames and joint axes over a picture. Frames and axes are drawn as arrows with names, and projected by the camera of the picture.
 
 The arrows are drawn on top of the robot, so that frames inside parts are visible.
 """
@@ -65,7 +65,7 @@ class Frame(FrozenStruct):
 
 
 class JointAxis(FrozenStruct):
-    """The axis of a joint. It is the z axis of `pose`, which is relative to the MuJoCo body `body`.
+    """The axis of a joint. The axis is the z axis of `pose`, which is relative to the MuJoCo body `body`.
 
     The arrow shows the direction of motion when the coordinate increases.
     """
@@ -177,7 +177,8 @@ def _box(points: Array, margin: float) -> Box:
 
 
 def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
-    """Return a free rectangle for the name of a frame. It is the free rectangle that is nearest to the origin of the frame in the picture.
+    """Return a free rectangle for the name of a frame. The result is the free rectangle that is nearest to the origin of the frame in the
+    picture.
 
     If no rectangle is free, return the rectangle that overlaps the least.
     """

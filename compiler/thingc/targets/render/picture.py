@@ -40,8 +40,8 @@ class NoGraphics(Exception):
 class Shot(FrozenStruct):
     """The view of a picture: its size and the direction of the camera.
 
-    `size` is (width, height) in pixels. `azimuth` and `elevation` [deg] are the viewing direction of the camera. If they are None, a
-    suitable direction is selected. The camera looks along y if the azimuth is 90, and straight down if the elevation is -90.
+    `size` is (width, height) in pixels. `azimuth` and `elevation` [deg] are the viewing direction of the camera. For an angle that is None,
+    a suitable value is selected. The camera looks along y if the azimuth is 90, and straight down if the elevation is -90.
     """
 
     size: tuple[int, int] = (1280, 960)
@@ -110,8 +110,8 @@ def picture(
 
 
 def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) -> Any:
-    """Return the camera that is as near as possible and shows all points (n, 3) [m]. Its viewing direction and aspect ratio are specified
-    by a shot.
+    """Return the camera that is as near as possible and shows all points (n, 3) [m]. A shot specifies the viewing direction and the aspect
+    ratio of the camera.
     """
     import numpy as np
 
@@ -185,8 +185,8 @@ def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[l
     """Return the corner points [m] of the MuJoCo model `xml`, and the gravity [m/s^2] of the model. There are no points if no geom is
     visible.
 
-    The model is in the keyframe `pose` if this keyframe exists. Otherwise, it is in its first keyframe. Raises `ValueError` if `xml` is not
-    a valid model.
+    The model is in the keyframe `pose` if this keyframe exists. A model without this keyframe is in its first keyframe. Raises `ValueError`
+    if `xml` is not a valid model.
     """
     import mujoco
 
@@ -229,8 +229,8 @@ def small_picture(
 
 
 def _pose_of(model: Any, pose: str | None) -> str | None:
-    """Return the name of the keyframe to show. It is `pose` if this keyframe exists, or else the first keyframe. Return None for a model
-    without keyframes.
+    """Return the name of the keyframe to show. The result is `pose` if this keyframe exists, or else the first keyframe. Return None for a
+    model without keyframes.
     """
     names = [model.key(k).name for k in range(model.nkey)]
     return pose if pose in names else next(iter(names), None)
@@ -239,7 +239,8 @@ def _pose_of(model: Any, pose: str | None) -> str | None:
 def _corners(points: Array, gravity: tuple[float, float, float]) -> list[list[float]]:
     """Return the points of the array (n, 3) that determine the position of a camera with all points in view.
 
-    They are the points at the edges of the picture, the nearest point, the lowest point, and the two extreme points along each world axis.
+    The result consists of the points at the edges of the picture, the nearest point, the lowest point, and the two extreme points along
+    each world axis.
     """
     import numpy as np
 

@@ -71,7 +71,8 @@ def upright(gravity: Array) -> Array:
 
 
 def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: float) -> Camera:
-    """Return the camera that is as near as possible and sees all points (n, 3). Its axes and its vertical field of view [rad] are given.
+    """Return the camera that is as near as possible and sees all points (n, 3). The axes of the camera and its vertical field of view [rad]
+    are given.
 
     `margin` is the width of the free border, as a fraction of half of the picture. In one direction of the picture, the points reach both
     borders. In the other direction, the points are centred.

@@ -1,7 +1,7 @@
 """Find the pairs of links that collide when the joints move.
 
-MuJoCo searches for contacts at a fixed set of random configurations. It uses the URDF of the mode. MuJoCo uses the convex hull of each mesh
-for collisions. Therefore, collisions of non-convex meshes may be reported that do not exist. However, no collision in a sampled
+MuJoCo searches for contacts at a fixed set of random configurations. The search uses the URDF of the mode. MuJoCo uses the convex hull of
+each mesh for collisions. Therefore, collisions of non-convex meshes may be reported that do not exist. However, no collision in a sampled
 configuration is missed.
 """
 

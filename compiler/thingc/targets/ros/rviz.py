@@ -14,7 +14,7 @@ from thingc.targets.urdf.links import WORLD
 
 
 def frame_of(robot: Robot) -> str:
-    """Return the fixed frame of RViz for a mode. It is the root link of the URDF."""
+    """Return the fixed frame of RViz for a mode. The fixed frame is the root link of the URDF."""
     return safe(robot.assembly.links[robot.bodies[0].link].name) if robot.base == "free" else WORLD
 
 
@@ -43,7 +43,7 @@ def _filled(file: str, **words: str) -> str:
 
 
 def _mode(robot: Robot, controllers: list[str]) -> str:
-    """Return the entry of a mode in the launch file. It contains the fixed frame, the start values of joints [rad or m], and the
+    """Return the entry of a mode in the launch file. The entry contains the fixed frame, the start values of joints [rad or m], and the
     controllers.
     """
     joints = "".join(f'            "{name}": {value + 0.0},\n' for name, value in values(robot, start(robot)).items())

@@ -25,13 +25,13 @@ from thingc.targets.sdf.capabilities import CAPABILITIES
 SdfType = Literal["fixed", "continuous", "revolute", "prismatic", "screw", "universal", "ball"]
 
 LINK = "_link"
-"""Suffix of the name of an intermediate link in a chain of joints. It is appended to the name of the preceding joint. The suffix is needed
-because a component can have the same name as a joint.
+"""Suffix of the name of an intermediate link in a chain of joints. The suffix is appended to the name of the preceding joint. The suffix is
+needed because a component can have the same name as a joint.
 """
 
 
 class SdfAxis(FrozenStruct):
-    """A coordinate of an SDF joint. Its motion is a twist in the frame of the child link.
+    """A coordinate of an SDF joint. The motion of the coordinate is a twist in the frame of the child link.
 
     The twist applies in the pose in which the file is written.
     """
@@ -91,8 +91,8 @@ class ZeroState(FrozenStruct):
     """The state of a robot in which all joints of its SDF file are at zero.
 
     The fields contain the values `q` [rad or m] of the document's joints by path, and the pose of the root link in the world. `pose` is the
-    name of this pose in the document. It is None if all joints of the document are at 0. `closed` is True if loops and holds are closed in
-    this state.
+    name of this pose in the document. `pose` is None if all joints of the document are at 0. `closed` is True if loops and holds are closed
+    in this state.
     """
 
     q: dict[str, float]
@@ -105,7 +105,7 @@ def zero_state(robot: Robot) -> ZeroState:
     """Return the state of a robot in which the joints of its SDF file are at zero.
 
     If loops and holds are closed when all joints of the document are at 0, return this state. Otherwise, return the first pose of the
-    document in which they are closed.
+    document in which loops and holds are closed.
     """
     q = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
     if not robot.closures:

@@ -31,8 +31,8 @@ from thingc.targets.sdf.sensors import sensors_of_joint, sensors_of_link
 from thingc.targets.xml_writer import NAMESPACES, Element
 
 UNBOUNDED = 1e9
-"""Effort limit [N m or N] that is written for a drive without a limit. Otherwise, the controllers of Gazebo would use their default of
-1000.
+"""Effort limit [N m or N] that is written for a drive without a limit. Without this limit, the controllers of Gazebo would use their
+default of 1000.
 """
 
 SYSTEMS: dict[DriveForm, tuple[str, str]] = {
@@ -223,7 +223,7 @@ class _Builder:
 
 
 def _set_pose(element: Element, pose: Pose, relative_to: str | None = None) -> None:
-    """Add a `<pose>` element. It is omitted if the pose is the identity."""
+    """Add a `<pose>` element. The element is omitted if the pose is the identity."""
     if relative_to is not None or pose != NO_POSE:
         turned = (0.0, 0.0, 0.0) if pose.rotation == IDENTITY else rpy_of(pose.rotation)
         attributes = {} if relative_to is None else {"relative_to": relative_to}

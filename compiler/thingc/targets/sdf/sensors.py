@@ -18,8 +18,8 @@ from thingc.targets.sensors import body_of, on_free_root
 from thingc.targets.xml_writer import Element
 
 LOOKING = Pose(rotation=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
-"""Rotation from the camera of a document to the camera of SDF. The former looks along the z axis of the mount, with y up. The latter looks
-along x, with z up.
+"""Rotation from the camera of a document to the camera of SDF. The camera of a document looks along the z axis of the mount, with y up. The
+camera of SDF looks along x, with z up.
 """
 
 WIDTH, HEIGHT = 640, 480

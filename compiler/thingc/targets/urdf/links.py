@@ -32,19 +32,21 @@ WORLD = "world"
 """Name of the root link for a base that does not float."""
 
 UNBOUNDED = 1e9
-"""Limit that is written for a joint without a limit, because URDF requires a limit. Its unit is rad, m, N m, N, rad/s or m/s."""
+"""Limit that is written for a joint without a limit, because URDF requires a limit. The unit of the limit is rad, m, N m, N, rad/s or
+m/s.
+"""
 
 BETWEEN = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
 """Mass properties that are written for a moving link without mass, because MuJoCo rejects a mass of zero."""
 
 MASSLESS = MassProperties(mass=0.0)
-"""Mass properties that are written for a fixed link without mass. They are written because PyBullet assigns 1 kg to a link without
-`<inertial>`, unless the name of the link is `world`.
+"""Mass properties that are written for a fixed link without mass. The properties are written because PyBullet assigns 1 kg to a link
+without `<inertial>`, unless the name of the link is `world`.
 """
 
 LINK = "_link"
-"""Suffix of the name of an intermediate link in a chain of joints. It is appended to the name of the preceding joint. The suffix is needed
-because a component can have the same name as a joint.
+"""Suffix of the name of an intermediate link in a chain of joints. The suffix is appended to the name of the preceding joint. The suffix is
+needed because a component can have the same name as a joint.
 """
 
 MESHES = "meshes"
@@ -136,8 +138,8 @@ class _Builder:
     def _moving(self, move: Move, parent: str, child: str) -> None:
         """Add a movable joint to the URDF file.
 
-        If the leader of a mimic joint is also a mimic joint, the independent joint is written as the leader. The reason is that not every
-        reader supports chains of mimic joints.
+        If the leader of a mimic joint is also a mimic joint, the independent joint is written as the leader. Not every reader supports
+        chains of mimic joints.
         """
         joint = move.joint
         leader, multiplier, offset = self.follows.get(joint.path, (joint.path, 1.0, 0.0))
@@ -207,8 +209,8 @@ class _Builder:
     def _strength_of_turn(self, joint: TreeJoint) -> tuple[float, float | None]:
         """Return the effort and velocity limits of one of the three rotations of a ball joint, at q = 0.
 
-        The effort limit is the largest total torque of the drives about the axis of the rotation. It is computed because each drive has its
-        own axis. The velocity limit is that of the slowest drive.
+        The effort limit is the largest total torque of the drives about the axis of the rotation. The total must be computed because each
+        drive has its own axis. The velocity limit is that of the slowest drive.
         """
         joints = self.assembly.mates[joint.mate].joints
         about = next(index for index, one in enumerate(joints) if one.path == joint.path)
@@ -296,7 +298,7 @@ def parts(shape: Shape) -> tuple[Shape, ...]:
 
 
 def _origin(element: Element, pose: Pose) -> None:
-    """Add an `<origin>` element for a pose. It is omitted if the pose is the identity."""
+    """Add an `<origin>` element for a pose. The element is omitted if the pose is the identity."""
     attributes = {"xyz": pose.translation} if any(pose.translation) else {}
     if pose.rotation != IDENTITY:
         attributes["rpy"] = rpy_of(pose.rotation)
@@ -305,8 +307,8 @@ def _origin(element: Element, pose: Pose) -> None:
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
-    """Add an `<inertial>` element to a link. It contains the mass [kg], the centre of mass [m], and the inertia about the centre of mass
-    [kg m^2].
+    """Add an `<inertial>` element to a link. The element contains the mass [kg], the centre of mass [m], and the inertia about the centre
+    of mass [kg m^2].
 
     The inertia is expressed along the axes of the link.
     """

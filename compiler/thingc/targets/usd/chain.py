@@ -39,8 +39,9 @@ LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
 class Freedom(FrozenStruct):
     """A free motion of a USD joint: a rotation about an axis or a slide along an axis.
 
-    `name` is the name of the motion in UsdPhysics. It is `angular` or `linear` for a joint with one coordinate, `ball` for a ball joint,
-    and otherwise a name such as `rotX` or `transX`. The value of the motion is `ratio` [1 or m/rad] times the coordinate q of `joint`.
+    `name` is the name of the motion in UsdPhysics. The name is `angular` or `linear` for a joint with one coordinate, `ball` for a ball
+    joint, and otherwise a name such as `rotX` or `transX`. The value of the motion is `ratio` [1 or m/rad] times the coordinate q of
+    `joint`.
     """
 
     name: str
@@ -49,7 +50,7 @@ class Freedom(FrozenStruct):
 
     @property
     def turns(self) -> bool:
-        """Return whether the motion is a rotation, which is written in degrees. Otherwise, the motion is a slide [m]."""
+        """Return whether the motion is a rotation, which is written in degrees. A motion that is not a rotation is a slide [m]."""
         return self.name.startswith(("angular", "rot"))
 
 
@@ -158,7 +159,7 @@ class MimicJoint(FrozenStruct):
 
     The mimic joint follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said` is True if Newton's schema
     can express the mimic joint. The schema requires two joints of the same kind, each with one coordinate. `reach` is the range that is
-    computed from the leader's limits. It is None if the leader does not have both limits.
+    computed from the leader's limits. `reach` is None if the leader does not have both limits.
     """
 
     path: str

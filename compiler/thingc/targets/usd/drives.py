@@ -113,8 +113,8 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
     """Add the armature, damping, friction and velocity limit of a joint to its USD prim.
 
     PhysX supports these properties only for the joints of an articulation. The armature and the velocity limit apply to the whole joint.
-    Since Isaac Sim 5, all four properties can also be set for each axis. These values take precedence. The older property `jointFriction`
-    of PhysX is not used. It is not a torque, but a factor of the load of the joint.
+    Since Isaac Sim 5, all four properties can also be set for each axis. Values of axes take precedence. The older property `jointFriction`
+    of PhysX is not used. `jointFriction` is not a torque, but a factor of the load of the joint.
     """
     values = passive(joint)
     if values:

@@ -47,7 +47,7 @@ SCENE, MATERIALS, JOINTS = "scene", "materials", "joints"
 """Names of the prims that are siblings of the links. A link cannot have one of these names."""
 
 LINK = "_link"
-"""Suffix of the name of an intermediate link in a chain of joints. It is appended to the name of the preceding joint."""
+"""Suffix of the name of an intermediate link in a chain of joints. The suffix is appended to the name of the preceding joint."""
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
 """Mass [kg] and moments of inertia [kg m^2] that are written for a link without mass. In UsdPhysics, the value 0 means "not specified"."""
@@ -275,7 +275,8 @@ def rubbing(geometry: Geometry) -> dict[Friction, Material]:
 
 
 def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
-    """Set the size of a primitive on its USD prim. Return the additional scale factors of the prim. The tuple is empty if none are needed.
+    """Set the size of a primitive on its USD prim. Return the additional scale factors of the prim. If no scale factors are needed, the
+    result is empty.
 
     If the shape is a mesh, no size is set.
     """

@@ -85,7 +85,7 @@ def rendered(prim: Prim) -> str:
 
 
 def write(prims: Iterable[str], default: str, heading: str) -> str:
-    """Return the text of a USD layer. Its units are metres and kilograms, and its z axis points up.
+    """Return the text of a USD layer. The units of the layer are metres and kilograms, and its z axis points up.
 
     `prims` contains the text of each prim. Empty strings are omitted. `default` is the name of the default prim.
     """
@@ -99,8 +99,8 @@ def write(prims: Iterable[str], default: str, heading: str) -> str:
 
 
 def _lines(prim: Prim, indent: str) -> Iterator[str]:
-    """Yield the lines of a prim and its descendants. The function is recursive. This is safe, because prims are nested only a few levels
-    deep.
+    """Yield the lines of a prim and its descendants. The function is recursive. The recursion is safe, because prims are nested only a few
+    levels deep.
     """
     schemas = [f"prepend apiSchemas = {listed(quoted(schema) for schema in prim.schemas)}"] if prim.schemas else []
     metadata = [*schemas, *prim.metadata]

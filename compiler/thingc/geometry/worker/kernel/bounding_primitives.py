@@ -20,8 +20,8 @@ are tried first.
 
 
 def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Primitive]:
-    """Return the smallest primitive of each shape that encloses the points (n, 3) [m]. It is sufficient to pass the vertices of the convex
-    hull.
+    """Return the smallest primitive of each shape that encloses the points (n, 3) [m]. The vertices of the convex hull are sufficient as
+    points.
 
     The candidate axes are the axes of the part, and the eigenvectors of the inertia matrix `principal`.
     """
@@ -41,9 +41,9 @@ def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dic
 def smallest_ball(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Return the centre and radius of the smallest disc `(n, 2)` or ball `(n, 3)` that contains all points.
 
-    The algorithm starts with one point. In each step, it adds the farthest outside point, until all points are inside. This is the pivoting
-    heuristic of Gaertner, "Fast and robust smallest enclosing balls", 1999. In each step, the ball of few points is found by trying every
-    set of support points.
+    The algorithm starts with one point. In each step, it adds the farthest outside point, until all points are inside. The algorithm is the
+    pivoting heuristic of Gaertner, "Fast and robust smallest enclosing balls", 1999. In each step, the ball of few points is found by
+    trying every set of support points.
     """
     middle = points.mean(axis=0)
     support = points[[int(np.argmax(((points - middle) ** 2).sum(axis=1)))]]

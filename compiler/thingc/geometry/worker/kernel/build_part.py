@@ -116,8 +116,8 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
     If the part was built, the answer also contains `ran` and `loaded`. `ran` contains the functions of the code that have run (see
     `PartSession.ran`). `loaded` is the time at which the class was loaded (`time.monotonic`). `definition` contains `kind`, `reference`,
     `text`, `mirror`, and the canonical `parameters` in SI units. Missing parameters have their default values. In addition, `definition`
-    contains `placed`. It is True if the location of the class is already known. Otherwise, this location is searched, which is slow. The
-    meshes and the B-rep are written to the store. Raises `StoreUnusable` if the store is not writable.
+    contains `placed`. `placed` is True if the location of the class is already known. If `placed` is False, this location is searched,
+    which is slow. The meshes and the B-rep are written to the store. Raises `StoreUnusable` if the store is not writable.
     """
     text = definition["text"]
     with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:

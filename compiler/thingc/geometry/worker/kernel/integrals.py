@@ -101,10 +101,10 @@ def measure(shape: TopoDS_Shape) -> Measures:
 
     The integrals are computed with GProp of OCCT, which applies Gauss quadrature to the faces. On whole faces of simple surfaces,
     fixed-order integration is exact except for rounding errors. On a cylinder with a cross hole, however, its error is 1e-5. Adaptive
-    integration stops when the volume is accurate. Its error in the inertia of a plain cylinder is 1e-11. Therefore, both methods are used,
-    and the fixed-order result is returned if the results agree. Fixed-order integration is always exact on planes bounded by lines and
-    circles, and on round surfaces bounded by parameter lines (u or v constant). On these faces, adaptive integration is skipped, because it
-    takes fifty times as long.
+    integration stops when the volume is accurate. The error of adaptive integration in the inertia of a plain cylinder is 1e-11. Therefore,
+    both methods are used, and the fixed-order result is returned if the results agree. Fixed-order integration is always exact on planes
+    bounded by lines and circles, and on round surfaces bounded by parameter lines (u or v constant). On these faces, adaptive integration
+    is skipped, because it takes fifty times as long.
     """
     box = bounding_box(shape)
     apex = gp_Pnt(*((low + high) / 2.0 for low, high in zip(*box, strict=True)))
@@ -211,7 +211,7 @@ def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp
 def _better(kind: Any, once: _Faces, twice: _Faces, apex: gp_Pnt) -> GProp_GProps:
     """Compute an integral over the faces `once` and `twice`. On the faces `twice`, fixed-order and adaptive integration are both used.
 
-    If both results agree, return the fixed-order result. Otherwise, return the adaptive result.
+    If both results agree, return the fixed-order result. If the results differ, return the adaptive result.
     """
     sure = _integral(kind, once, apex)
     plain = GProp_GProps(apex)
@@ -233,7 +233,7 @@ def _numbers(properties: GProp_GProps) -> list[float]:
 
 
 def _clean(value: float, size: float) -> float:
-    """Return 0 if a number is only a rounding error (up to 1e-14 of the part's size). Otherwise, return the number."""
+    """Return 0 if a number is only a rounding error (up to 1e-14 of the part's size). Return any other number unchanged."""
     return 0.0 if abs(value) <= 1e-14 * size else value
 
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tuple[str, ...]]:
-    """Read a part from a CAD file or a mesh file. Return its shapes, the colours of the shapes (`#rrggbb`), and descriptions of the
-    repairs.
+    """Read a part from a CAD file or a mesh file. Return the shapes of the part, the colours of the shapes (`#rrggbb`), and descriptions of
+    the repairs.
 
     `unit` [mm] is the unit of a file that does not specify a unit. Raises `BadPartFile` if the file cannot be used as a part.
     """

@@ -40,7 +40,7 @@ DECIMALS = 12
 """Number of decimals to which lengths [mm] are rounded, because 2.5 could be 2.499999999999999."""
 
 _Line = tuple[Vector, Vector]
-"""A point [mm] and a unit direction. They define a plane with its normal, or an axis."""
+"""A point [mm] and a unit direction. Point and direction define a plane with its normal, or an axis."""
 
 
 def primitive_of(solid: TopoDS_Shape) -> Primitive | None:

@@ -27,7 +27,9 @@ FLAT = 1e-6
 """Distance, relative to the longest side, by which a surface may move while coplanar triangles are merged."""
 
 SAMPLES = 100_000
-"""Number of sample points on a surface, in addition to the centres of triangles. They are used to find the triangles near a point."""
+"""Number of sample points on a surface, in addition to the centres of triangles. The sample points are used to find the triangles near a
+point.
+"""
 
 FEW, MANY, AGAIN = 4, 64, 4000
 """Number of nearest triangles that are tested for every point, number that is tested for the farthest points, and number of farthest
@@ -58,7 +60,8 @@ def simplified(mesh: Triangles, faces: int) -> Triangles:
 
 
 def deviation(one: Triangles, other: Triangles) -> float:
-    """Compute the deviation between two meshes. It is the largest distance from a vertex of one mesh to the surface of the other mesh.
+    """Compute the deviation between two meshes. The deviation is the largest distance from a vertex of one mesh to the surface of the other
+    mesh.
 
     The distance is in the unit of the meshes.
     """

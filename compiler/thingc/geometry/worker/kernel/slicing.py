@@ -3,7 +3,7 @@
 The module implements the method of PrusaSlicer 2.5, with regions instead of paths. Names of PrusaSlicer's settings and functions are in
 brackets. If a document does not set a value, the default of PrusaSlicer applies.
 
-A line of width w in a layer of height h is a rectangle with semicircular ends. Its cross section is s h, with s = w - h (1 - pi/4) [Flow].
+A line of width w in a layer of height h is a rectangle with semicircular ends. The cross section is s h, with s = w - h (1 - pi/4) [Flow].
 Infill lines have the spacing s. The walls are the given number of lines inside the outline. The region inside the walls is called the core
 if it is at least one line wide. Narrower regions are added to the walls [perimeter_generator = arachne].
 
@@ -237,7 +237,7 @@ class _Slicer:
         return _opened(left, lengths.spacing / 2.0)
 
     def walls(self, outline: Region, core: Region) -> Region:
-        """Return the region that the walls cover. It is smaller than the outline, because lines have round corners."""
+        """Return the region that the walls cover. The region is smaller than the outline, because lines have round corners."""
         return _without(_grown(outline, -self.lengths.rounding), core)
 
     def filled(self, core: Region) -> Region:
@@ -266,7 +266,7 @@ class _Slicer:
         )
 
     def around(self, opening: Region, filled: Region) -> Region:
-        """Return the region that is solid because of an opening. It consists of the opening and a margin around it."""
+        """Return the region that is solid because of an opening. The solid region consists of the opening and a margin around it."""
         there = _both(opening, filled)
         if there.is_empty():
             return NOTHING
@@ -278,8 +278,8 @@ class _Slicer:
         return _either(there, _both(_grown(_both(there, near), AROUND, JoinType.Square), filled))  # growing the whole layer is slow
 
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
-        """Return the inner region of a layer that is printed solid. It consists of small pieces, and of the regions below or above the
-        lids.
+        """Return the inner region of a layer that is printed solid. The solid region consists of small pieces, and of the regions below or
+        above the lids.
         """
         regions = [small]
         for lid in lids:
@@ -330,8 +330,8 @@ class _Slicer:
 
 
 class _Kinds:
-    """The infill regions of a layer by kind. They are the regions that are open above or below (with their margins), the inner region, and
-    its small pieces.
+    """The infill regions of a layer by kind. The kinds are the regions that are open above or below (with their margins), the inner region,
+    and its small pieces.
     """
 
     __slots__ = ("bottom", "inside", "small", "top")

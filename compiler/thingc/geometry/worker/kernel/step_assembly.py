@@ -1,4 +1,4 @@
-"""Write the STEP file of an assembly in the worker process. The module uses only OCP. It loads neither build123d nor part code.
+"""Write the STEP file of an assembly in the worker process. The module uses only OCP. Neither build123d nor part code is loaded.
 
 The file contains one shape for each part definition, and all instances of the definition refer to this shape. Groups of instances become
 sub-assemblies. Each instance can have its own colour. The file does not contain the time, the name of the machine or the author.

@@ -91,8 +91,8 @@ class _Order:
         return _LIST.sub(arranged, body, count=1)
 
     def text(self, first: int) -> bytes:
-        """Return the text of all entities. Their numbers begin at `first`. The entities are listed depth first, beginning with the entities
-        to which no other entity refers.
+        """Return the text of all entities. The numbers of the entities begin at `first`. The entities are listed depth first, beginning
+        with the entities to which no other entity refers.
         """
         named = {int(one) for body in self.entities.values() for one in _numbers(body)}
         roots = sorted((number for number in self.entities if number not in named), key=lambda number: self.keys[number])

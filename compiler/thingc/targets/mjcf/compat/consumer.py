@@ -49,7 +49,8 @@ def nothing_refused(robot: Robot, root: Element) -> Iterator[Refusal]:
 
 
 class UnsupportedOptions(FrozenStruct):
-    """Options that a consumer does not support. They are solvers, and flags that must not be enabled or disabled, by their names in MJCF.
+    """Options that a consumer does not support. Such options are solvers, and flags that must not be enabled or disabled, by their names in
+    MJCF.
 
     These options are only in a model if raw attributes set them.
     """

@@ -1,4 +1,4 @@
-"""Find the pairs of geoms that may collide. They are selected from the tree of a model, by the rules of MuJoCo.
+"""Find the pairs of geoms that may collide. The pairs are selected from the tree of a model, by the rules of MuJoCo.
 
 The rules are described in the documentation of MuJoCo, in the section "Selection" of the chapter Computation.
 """
@@ -20,8 +20,8 @@ WORLD = -1
 class ContactPairs(FrozenStruct):
     """A geom that can collide with other geoms.
 
-    The object contains the element of the geom (None for the floor of the scene), and its attributes. These include the attributes of its
-    default class.
+    The object contains the element of the geom (None for the floor of the scene), and its attributes. The attributes include those of the
+    element's default class.
     """
 
     element: Element | None

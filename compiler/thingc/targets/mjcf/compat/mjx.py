@@ -94,7 +94,9 @@ def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterat
 
 
 def _condim(one: ContactPairs, other: ContactPairs) -> int:
-    """Return the dimension of a contact (`condim`). It is the value of the geom with the higher priority, or else the larger value."""
+    """Return the dimension of a contact (`condim`). The dimension is the value of the geom with the higher priority, or else the larger
+    value.
+    """
     ranked = sorted(((int(geom.values.get("priority", "0")), int(geom.values.get("condim", "3"))) for geom in (one, other)), reverse=True)
     return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
 
