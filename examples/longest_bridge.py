@@ -1,8 +1,8 @@
 """Search for the largest distance between the soles of MInchW: `make bridge-search`, or `python examples/longest_bridge.py`.
 
 The search varies the lengths of leg and body with the batch document `assemblies/minchw/bridge_search.yaml`. The result is the longest
-bridge in which every drive has a torque margin of at least 1.3. With `--driver random`, the search builds a random sample. With `--driver
-optuna`, Optuna selects the variants.
+bridge in which every drive has a torque margin of at least 1.3. With `--driver random`, the search builds a random sample. With
+`--driver optuna`, Optuna selects the variants.
 """
 
 from __future__ import annotations

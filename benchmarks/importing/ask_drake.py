@@ -1,8 +1,8 @@
 """Read original SDF files with Drake: `python ask_drake.py < REQUEST > ANSWER`. Request and answer are JSON.
 
 For each state, the answer contains the poses of all links and frames, and the mass matrix, the bias forces and the gravity forces of the
-joints. For some links, the answer also contains the mass matrix of a robot with a free base when this link is held. Requires `pip install
-drake`.
+joints. For some links, the answer also contains the mass matrix of a robot with a free base when this link is held. Requires
+`pip install drake`.
 """
 
 import json

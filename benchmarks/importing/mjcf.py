@@ -1,5 +1,5 @@
-"""Import existing robots in MJCF, compare them with the originals, and print a table: `python benchmarks/importing/mjcf.py
-NAME=FILE_OR_FOLDER...`.
+"""Import existing robots in MJCF, compare them with the originals, and print a table:
+`python benchmarks/importing/mjcf.py NAME=FILE_OR_FOLDER...`.
 
 Use the unpacked wheels of robosuite 1.5 and dm_control 1.0.50 as folders. MuJoCo reads each original file. The robot is also imported, with
 five random links as additional roots. In random states, the study compares poses, mass matrices, bias forces, forces and contacts. The

@@ -1,5 +1,5 @@
-"""Import existing robots in URDF and SDF, compare them with the originals, and print a table: `python benchmarks/importing/run.py
-NAME=FILE_OR_FOLDER...`.
+"""Import existing robots in URDF and SDF, compare them with the originals, and print a table:
+`python benchmarks/importing/run.py NAME=FILE_OR_FOLDER...`.
 
 The options `--pinocchio` and `--drake` are paths of Python interpreters with these packages (`pip install pin`, `pip install drake`).
 Original URDF files are read with pinocchio, and original SDF files with Drake, without joints that close loops. The package

@@ -1,5 +1,5 @@
-"""Import files of robots with one random error each, and check the diagnostics: `python benchmarks/importing/slips.py FILE_OR_FOLDER...
-[--count 500]`.
+"""Import files of robots with one random error each, and check the diagnostics:
+`python benchmarks/importing/slips.py FILE_OR_FOLDER... [--count 500]`.
 
 An error must not cause a traceback. If a file is rejected, a diagnostic must be near the error. It must be at most two lines away, because
 the parser finds an unclosed tag later, or at a line that uses a removed name.

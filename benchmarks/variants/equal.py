@@ -1,5 +1,5 @@
-"""Compare the variants of a batch with single builds of the same settings: `python benchmarks/variants/equal.py [KIND ...] [--count N]
-[--layout L]`.
+"""Compare the variants of a batch with single builds of the same settings:
+`python benchmarks/variants/equal.py [KIND ...] [--count N] [--layout L]`.
 
 A batch builds N random variants of each kind. Then the command in the table of the batch builds each variant again, in a separate process.
 The folders of both builds must be equal, byte by byte. If the batch rejected a variant, the single build must reject it with the same
@@ -129,8 +129,8 @@ def study(kind: str, folder: Path, environment: dict[str, str], arguments: argpa
 
 
 def compared(row: dict[str, str], place: Path | None, folder: Path, environment: dict[str, str]) -> tuple[str, str]:
-    """Compare a variant with a single build, and return the outcome and a description of the difference. The outcome is `equal, byte for
-    byte`, `refused alike` or `differs`. `place` is the folder of the variant, or None if it was not built.
+    """Compare a variant with a single build, and return the outcome and a description of the difference. The outcome is
+    `equal, byte for byte`, `refused alike` or `differs`. `place` is the folder of the variant, or None if it was not built.
     """
     words = shlex.split(row["command"])[1:]
     alone = folder / "alone" / row["id"]

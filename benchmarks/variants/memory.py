@@ -1,12 +1,12 @@
 """Measure how many variants per second are created in memory: `python benchmarks/variants/memory.py [--count N] [--scale N]`.
 
 The robot is the arm of `throughput.py` in one mode, and models have no visual geometry. Rates are per second of CPU time. In most lanes,
-four numbers differ in each variant: a mass, a damping, a limit and a pose. The lane `lent` uses `thingc.family(DOC).models(many,
-share=True)`. The lane `own` creates a new model for each variant (without `share`). The lane `results` uses `evaluate(many)` without
-models, and the lane `fields` uses `batched(many)`, which returns only the arrays that differ. In the lane `a mesh`, each variant has
-another pen. The records of the pens are in the store, but their models are not cached. In the lane `a part`, each variant has a reach that
-was not used before, so another process models one part per variant. The CPU time of this process counts. The lane `seen` creates the model
-of a variant that was compiled before, as an environment does at a reset.
+four numbers differ in each variant: a mass, a damping, a limit and a pose. The lane `lent` uses
+`thingc.family(DOC).models(many, share=True)`. The lane `own` creates a new model for each variant (without `share`). The lane `results`
+uses `evaluate(many)` without models, and the lane `fields` uses `batched(many)`, which returns only the arrays that differ. In the lane
+`a mesh`, each variant has another pen. The records of the pens are in the store, but their models are not cached. In the lane `a part`,
+each variant has a reach that was not used before, so another process models one part per variant. The CPU time of this process counts. The
+lane `seen` creates the model of a variant that was compiled before, as an environment does at a reset.
 
 The other lanes are programs without thingc, for comparison. In the lane `template`, MuJoCo compiles a text with another mass and with
 meshes that were loaded once. The lane `edited` changes the mass of a body in an `MjSpec` and compiles it again, and the lane `exchanged`

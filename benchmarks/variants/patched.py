@@ -1,5 +1,5 @@
-"""Compare models that thingc computes without a compilation with models that are compiled: `python benchmarks/variants/patched.py [--count
-N] [DOCUMENT ...]`.
+"""Compare models that thingc computes without a compilation with models that are compiled:
+`python benchmarks/variants/patched.py [--count N] [DOCUMENT ...]`.
 
 The settings change every number of a document on which parts do not depend, a few numbers at a time. A number gets N random values that
 differ by at most 5 % from its value in the document. In 10 % of all cases, it gets its own value, 0, or a bound of the document instead,

@@ -95,8 +95,7 @@ def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
     return placements
 
 def short(definition: Definition) -> tuple[str, str, str]:
-    """Return the texts in the box of a definition as a tuple `(name, where, parameters)`, such as `("RotorBrace", "arm", "length=100
-    mm")`.
+    """Return the texts in the box of a definition as a tuple `(name, where, parameters)`, such as `("RotorBrace", "arm", "length=100 mm")`.
     """
     text = escape_control(definition.label).removesuffix(f" [{escape_control(definition.reference)}]")
     head, opening, rest = text.partition("(") if definition.kind != "file" else (text, "", "")

@@ -226,8 +226,7 @@ def _set_heights(items: Sequence[_Item], columns: Sequence[Sequence[int]]) -> No
 
 
 def _nearest(wanted: Sequence[float], weights: Sequence[float], separations: Sequence[float]) -> list[float]:
-    """Return the positions that are nearest to `wanted` (weighted least squares) and satisfy `place[k + 1] >= place[k] +
-    separations[k]`.
+    """Return the positions that are nearest to `wanted` (weighted least squares) and satisfy `place[k + 1] >= place[k] + separations[k]`.
     """
     offsets = [0.0]
     for separation in separations:
