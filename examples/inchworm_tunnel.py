@@ -2,7 +2,7 @@
 the next corner to the ceiling.
 
 Both corners use the same plan, because in both corners the new surface is rotated by 90 degrees, nose up, relative to the old surface. The
-two corners differ only in the direction of gravity. The servo commands take gravity into account; the plan does not depend on it.
+two corners differ only in the direction of gravity. The servo commands take gravity into account, but the plan does not depend on gravity.
 """
 
 from __future__ import annotations

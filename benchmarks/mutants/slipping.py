@@ -57,9 +57,9 @@ DOCUMENTS = {
 
 @dataclass(frozen=True)
 class Verdict:
-    """The result for a slip. `outcome` is `refused` (an error), `warned`, `tests` (only the tests of the document found the slip),
-    `silent`, or `gone` (the document no longer contains the place of the slip). `near` is True if a diagnostic refers to a changed line or
-    the line before or after it. `said` contains the code and the message of the first diagnostic.
+    """The result for a slip. `outcome` is `refused` (an error), `warned`, `tests`, `silent` or `gone`. `tests` means that only the tests of
+    the document found the slip. `gone` means that the document no longer contains the place of the slip. `near` is True if a diagnostic
+    refers to a changed line or the line before or after it. `said` contains the code and the message of the first diagnostic.
     """
 
     outcome: str

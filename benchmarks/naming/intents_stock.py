@@ -11,8 +11,8 @@ from intents import AWAY, CLEARANCE, DOWN, LEFT, NEAR, RIGHT, UP, Intent, at_mou
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawn:
-    """Dimensions in the published drawing of an X-series servo [mm]: distances of the faces from the output axis and from the middle of the
-    depth, and positions of the holes.
+    """Dimensions in the published drawing of an X-series servo [mm]. They are the distances of the faces from the output axis and from the
+    middle of the depth, and the positions of the holes.
     """
 
     side: float

@@ -52,9 +52,7 @@ SHELLS = ((2, 3), (3, 4), (4, 6))
 UPS = {"as modelled": (0.0, 0.0, 1.0), "on its side": (1.0, 0.0, 0.0)}
 
 MASS = (0.04, 0.07, 0.03)
-"""Bounds of the relative error of the mass: the bound for 90 % of all cases, the bound for all cases, and the bound of the root mean
-square.
-"""
+"""Bounds of the relative error of the mass: for 90 % of all cases, for all cases, and for the root mean square."""
 CENTRE, MOMENTS = 0.01, 0.04
 """Bounds for 90 % of all cases: the error of the centre relative to the extent of the part, and the relative error of the principal
 moments.

@@ -9,7 +9,7 @@ each variant has a reach that was not used before, so another process models one
 lane `seen` creates the model of a variant that was compiled before, as an environment does at a reset.
 
 The other lanes are programs without thingc, for comparison. In the lane `template`, MuJoCo compiles a text with another mass and with
-meshes that were loaded once. The lane `edited` changes the mass of a body in an `MjSpec` and compiles it again, and the lane `exchanged`
+meshes that were loaded once. The lane `edited` changes the mass of a body in an `MjSpec` and compiles it again. The lane `exchanged`
 replaces the meshes of a pen in an `MjSpec`. The lane `patched` writes the four numbers of `lent` into the fields of one model and calls
 `mj_setConst`. Other values that depend on the mass are not changed. The lane `copied` copies a model. In the lane `kernel`, another process
 (`kernel.py`) creates, measures and meshes the part of `a part`, which is the minimum cost of modelling.

@@ -24,9 +24,9 @@ class Stand:
     """Results of one simulation of a robot at rest.
 
     `steps` and `nearly` are the numbers of steps after which max |qvel| stays below the two bounds `REST` and `NEARLY`. `steps` and
-    `nearly` are None if max |qvel| does not stay below the bound. The next fields are the largest deviations from the initial state: of the
-    held sole (`drift` [mm]), its rotation (`turn` [deg]), the ankle (`ankle` [mm]), the free sole (`tip` [mm]), and the energy [mJ].
-    `speeds` contains max |qvel| after each step.
+    `nearly` are None if max |qvel| does not stay below the bound. The next fields are the largest deviations from the initial state.
+    `drift` [mm] and `turn` [deg] refer to the held sole, `ankle` [mm] to the ankle, `tip` [mm] to the free sole, and the field `energy` is
+    in mJ. `speeds` contains max |qvel| after each step.
     """
 
     steps: int | None

@@ -35,7 +35,7 @@ SchemaKind = Literal["thing", "shape", "function"]
 """How a part is defined: by a Thing, a shape class or a function."""
 
 ParameterKind = Literal["length", "angle", "mass", "ratio", "number", "count", "integer", "flag", "text", "choice"]
-"""Kinds of part parameters. Quantities are floats in SI units; `count` and `integer` are whole numbers; `choice` is one of several
+"""Kinds of part parameters. Quantities are floats in SI units. `count` and `integer` are whole numbers. `choice` is one of several
 strings.
 """
 

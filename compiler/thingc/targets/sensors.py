@@ -20,9 +20,9 @@ def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
     """Describe the place at which simulators measure the force of a sensor.
 
     Return None if the force that they measure equals the force through the mount. Simulators measure the force between a body and its
-    parent in the tree. This force equals the force through the mount in two cases: if the mount belongs to the root, or if it belongs to
-    the joint that leads to the parent. The measured force also equals the force through the mount if no other body is attached to the body,
-    because then only external forces act on the body.
+    parent in the tree. This force equals the force through the mount if the mount belongs to the root, or to the joint that leads to the
+    parent. The measured force also equals the force through the mount if no other body is attached to the body, because then only external
+    forces act on the body.
     """
     index = body_of(robot, sensor)
     body = robot.bodies[index]

@@ -65,9 +65,9 @@ def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, rep
 
     If `starts` is True, each distinct initial state is also checked (see `initial_state_checks.py`).
 
-    Models that MuJoCo accepted before are not compiled again (see `accepted_models.py`). Two conditions also avoid a compilation: the
-    initial state is that of an accepted model, and this process has accepted the other contents of the model (names, limits, colours,
-    gravity).
+    Models that MuJoCo accepted before are not compiled again (see `accepted_models.py`). A model is also not compiled again if two
+    conditions are both met. Its initial state is that of an accepted model, and this process has accepted its other contents (names,
+    limits, colours, gravity).
     """
     known = AcceptedModels(store, mujoco_version(), geometry.meshes)
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, started=starts)]

@@ -53,7 +53,7 @@ def emit(request: EmitRequest) -> Artifacts:
 def _up(occurrence: Occurrence) -> Vector:
     """Return the direction away from the print bed, in the frame of the part.
 
-    A direction in the document takes precedence over the direction of the Thing, and the latter over the default.
+    A direction in the document takes precedence over the direction of the Thing, which takes precedence over the default.
     """
     record = occurrence.record
     return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
