@@ -93,6 +93,10 @@ def test_robots_switch_modes_as_in_mujoco(feet: thingc.RobotFamily) -> None:
             np.testing.assert_allclose(states.reward[k], reward, atol=1e-11)
             assert (states.terminated[k], states.truncated[k], states.refused[k]) == (seen[0] > 0.5, truncated, "refused" in info)
             ends += states.terminated[k]
+    _, slope = jax.jit(lambda actions: jax.jvp(lambda own: step(models, states, own, modes).observation, (actions,), (actions,)))(actions)
+    ahead, behind = (step(models, states, actions * (1.0 + change), modes).observation for change in (1e-6, -1e-6))
+    np.testing.assert_allclose(slope, (ahead - behind) / 2e-6, rtol=1e-6, atol=1e-8)
+    assert np.abs(slope[:, 0]).min() > 1e-3
     assert states.truncated.all() and 0 < ends < 18 and np.abs(states.reward).min() > 1e-3
 
 

@@ -41,9 +41,16 @@ def switch(
     fixed, planar and ball bases, and to the other held mounts of a mode with a fixed base. `inertias` must list the links in the order of
     `new`, and defaults to the inertias at the time of the build. All returned numbers have the same floating-point type as `state`.
     """
+    return enter(change_root(state, old, new, jnp, steps=STEPS), new, on_motion, inertias=inertias, tolerance=tolerance)
+
+
+def enter(
+    state: State, new: Mode, on_motion: Literal["drop", "impact"] = "drop", *, inertias: Inertias | None = None, tolerance: float = 1e-6,
+) -> tuple[State, Any, Any]:
+    """Complete a switch to the mode `new` from a state that `change_root` has converted. Arguments and results are those of `switch`."""
     if on_motion not in ("drop", "impact"):
         raise ModesError(f"expected on_motion \"drop\" or \"impact\", found `{on_motion}`")
-    moved, placed = put_base(change_root(state, old, new, jnp, steps=STEPS), new, None, jnp)
+    moved, placed = put_base(state, new, None, jnp)
     removed = moved.twist - kept(new, moved.base, moved.twist, jnp)
     impulse: Any = jnp.zeros(6)
     if on_motion == "impact" and (new.base != "free" or new.holds):

@@ -10,7 +10,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -23,16 +24,18 @@ from thingc.batch.run_options import as_names, at_least
 from thingc.modes.frames import pose, quaternion_of, rotation_of
 from thingc.modes.mjdata import inertia_rows, inertias_in, map_model
 from thingc.modes.state import State
+from thingc.modes.switching import change_root
 
 try:
     import jax
     import jax.numpy as jnp
+    from jax.custom_batching import custom_vmap
     from mujoco import mjx
     from mujoco.mjx._src.forward import _integrate_pos
 except ImportError as fault:  # pragma: no cover - reported with a help text
     raise ImportError("environments in JAX need MJX: `pip install thingc[jax]`") from fault
 
-from thingc.modes.jax import switch
+from thingc.modes.jax import STEPS, enter
 
 if TYPE_CHECKING:
     from thingc.batch.families.family import RobotFamily
@@ -41,6 +44,8 @@ if TYPE_CHECKING:
 
 MOVING = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat", "qpos0")
 """Names of model fields that move links, joints and mounts. Mode switches treat these fields as constants."""
+ENTERED = ("time", "qpos", "qvel", "mocap_pos", "mocap_quat", "qacc_warmstart")
+"""Names of the fields of MJX data that a mode switch changes."""
 
 
 class MjxState(NamedTuple):
@@ -180,15 +185,12 @@ class MjxEnv:
         action = jnp.clip(action, -1.0, 1.0)
         before = jnp.stack([data.subtree_com[0] for data in state.data])[state.mode]
         data, current, refused = self._switched(models, state, jnp.asarray(mode))
-        stepped, results = zip(*(
-            self._stepped(number, model, own, action, before) for number, (model, own) in enumerate(zip(models, data, strict=True))
-        ), strict=True)
-        observation, reward, ended = (jnp.stack(values)[current] for values in zip(*results, strict=True))
+        results = (state.observation, state.reward, state.terminated)
+        for number, (model, own) in enumerate(zip(models, data, strict=True)):
+            stepped = partial(self._stepped, number, model, own, action, before)
+            data[number], results = _update(current == number, stepped, (own, results))
         steps = state.steps + 1
-        return MjxState(
-            tuple(_chosen(current == number, new, old) for number, (new, old) in enumerate(zip(stepped, data, strict=True))),
-            current, steps, observation, reward, ended, steps >= self._max_steps, refused,
-        )
+        return MjxState(tuple(data), current, steps, *results, steps >= self._max_steps, refused)
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
@@ -197,28 +199,35 @@ class MjxEnv:
 
         Return the MJX data of all modes, the index of the current mode, and a flag that is True if the switch was refused.
         """
-        if len(self.modes) == 1:
-            return list(state.data), state.mode, jnp.zeros((), dtype=bool)
-        robots = [world.read(model, data) for world, model, data in zip(self._worlds, models, state.data, strict=True)]
-        entered, found = [], []
-        for number, (new, model, data) in enumerate(zip(self._worlds, models, state.data, strict=True)):
-            arrived = [
-                robot if old is new else switch(robot, old.mode, new.mode, self._on_motion, inertias=new.inertias(model))[0]
-                for old, robot in zip(self._worlds, robots, strict=True)
-            ]
-            robot = jax.tree_util.tree_map(lambda *values: jnp.stack(values)[state.mode], *arrived)
-            valid = jnp.isfinite(robot.base).all()
-            started = [old.accelerations(one.qacc_warmstart, new) for old, one in zip(self._worlds, state.data, strict=True)]
-            times = jnp.stack([one.time for one in state.data])
-            moved = new.write(robot, data).replace(time=times[state.mode], qacc_warmstart=jnp.stack(started)[state.mode])
-            entered.append(_chosen((wanted == number) & (state.mode != number) & valid, moved, data))
-            found.append(valid)
-        refused = ~jnp.stack(found)[wanted]
-        return entered, jnp.where(refused, state.mode, wanted), refused
+        data, refused = list(state.data), jnp.zeros((), dtype=bool)
+        for number in range(len(self.modes) if len(self.modes) > 1 else 0):
+            enters = (wanted == number) & (state.mode != number)
+            old = {name: getattr(data[number], name) for name in ENTERED}
+            fields, refused = _update(enters, partial(self._entered, number, models, state), (old, refused))
+            data[number] = data[number].replace(**fields)
+        return data, jnp.where(refused, state.mode, wanted), refused
+
+    def _entered(self, number: int, models: Sequence[mjx.Model], state: MjxState) -> tuple[dict[str, jax.Array], jax.Array]:
+        """Return the MJX data `ENTERED` of a mode after a switch to it from another mode, and whether the switch is refused."""
+        new, model, data = self._worlds[number], models[number], state.data[number]
+        others = [
+            (old, old.read(model, own), own) for old, model, own in zip(self._worlds, models, state.data, strict=True) if old is not new
+        ]
+        place = jnp.where(state.mode > number, state.mode - 1, state.mode)  # in `others`
+
+        def current(values: Iterable[Any]) -> Any:
+            return jax.tree_util.tree_map(lambda *each: jnp.stack(each)[place], *values)
+
+        moved = current(change_root(robot, old.mode, new.mode, jnp, steps=STEPS) for old, robot, _ in others)
+        robot, _, _ = enter(moved, new.mode, self._on_motion, inertias=new.inertias(model))
+        valid = jnp.isfinite(robot.base).all()
+        started = current(old.accelerations(own.qacc_warmstart, new) for old, _, own in others)
+        entered = new.write(robot, data).replace(time=current(own.time for _, _, own in others), qacc_warmstart=started)
+        return {name: jnp.where(valid, getattr(entered, name), getattr(data, name)) for name in ENTERED}, ~valid
 
     def _stepped(
         self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, before: jax.Array,
-    ) -> tuple[mjx.Data, tuple[jax.Array, jax.Array, jax.Array]]:
+    ) -> tuple[mjx.Data, tuple[Any, Any, Any]]:
         """Simulate one action of a robot in a single mode.
 
         Return the MJX data, and a tuple of the observation, the reward and a flag that is True if the episode is terminated.
@@ -316,6 +325,25 @@ class _World:
         pairs = [(own[1], new.map.joints[name][1]) for name, own in self.map.joints.items() if name in new.map.joints]
         here, there = np.array(pairs, dtype=int).reshape(-1, 2).T
         return jnp.zeros(new.family.mj_model.nv, values.dtype).at[there].set(values[here])
+
+
+@custom_vmap
+def _is_any(condition: jax.Array) -> jax.Array:
+    """Return whether a condition is true for any robot of the batch over which `vmap` maps, or for the only robot."""
+    return condition
+
+
+@_is_any.def_vmap
+def _is_any_of(size: int, batched: Sequence[bool], conditions: jax.Array) -> tuple[jax.Array, bool]:
+    return _is_any(conditions.any(axis=0)), False  # again for an outer `vmap`
+
+
+def _update(condition: Any, compute: Callable[[], Any], old: Any) -> Any:
+    """Return `compute()` if the condition is true, otherwise `old`.
+
+    Unlike a condition for each robot, for which `vmap` computes both cases, nothing is computed if the condition is false for all robots.
+    """
+    return jax.lax.cond(_is_any(condition), lambda: _chosen(condition, compute(), old), lambda: old)
 
 
 def _chosen(condition: Any, one: Any, other: Any) -> Any:
