@@ -43,7 +43,7 @@ def caught(mode: Mode, state: RobotState, inertias: Inertias | None = None) -> t
     return mode.robot_state(after), impulse, dict(zip((hold.path for hold in mode.holds), holds, strict=True))
 
 
-def stop(mode: Mode, state: State, inertias: Inertias, xp: Any, **newton: int) -> tuple[State, Array, list[Array]]:
+def stop(mode: Mode, state: State[Any], inertias: Inertias, xp: Any, **newton: int) -> tuple[State[Any], Array, list[Array]]:
     """Compute the state after a perfectly inelastic impact, and the impulses (6,) on the root link and on the other held links.
 
     The velocity of the robot is u = (twist of the base, joint velocities v), and the mode imposes the constraints C u = 0. The constraints

@@ -31,9 +31,9 @@ STEPS = 8
 
 
 def switch(
-    state: State, old: Mode, new: Mode, on_motion: Literal["drop", "impact"] = "drop", *, inertias: Inertias | None = None,
+    state: State[Any], old: Mode, new: Mode, on_motion: Literal["drop", "impact"] = "drop", *, inertias: Inertias | None = None,
     tolerance: float = 1e-6,
-) -> tuple[State, Any, Any]:
+) -> tuple[State[Any], Any, Any]:
     """Convert the state of a robot in the mode `old` to its state in the mode `new`, as `Modes.switch` does.
 
     Returns the new state, the part (6,) that was removed from the twist of the new root link, and the impulse (6,) on this link. The new
@@ -45,8 +45,9 @@ def switch(
 
 
 def enter(
-    state: State, new: Mode, on_motion: Literal["drop", "impact"] = "drop", *, inertias: Inertias | None = None, tolerance: float = 1e-6,
-) -> tuple[State, Any, Any]:
+    state: State[Any], new: Mode, on_motion: Literal["drop", "impact"] = "drop", *, inertias: Inertias | None = None,
+    tolerance: float = 1e-6,
+) -> tuple[State[Any], Any, Any]:
     """Complete a switch to the mode `new` from a state that `change_root` has converted. Arguments and results are those of `switch`."""
     if on_motion not in ("drop", "impact"):
         raise ModesError(f"expected on_motion \"drop\" or \"impact\", found `{on_motion}`")
@@ -58,4 +59,4 @@ def enter(
     far: Any = jnp.asarray([difference(X, there, jnp) for _, X, there in placed]) > tolerance
     values = (jnp.asarray(moved.base), kept(new, moved.base, moved.twist, jnp), moved.q, moved.v)
     base, twist, q, v = (jnp.where(far.any(), jnp.nan, one) for one in values)
-    return State(base, twist, q, v), removed, impulse  # type: ignore[arg-type]
+    return State(base, twist, q, v), removed, impulse

@@ -153,7 +153,7 @@ def _link_above(model: Any, body: int, links: Collection[int]) -> int:
     return above
 
 
-def read_state(mode: Mode, found: ModelMap, data: Any) -> State:
+def read_state(mode: Mode, found: ModelMap, data: Any) -> State[Array]:
     """Read the state of a robot in the given mode from a `mujoco.MjData`.
 
     Raises `ModesError` if the state contains NaN or infinite numbers.
@@ -177,7 +177,7 @@ def read_state(mode: Mode, found: ModelMap, data: Any) -> State:
     return State(X, twist, q, v)
 
 
-def write_state(mode: Mode, state: State, found: ModelMap, data: Any) -> None:
+def write_state(mode: Mode, state: State[Array], found: ModelMap, data: Any) -> None:
     """Write a state of a robot in the given mode to a `mujoco.MjData`.
 
     The function changes only `qpos`, `qvel` and the mocap pose of the robot.

@@ -154,7 +154,7 @@ class Modes(Mapping[str, Mode]):
         return replace(result, uncommanded=mjdata.carry((old, new), (before, after), from_data, into_data))
 
 
-def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
+def _placed(state: State[Array], mode: Mode, data: Any, tolerance: float) -> State[Array]:
     """Return a copy of the state in which the root link is at a pose that the mode allows.
 
     The MuJoCo model of `data`, if given, defines the pose of a fixed base; otherwise, the pose at the time of the build is used. Raises
@@ -170,8 +170,8 @@ def _placed(state: State, mode: Mode, data: Any, tolerance: float) -> State:
 
 
 def _stopped(
-    state: State, mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias],
-) -> tuple[State, Array, SwitchResult]:
+    state: State[Array], mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias],
+) -> tuple[State[Array], Array, SwitchResult]:
     """Stop all links that the mode `mode` holds. Return the new state, the poses of all links, and the result of the switch.
 
     If the mode holds only its root link, the array of poses is empty. Raises `BaseMoves` if a held link moves and `on_motion` is `"raise"`.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,8 +14,10 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array
 
+Values = TypeVar("Values")
 
-class State(NamedTuple):
+
+class State(NamedTuple, Generic[Values]):
     """The state of a robot as arrays of numpy or JAX. The arrays have the same shapes in every mode.
 
     Attributes:
@@ -26,10 +28,10 @@ class State(NamedTuple):
         v: The joint velocities [rad/s or m/s] in the same order.
     """
 
-    base: Array
-    twist: Array
-    q: Array
-    v: Array
+    base: Values
+    twist: Values
+    q: Values
+    v: Values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -14,7 +14,7 @@ from thingc.modes.state import State
 from thingc.modes.tree import Cut, Mode
 
 
-def change_root(state: State, old: Mode, new: Mode, xp: Any, **newton: int) -> State:
+def change_root(state: State[Any], old: Mode, new: Mode, xp: Any, **newton: int) -> State[Any]:
     """Convert a state from the mode `old` to the mode `new` without changing the motion of any link.
 
     The returned state contains the pose and the twist of the root link of `new`. For joints that `old` cuts, the coordinates are computed
@@ -55,7 +55,7 @@ def _across(mode: Mode, cut: Cut, poses: Array, twists: Array, xp: Any, newton: 
     return q, velocities(cut, q, X_WB, ends[1] - ends[0], xp)
 
 
-def put_base(state: State, mode: Mode, place: Array | None, xp: Any) -> tuple[State, list[tuple[int, Array, Array]]]:
+def put_base(state: State[Any], mode: Mode, place: Array | None, xp: Any) -> tuple[State[Any], list[tuple[int, Array, Array]]]:
     """Return a copy of the state in which the root link is at a pose that the mode allows.
 
     `place` is the pose of a fixed base, or None for its pose at the time of the build. Also return a list of links that must already be

@@ -303,7 +303,7 @@ class Mode(OneLineRepr):
         """
         return self._values(state)[1]
 
-    def arrays(self, state: RobotState) -> State:
+    def arrays(self, state: RobotState) -> State[Array]:
         """Convert a `RobotState` of this mode to a `State`, which contains arrays. The coordinates of joints that this mode cuts are 0."""
         if state.mode != self.name:
             raise ModesError(f"expected a state of mode `{self.name}`, found one of mode `{state.mode}`: `switch` it first")
@@ -314,7 +314,7 @@ class Mode(OneLineRepr):
         q, v = (np.array([values.get(name, 0.0) for name in self.coordinates]) for values in (state.q, state.v))
         return State(state.base_pose, state.base_twist, q, v)
 
-    def robot_state(self, state: State) -> RobotState:
+    def robot_state(self, state: State[Array]) -> RobotState:
         """Convert a `State`, which contains arrays, to a `RobotState` of this mode, which maps joint paths to values."""
         q, v = (dict(zip(self.coordinates, np.asarray(values).tolist(), strict=True)) for values in (state.q, state.v))
         return RobotState(

@@ -85,7 +85,7 @@ class MjxStep(NamedTuple):
     """
 
     data: mjx.Data
-    robot: State
+    robot: State[jax.Array]
     mode: int
     action: jax.Array
     velocity: jax.Array
@@ -284,7 +284,7 @@ class _World:
         if lacks:
             raise FamilyError(f"mode `{mode.name}` has {lacks}, which switches in MJX do not support", "use `make_vec_env`")
 
-    def read(self, model: mjx.Model, data: mjx.Data) -> State:
+    def read(self, model: mjx.Model, data: mjx.Data) -> State[jax.Array]:
         """Return the state of the robot in MJX data of this mode. The arrays of the state have the same shapes in every mode."""
         twist: Any = jnp.zeros(6)
         if self.mode.base == "free":
@@ -296,9 +296,9 @@ class _World:
             position, quaternion = model.body_pos[self._root], model.body_quat[self._root]
         rows, positions, speeds = self.map.addresses.to_read
         q, v = (jnp.zeros(len(self.mode.coordinates)).at[rows].set(own) for own in (data.qpos[positions], data.qvel[speeds]))
-        return State(pose(rotation_of(quaternion, jnp), position, jnp), twist, q, v)  # type: ignore[arg-type]
+        return State(pose(rotation_of(quaternion, jnp), position, jnp), twist, q, v)
 
-    def write(self, robot: State, data: mjx.Data) -> mjx.Data:
+    def write(self, robot: State[Any], data: mjx.Data) -> mjx.Data:
         """Return a copy of MJX data of this mode in which the robot has the state `robot`."""
         addresses = self.map.addresses
         rows, positions, speeds = addresses.to_write
