@@ -15,6 +15,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
 from thingc.batch.families.evaluation import Evaluation, ResultsShape
 from thingc.batch.families.search_space import SearchSpace
+from thingc.batch.families.stencil import ROUNDING, Floats, Stencil
 from thingc.batch.plans.derivatives import DerivativeFunction, Derivatives, NotSmooth, derivative_function, with_slopes
 from thingc.batch.plans.numeric_plan import MOST, NumericPlan
 from thingc.batch.results import FamilyError
@@ -24,15 +25,11 @@ from thingc.driver.settings import ParsedSettings, SettingsReader
 if TYPE_CHECKING:
     from thingc.batch.families.jax_function import JaxFunction
 
-Floats = npt.NDArray[np.float64]
-
 STEPS = (4e-3, 2.5e-4, 1.5e-5)
 """Relative distances of two settings from which a derivative is estimated, as fractions of the number.
 
-If the estimate is less accurate than `FINE`, for example because one setting has an additional printed layer, a smaller distance is used.
+If the estimate is not accurate enough, for example because one setting has an additional printed layer, a smaller distance is used.
 """
-FINE = 1e-4
-"""Relative error of an estimated derivative that is accurate enough."""
 
 
 class NotDifferentiable(FamilyError):
@@ -101,6 +98,24 @@ class RestrictedPlan:
             name: derivative_function(with_slopes(program, program.variables[place], numbers), [place])
             for name, place in self.modelled.items()
         }
+
+    def slopes(self, name: int, given: Sequence[float], values: Sequence[Sequence[float]], stencil: Stencil) -> Floats | None:
+        """Return estimates `(5, m)` of the derivatives of the outputs by a number on which parts depend, or None if it is impossible.
+
+        Only the derivatives of the numbers of parts are estimated. The chain rule then gives the derivatives of the outputs. `given` are
+        the variables of the plan, and `values` are the values of all settings at the nodes of the stencil.
+        """
+        self.plan.prepare(values)
+        rows = [self.plan.given(row) for row in values]
+        if any(row is None for row in rows):
+            return None
+        measured = stencil.with_noise(np.array(rows)[:, len(self.plan.free) :])
+        try:
+            found = [self.through_parts[name]((*given, *row, given[self.modelled[name]])) for row in measured.tolist()]
+        except (NotSmooth, ArithmeticError, ValueError):
+            return None
+        slopes = [row.jacobian[:, 0] for row in found if row is not None and not row.special]
+        return np.array(slopes) if len(slopes) == len(found) else None
 
 
 class FamilyFunction:
@@ -320,55 +335,34 @@ class FamilyFunction:
         results = np.abs(np.asarray(self.value(x)))
         for share in STEPS:
             step = min(share * (abs(x[place]) or min(width, 1.0)), width / 4.0)
-            slopes = self._through_parts(x, place, step)
-            if slopes is None or np.isnan(slopes).any():
-                points, weights = self._stencil(x, place, step)
-                whole = weights @ self._sound(points, place)
-                slopes = whole if slopes is None else np.where(np.isnan(slopes), np.vstack([whole, whole[:1]]), slopes)
-            best, error = slopes[0], np.abs(slopes[1:] - slopes[0]).sum(axis=0) + ROUNDING * results / step
-            if (error <= FINE * np.abs(best) + NOISE * results / step).all():
+            stencil = Stencil.around(x[place], step, low, high)
+            slopes = self._slopes(x, place, stencil)
+            if stencil.is_fine(slopes, results):
                 break
-        return best, error
+        return slopes[0], stencil.error(slopes, results)
 
-    def _stencil(self, x: Floats, place: int, step: float) -> tuple[Floats, Floats]:
-        """Return five settings within the bounds, including `x`, and weights `(4, 5)` that combine their results to derivatives."""
-        low, high = self.bounds[place]
-        nodes = min(max(x[place], low + 2.0 * step), high - 2.0 * step) + step * np.arange(-2.0, 3.0)
-        nodes[np.argmin(np.abs(nodes - x[place]))] = x[place]
-        points = np.tile(x, (5, 1))
-        points[:, place] = nodes
-        return points, _weights(nodes - x[place])
+    def _slopes(self, x: Floats, place: int, stencil: Stencil) -> Floats:
+        """Return several estimates of the derivatives of all outputs by one number, as `Stencil.error` requires."""
+        slopes = self._through_parts(x, place, stencil.step)
+        if slopes is not None and not np.isnan(slopes).any():
+            return slopes
+        whole: Floats = stencil.weights @ self._sound(_points(x, place, stencil), place)
+        return whole if slopes is None else np.where(np.isnan(slopes), np.vstack([whole, whole[:1]]), slopes)
 
     def _through_parts(self, x: Floats, place: int, step: float) -> Floats | None:
-        """Return estimates `(5, m)` of the derivatives of all outputs by a number on which parts depend, or None.
-
-        Only the derivatives of the numbers of parts are estimated, from nearby settings. The chain rule then gives the derivatives of the
-        outputs. The result has one row for each row of weights, and one row for the noise of the numbers.
-        """
+        """Return estimates `(5, m)` of the derivatives of all outputs by a number on which parts depend, or None."""
         low, high = self.bounds[place]
         for offset in (0.0, SPECIAL * step, -SPECIAL * step) if any(place in one.modelled for one in self._plans.values()) else ():
             here = x.copy()
             here[place] += offset
-            if not low <= here[place] <= high or self._derivatives_at(self._item(here)[1]) is None:
+            read = self._item(here)[1]
+            if not low <= here[place] <= high or self._derivatives_at(read) is None:
                 continue
-            points, weights = self._stencil(here, place, step)
-            for one, given in self._known(self._item(here)[1]):
-                if place not in one.modelled:
-                    continue
-                values = [self._item(point)[1].values for point in points]
-                one.plan.prepare(values)
-                rows = [one.plan.given(row) for row in values]
-                if any(row is None for row in rows):
-                    continue
-                numbers = np.array(rows)[:, len(one.plan.free) :]
-                noise = NOISE * np.abs(weights[0]) @ (np.abs(numbers) * (np.ptp(numbers, axis=0) > 0.0))
-                slopes = np.vstack([weights @ numbers, weights[0] @ numbers + noise * (-1.0) ** np.arange(len(noise))])
-                try:
-                    found = [one.through_parts[place]((*given, *row, given[one.modelled[place]])) for row in slopes.tolist()]
-                except (NotSmooth, ArithmeticError, ValueError):
-                    continue
-                if all(row is not None and not row.special for row in found):
-                    return np.array([row.jacobian[:, 0] for row in found if row is not None])
+            stencil = Stencil.around(here[place], step, low, high)
+            values = [self._item(point)[1].values for point in _points(here, place, stencil)]
+            estimates = (one.slopes(place, given, values, stencil) for one, given in self._known(read) if place in one.modelled)
+            if (slopes := next((one for one in estimates if one is not None), None)) is not None:
+                return slopes
         return None
 
     def _sound(self, points: Floats, place: int) -> Floats:
@@ -451,23 +445,10 @@ SAME = 1e-3
 """Relative difference up to which the derivatives on both sides of a special value are treated as equal."""
 SPECIAL = 1e-6
 """The distance between a setting and a number that may be special, such as the default of a part, as a fraction of the step."""
-NOISE = 1e-9
-"""Relative noise of measured values of a part. Slicing rounds lengths to 1e-8 mm."""
-ROUNDING = 1e-15
-"""Relative rounding error of a value, which limits the accuracy of a difference quotient."""
 
 
-def _weights(offsets: Floats) -> Floats:
-    """Return an array of weights `(4, 5)` for the values of a function at five offsets from 0.
-
-    Each weighted sum of the values is an estimate of the derivative of the function at 0. The first row of weights gives the derivative of
-    the polynomial through all five values. The other rows give less accurate derivatives, whose distance from the first derivative is an
-    estimate of its error. These rows are the derivatives of polynomials through three values, and the first row with the fourth
-    differences, which a jump or noise changes.
-    """
-    size = np.abs(offsets).max()
-    rows = np.zeros((4, 5))
-    for row, chosen in zip(rows, ([0, 1, 2, 3, 4], [1, 2, 3], [0, 2, 4])):
-        row[chosen] = np.linalg.inv(np.vander(offsets[chosen] / size, increasing=True))[1] / size
-    rows[3] = rows[0] + np.linalg.inv(np.vander(offsets / size, increasing=True))[4] / (4.0 * size)
-    return rows
+def _points(x: Floats, place: int, stencil: Stencil) -> Floats:
+    """Return five settings `(5, n)`, which differ from `x` in the number with the index `place`."""
+    points = np.tile(x, (len(stencil.nodes), 1))
+    points[:, place] = stencil.nodes
+    return points
