@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # For two cores. Many tests wait for processes.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb plan bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
+.PHONY: demo test lint same bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb plan bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -108,6 +108,12 @@ MINUTES ?= 30
 fuzz: $(VENV)/.thingc-dev
 	$(BIN)/thingc lock
 	$(BIN)/python tests/fuzz/fuzz.py --minutes $(MINUTES) --lock parts.lock.json --keep build/fuzz
+
+DISGUISES ?= 1000
+
+# `ROBOTS=DIR` uses all robots below a folder.
+same: $(VENV)/.thingc-dev
+	$(BIN)/python tests/same/study.py --number $(DISGUISES) --robots '$(ROBOTS)'
 
 KILLS ?= 60
 SEED ?= 1

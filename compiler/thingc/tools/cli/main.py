@@ -26,6 +26,7 @@ COMMANDS = {
     "fmt": "format documents; preserves comments",
     "test": "run the tests in a document",
     "diff": "show the effect of a change on a robot: parts, masses, joints, tests, prints",
+    "same": "check whether two robots are the same mechanism, regardless of root, names, link frames, joint zeros and signs",
     "info": "show masses, links and joints of a robot, and the source of each number",
     "sensitivity": "show how results of a robot change with its parameters: derivatives with units",
     "render": "draw a picture of a robot in one of its poses",

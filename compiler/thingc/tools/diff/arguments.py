@@ -12,7 +12,7 @@ from thingc.base.suggestions import Hint, did_you_mean
 from thingc.tools.affected.dependents import NotARepository
 from thingc.tools.diff.revisions import DOCUMENTS, LOCK_FILE, Repository, UnknownRevision
 
-SideKind = Literal["document", "build", "lock", "revision", "checkout"]
+SideKind = Literal["document", "build", "lock", "model", "revision", "checkout"]
 MANIFEST = "manifest.json"
 CHECKOUT = "working tree"
 
@@ -50,17 +50,18 @@ class ComparisonRequest(FrozenStruct):
     documents: tuple[str, ...] = ()
 
 
-def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
-    """Parse the arguments of `thingc diff`, and return the two sides and the documents to compare.
+def asked(words: Sequence[str], documents: Sequence[str], models: tuple[str, ...] = ()) -> ComparisonRequest:
+    """Parse the arguments of `thingc diff` or `thingc same`, and return the two sides and the documents to compare.
 
-    `documents` are the command-line arguments after `--`. Raises `UnknownComparison` and `NotARepository`.
+    `documents` are the command-line arguments after `--`, and `models` the suffixes of files of other formats that can be a side. Raises
+    `UnknownComparison` and `NotARepository`.
     """
     words = list(words)
     if len(words) > 2:
         raise UnknownComparison(f"expected two states, found {len(words)} arguments", "write the documents to compare after `--`")
     if not words:
         words = ["HEAD"]
-    sides = [side for word in words for side in _sides(word)]
+    sides = [side for word in words for side in _sides(word, models)]
     if len(sides) > 2:
         raise UnknownComparison(f"`{' '.join(words)}` are more than two states", "write `OLD..NEW`, or two arguments")
     if len(sides) == 1 and sides[0].kind == "document" and not documents:
@@ -90,8 +91,10 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
     return ComparisonRequest(old=old, new=new, documents=tuple(documents))
 
 
-def _sides(word: str) -> list[Side]:
-    """Parse one argument of `thingc diff`, and return the one or two sides of the comparison that the argument specifies.
+def _sides(word: str, models: tuple[str, ...]) -> list[Side]:
+    """Parse one argument, and return the one or two sides of the comparison that the argument specifies.
+
+    `models` contains the suffixes of files of other formats that can be a side.
 
     The arguments `main..HEAD` and `main...HEAD` specify two sides. Three dots select the merge base of `main` and HEAD as the old side.
     Every other argument specifies one side.
@@ -101,7 +104,9 @@ def _sides(word: str) -> list[Side]:
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]
         if word.lower().endswith(DOCUMENTS):
             return [Side(kind="document", name=word, place=os.path.abspath(word))]
-        message = f"`{word}` is not a document ({', '.join(DOCUMENTS)}), build folder or lock file"
+        if word.lower().endswith(models):
+            return [Side(kind="model", name=word, place=os.path.abspath(word))]
+        message = f"`{word}` is not a document ({', '.join((*DOCUMENTS, *models))}), build folder or lock file"
         raise UnknownComparison(message, f"the name of a lock file is `{LOCK_FILE}`")
     if os.path.isdir(word):
         if os.path.isfile(os.path.join(word, MANIFEST)):

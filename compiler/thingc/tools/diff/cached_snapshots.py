@@ -17,6 +17,7 @@ from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
 from thingc.driver.up_to_date import fingerprint
 from thingc.geometry.store.local import Store, StoreUnusable
+from thingc.model.assembly.types import Assembly
 from thingc.tools.diff.snapshot import Snapshot, TestOutcome
 from thingc.tools.diff.take_snapshot import take_snapshot
 
@@ -57,6 +58,12 @@ class Subject:
     def store(self) -> Store:
         """The cache of built parts and of test results."""
         return self._environment.store
+
+    @property
+    def assembly(self) -> Assembly:
+        """The linked robot, without a root."""
+        assert self._compilation.assembly is not None
+        return self._compilation.assembly
 
     def tested(self) -> Snapshot:
         """Run the tests in the document, and return the snapshot of the robot with the test results. The test results are cached."""

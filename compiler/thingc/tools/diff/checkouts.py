@@ -70,7 +70,7 @@ def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[
 
     If `code` is false, the comparison does not run part code. Raises `UnknownComparison` and `NotARepository`.
     """
-    if asked.old.kind in ("document", "build", "lock"):
+    if asked.old.kind in ("document", "build", "lock", "model"):
         old, new = (Checkout(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
         return [DocumentPair(name=asked.new.name, old=old, new=new)]
     here = os.getcwd()
@@ -141,15 +141,17 @@ def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[
         sides: list[Subject | Snapshot] = []
         for laid, name in ((both.old, names[0]), (both.new, names[1])):
             try:
-                sides.append(_snapshot(laid) if laid.kind != "document" else stack.enter_context(_subject(laid, options)))
+                sides.append(_snapshot(laid) if laid.kind != "document" else stack.enter_context(subject(laid, options)))
             except BrokenDocument as broken:
-                return _broken(laid, name, broken)
+                return broken_side(laid, name, broken)
         old, new = sides
         answer = _compared(old, new, options, tests=tests)
-        if draw and answer.changes and isinstance(old, Subject) and isinstance(new, Subject) and options.code:
-            from thingc.tools.diff.pictures import pictures
+        if answer.changes and isinstance(old, Subject) and isinstance(new, Subject):
+            answer = replace(answer, mechanism=_same_mechanism(old, new))
+            if draw and options.code:
+                from thingc.tools.diff.pictures import pictures
 
-            answer = replace(answer, pictures=pictures(old.model(), new.model(), answer.changes))
+                answer = replace(answer, pictures=pictures(old.model(), new.model(), answer.changes))
         return replace(answer, changes=tuple(_at_home(change, both) for change in answer.changes))
 
 
@@ -168,6 +170,18 @@ def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options
     return compare(old.tested(), new.tested(), farthest) if tests and comparison.changes else comparison
 
 
+def _same_mechanism(old: Subject, new: Subject) -> str:
+    """Describe the joint zeros and signs that differ between two robots if they are the same mechanism. Return "" otherwise."""
+    from thingc.tools.same.comparison import compare_mechanisms
+    from thingc.tools.same.mechanism import mechanism_of_assembly
+    from thingc.tools.same.text_report import summary, zeros_of
+
+    if old.snapshot.whole is None or new.snapshot.whole is None:
+        return ""
+    result = compare_mechanisms(mechanism_of_assembly(old.assembly), mechanism_of_assembly(new.assembly), explain=False)
+    return summary(result) if result.same and zeros_of(result) else ""
+
+
 def _snapshot(laid: Checkout) -> Snapshot:
     """Create a snapshot from a build folder or a lock file.
 
@@ -181,7 +195,7 @@ def _snapshot(laid: Checkout) -> Snapshot:
         raise UnknownComparison(str(fault), "build it again, or compare documents") from fault
 
 
-def _subject(laid: Checkout, options: Options) -> Subject:
+def subject(laid: Checkout, options: Options) -> Subject:
     """Compile a document of one side of the comparison. Raises `BrokenDocument`.
 
     At first, only some files of a git revision are written. If the compilation fails, the function writes all files of the revision and
@@ -205,7 +219,7 @@ def _at_home(change: Change, both: DocumentPair) -> Change:
     return change
 
 
-def _broken(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
+def broken_side(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
     """Add the name of the side to the file names in the errors of one side of a comparison.
 
     The name of a file in a revision has the syntax of git, such as `main:arm.yaml`.

@@ -441,13 +441,14 @@ class Comparison(OneLineRepr, FrozenStruct):
     """The result of comparing two states of one robot: the changes in documents, followed by the consequences of these changes.
 
     `unknown` lists the kinds of information that were not compared. If pictures were requested, `pictures` maps the names `before`, `after`
-    and `overlay` to PNG data.
+    and `overlay` to PNG data. If the two states are the same mechanism with other joint zeros or signs, `mechanism` describes them.
     """
 
     name: str
     changes: tuple[Change, ...]
     unknown: tuple[str, ...] = ()
     pictures: Mapping[str, bytes] = {}
+    mechanism: str = ""
 
 
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:

@@ -58,14 +58,16 @@ def answered(
 def as_json(answer: DiffResult) -> dict[str, object]:
     """Convert the result to a JSON object with the keys `old`, `new` and `changes`. Values are in SI units.
 
-    If several documents were compared, each change has the key `document`.
+    If several documents were compared, each change has the key `document`. Documents whose robot is the same mechanism with other joint zeros
+    or signs are in `same_mechanism`.
     """
     several = len(answer.documents) > 1
     alone = len(answer.come) + len(answer.gone)
     changes = [_entry(change) for change in answer.changes[:alone]]
     for name, comparison in answer.documents:
         changes += [{**_entry(change), **({"document": name} if several else {})} for change in comparison.changes]
-    return {"old": answer.old, "new": answer.new, "changes": changes}
+    same = {name: comparison.mechanism for name, comparison in answer.documents if comparison.mechanism}
+    return {"old": answer.old, "new": answer.new, **({"same_mechanism": same} if same else {}), "changes": changes}
 
 
 def _entry(change: Change) -> dict[str, object]:
@@ -81,15 +83,15 @@ def pack(answer: Comparison | BrokenSide) -> list[Any]:
     """Convert the result of comparing one document to plain JSON values, for transfer between processes. Pictures are omitted."""
     if isinstance(answer, BrokenSide):
         return ["broken", answer.name, [packed(d) for d in answer.diagnostics], dict(answer.texts)]
-    return ["compared", answer.name, to_builtins(answer.changes), list(answer.unknown)]
+    return ["compared", answer.name, to_builtins(answer.changes), list(answer.unknown), answer.mechanism]
 
 
 def unpack(values: list[Any]) -> Comparison | BrokenSide:
     """Convert the JSON values that `pack` returns to the result of comparing one document."""
-    kind, name, inner, more = values
+    kind, name, inner, more, *mechanism = values
     if kind == "broken":
         return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)
-    return Comparison(name=name, changes=tuple(map(_change, inner)), unknown=tuple(more))
+    return Comparison(name=name, changes=tuple(map(_change, inner)), unknown=tuple(more), mechanism="".join(mechanism))
 
 
 def _change(values: dict[str, Any]) -> Change:

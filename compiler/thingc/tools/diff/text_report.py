@@ -76,6 +76,7 @@ def as_text(answer: DiffResult) -> Iterator[str]:
             yield f"{name}: {NOTHING}"
             continue
         yield f"{name}: {answer.old} -> {answer.new}"
+        yield from (f"  {line}" for line in _mechanism(comparison))
         yield from (f"  {line.sign} {line.what} {line.named}{line.words}" for line in made(comparison))
         sentences = list(following(comparison))
         if sentences:
@@ -86,6 +87,10 @@ def as_text(answer: DiffResult) -> Iterator[str]:
             if len(sentences) > FOLLOWING:
                 yield f"    and {counted(len(sentences) - FOLLOWING, 'line')} more, see --format json"
         yield from (f"  not compared: {unknown}" for unknown in comparison.unknown)
+
+
+def _mechanism(comparison: Comparison) -> list[str]:
+    return [comparison.mechanism] if comparison.mechanism else []
 
 
 def as_markdown(answer: DiffResult, pictures: Callable[[str, str], str] | None = None) -> str:
@@ -114,6 +119,7 @@ def _markdown(answer: DiffResult, most: int, pictures: Callable[[str, str], str]
         if pictures is not None and comparison.pictures:
             yield from (f"![{_plain(name)}, {key}]({pictures(name, key)})" for key in comparison.pictures)
             yield ""
+        yield from (f"- {_code(line)}" for line in _mechanism(comparison))
         yield from _items(list(made(comparison)), most)
         outcomes, kinds = outcomes_and_more(comparison)
         if outcomes:
@@ -316,6 +322,7 @@ def _body(differences: DiffResult) -> Iterator[str]:
                 '<input type="range" min="0" max="100" value="50" aria-label="from before to after" '
                 "oninput=\"this.parentNode.style.setProperty('--at', this.value + '%')\"></div>"
             )
+        yield from (f"<p>{_escape_text(line)}</p>" for line in _mechanism(comparison))
         yield from _list(made(comparison))
         outcomes, kinds = outcomes_and_more(comparison)
         if outcomes:

@@ -1,0 +1,85 @@
+"""Implementation of `thingc same`, which checks whether two robots are the same mechanism."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from contextlib import ExitStack
+
+from msgspec import to_builtins
+
+from thingc.tools.affected.dependents import NotARepository
+from thingc.tools.cli import console
+from thingc.tools.diff.arguments import UnknownComparison, asked
+from thingc.tools.diff.checkouts import BrokenSide, laid_out
+from thingc.tools.importing.importing import ENDINGS
+from thingc.tools.same.comparison import TOLERANCE, MechanismComparison, compare_mechanisms
+from thingc.tools.same.sides import mechanisms
+from thingc.tools.same.text_report import as_text
+
+EPILOG = """\
+Compares axes of joints, masses, inertias and couplings. Root, names, link frames, joint zeros and joint signs may differ; the output is the
+map between the robots. Limits are shown, but do not change the result. Meshes, contacts, drives and tendons are not compared.
+
+  thingc same old.urdf new.urdf                     two files: documents, URDF, xacro, MJCF, SDF
+  thingc same arm.yaml build/arm                    a document and a build folder
+  thingc same main..HEAD -- assemblies/arm.yaml     two revisions of a document
+
+Exit code: 0 if the robots are the same mechanism, 1 if they differ or have errors, 2 for an invalid command line.
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `thingc same` to the parser."""
+    parser.epilog = EPILOG
+    parser.set_defaults(behind=[])
+    add = parser.add_argument
+    add("side", metavar="SIDE", nargs="+", help="two robots: documents, files of other formats, build folders or Git revisions")
+    add(
+        "--tolerance", metavar="T", type=_tolerance, default=TOLERANCE,
+        help="largest difference of equal values: m, rad, or a fraction of masses and inertias (default: %(default)g)",
+    )
+    console.add_format(parser)
+    console.add_geometry(parser)
+
+
+def _tolerance(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 1e-12 <= value <= 0.1:
+        raise argparse.ArgumentTypeError(f"expected a number from 1e-12 to 0.1, found `{text}`")
+    return value
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `thingc same`, and return the exit code: 0 if all compared robots are the same mechanism, otherwise 1."""
+    options = console.options_of(arguments)
+    results: list[tuple[str, MechanismComparison]] = []
+    try:
+        wanted = asked(arguments.side, arguments.behind, ENDINGS)
+        names = (wanted.old.name, wanted.new.name)
+        with ExitStack() as stack:
+            for pair in laid_out(wanted, stack, code=options.code):
+                both = mechanisms(pair, names, options)
+                if isinstance(both, BrokenSide):
+                    if arguments.format == "json":
+                        console.print_json(both.diagnostics)
+                    else:
+                        console.print_text(both.diagnostics, stream=sys.stdout, debug=arguments.debug, texts=both.texts)
+                    return 1
+                results.append((pair.name, compare_mechanisms(*both, arguments.tolerance)))
+    except UnknownComparison as fault:
+        raise console.WrongCommandLine(str(fault), fault.hint) from fault
+    except NotARepository as fault:
+        raise console.WrongCommandLine(f"git failed: {fault}", "run this in a repository, or compare two files") from fault
+    if arguments.format == "json":
+        console.print_data({"old": names[0], "new": names[1], "comparisons": [
+            {"document": name, **to_builtins(result)} for name, result in results
+        ]})
+    else:
+        for name, result in results:
+            head, *lines = as_text(result)
+            console.say(f"{name}: {head}", *lines)
+    return 0 if all(result.same for _, result in results) else 1

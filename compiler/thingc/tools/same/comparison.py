@@ -1,0 +1,239 @@
+"""Compare two mechanisms: whether they are the same, the map between them, and what differs."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import numpy as np
+
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.one_line_repr import OneLineRepr
+from thingc.tools.same.features import Array, motion_of, rigid_links
+from thingc.tools.same.matching import JointMap, RobotMap, Tolerances, axis_differences, find_maps, mass_differences
+from thingc.tools.same.mechanism import Mechanism, MechanismJoint
+
+TOLERANCE = 1e-5
+"""Default tolerance: about the precision of files with six digits."""
+CONFIGURATIONS = 8
+"""Number of random configurations in which poses of links are compared."""
+EXACT = 1e-4
+"""Fraction of the tolerance up to which values are equal but for rounding errors."""
+REACH = 10.0
+"""Factor of the tolerance per joint up to which poses of links may differ."""
+STEPS = (1e-3, 1e-2, 0.1)
+"""Tolerances [m and rad] with which a map is searched for to explain differences."""
+
+Difference = Literal["mass", "centre", "inertia", "axis angle", "axis position", "lead", "limits", "coupling", "pose", "links", "joints"]
+
+
+class MechanismDifference(FrozenStruct):
+    """A difference between a link or joint `one` of A and `other` of B, which are names.
+
+    `old` and `new` are the values in A and B, limits in the coordinate of B. `by` is the difference: a fraction for masses and inertias, a
+    distance [m] for positions, an angle [rad] for axes. A difference in the numbers of links or joints has no names.
+    """
+
+    what: Difference
+    one: str = ""
+    other: str = ""
+    old: Any = None
+    new: Any = None
+    by: float | None = None
+
+
+class LinkMatch(FrozenStruct):
+    """A link of A and the same link of B, and their differences: of mass (fraction), centre of mass [m] and inertia (fraction)."""
+
+    one: str
+    other: str
+    mass: float
+    centre: float
+    inertia: float
+
+
+class JointMatch(FrozenStruct):
+    """A joint of A and the same joint of B. Their coordinates are related by `q_B = sign * q_A + zero` [rad or m].
+
+    If `determined` is false, no mass and no axis determines the zero, and the limits or 0 are used.
+    """
+
+    one: str
+    other: str
+    kind: str
+    sign: int
+    zero: float
+    determined: bool
+
+
+class MechanismComparison(OneLineRepr, FrozenStruct):
+    """The result of a comparison of two mechanisms.
+
+    `same` is true if they differ only in root, names, link frames, joint zeros, joint signs and limits. `maps` is the number of maps that
+    fit best, at most 64, and `assignments` the number of different assignments of links and joints among them. `links` and `joints` are the
+    best map. `residual` is the largest difference [m, rad] between poses of links in random configurations.
+    """
+
+    one: str
+    other: str
+    same: bool
+    maps: int = 0
+    assignments: int = 0
+    links: tuple[LinkMatch, ...] = ()
+    joints: tuple[JointMatch, ...] = ()
+    differences: tuple[MechanismDifference, ...] = ()
+    limits: tuple[MechanismDifference, ...] = ()
+    residual: tuple[float, float] | None = None
+
+
+def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLERANCE, *, explain: bool = True) -> MechanismComparison:
+    """Compare two mechanisms. `tolerance` is the largest difference of equal values: [m], [rad], or a fraction of masses and inertias.
+
+    If `explain` is false, the differences of mechanisms that are not the same are not searched for.
+    """
+    maps = find_maps(one, other, Tolerances(tolerance, tolerance, tolerance))
+    exact = bool(maps)
+    for step in (tolerance, *STEPS) if explain else ():
+        maps = maps or find_maps(one, other, Tolerances(max(step, tolerance), None, tolerance))
+    if not maps:
+        return MechanismComparison(one=one.name, other=other.name, same=False, differences=tuple(_counts(one, other)))
+    maps = [found for found in maps if not any(_couplings(one, other, found, tolerance))] or maps
+    limits = [len(list(_limits(one, other, found, tolerance))) for found in maps]
+    maps = [found for found, count in zip(maps, limits, strict=True) if count == min(limits)]
+    best = min(maps, key=lambda found: _worst(one, other, found, tolerance) > EXACT * tolerance)  # the first of those that fit exactly
+    differences = [*_differences(one, other, best, tolerance), *_couplings(one, other, best, tolerance)]
+    apart = residual(one, other, best)
+    if exact and not differences and max(apart) > REACH * tolerance * (len(one.joints) + 1):
+        differences.append(MechanismDifference(what="pose", by=max(apart)))
+    return MechanismComparison(
+        one=one.name, other=other.name, same=exact and not differences,
+        maps=len(maps) if exact else 0, assignments=len({_assignment(found) for found in maps}) if exact else 0,
+        links=tuple(_links(one, other, best, tolerance)), joints=tuple(_joints(one, other, best)), differences=tuple(differences),
+        limits=tuple(_limits(one, other, best, tolerance)), residual=apart,
+    )
+
+
+def _worst(one: Mechanism, other: Mechanism, found: RobotMap, tolerance: float) -> float:
+    """Return the largest difference of masses, centres of mass and inertias."""
+    return max(max(link.mass, link.centre, link.inertia) for link in _links(one, other, found, tolerance))
+
+
+def _assignment(found: RobotMap) -> tuple[object, ...]:
+    return (*sorted((a, b) for a, (b, _) in found.links.items()), *sorted((j.one, j.other) for j in found.joints))
+
+
+def _counts(one: Mechanism, other: Mechanism) -> Iterator[MechanismDifference]:
+    """Yield the differences in the numbers of links and joints, or one difference if only their arrangement differs."""
+    if len(one.links) != len(other.links):
+        yield MechanismDifference(what="links", old=len(one.links), new=len(other.links))
+    kinds = [Counter[str](joint.kind for joint in robot.joints) for robot in (one, other)]
+    if kinds[0] != kinds[1] or len(one.links) == len(other.links):
+        yield MechanismDifference(what="joints", old=dict(kinds[0]), new=dict(kinds[1]))
+
+
+def _links(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[LinkMatch]:
+    A, B = (rigid_links(robot, tolerance) for robot in (one, other))
+    for a, (b, T) in sorted(best.links.items()):
+        mass, centre, inertia = map(float, mass_differences(A[a], B[b], T))
+        yield LinkMatch(one=A[a].name, other=B[b].name, mass=mass, centre=centre, inertia=inertia)
+
+
+def _joints(one: Mechanism, other: Mechanism, best: RobotMap) -> Iterator[JointMatch]:
+    for joint in sorted(best.joints):
+        a, b = one.joints[joint.one], other.joints[joint.other]
+        yield JointMatch(one=a.name, other=b.name, kind=a.kind, sign=joint.sign, zero=joint.zero, determined=not joint.free)
+
+
+def _differences(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
+    """Yield the differences of masses, centres of mass, inertias and axes."""
+    for link, (a, (b, _)) in zip(_links(one, other, best, tolerance), sorted(best.links.items()), strict=True):
+        A, B = one.links[a].properties, other.links[b].properties
+        if link.mass > tolerance:
+            yield MechanismDifference(what="mass", one=link.one, other=link.other, old=A.mass, new=B.mass, by=link.mass)
+        if link.centre > tolerance:
+            yield MechanismDifference(what="centre", one=link.one, other=link.other, by=link.centre)
+        if link.inertia > tolerance:
+            yield MechanismDifference(what="inertia", one=link.one, other=link.other, by=link.inertia)
+    for joint in sorted(best.joints):
+        p, q = one.joints[joint.one], other.joints[joint.other]
+        near = p.child if joint.ends[0] else p.parent
+        found = axis_differences(motion_of(p, joint.ends[0]), motion_of(q, joint.ends[1]), best.links[near][1])
+        names: tuple[Difference, ...] = ("axis angle", "axis position", "lead")
+        for what, by in zip(names, found, strict=True):
+            if by > tolerance:
+                yield MechanismDifference(what=what, one=p.name, other=q.name, by=by)
+
+
+def _couplings(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
+    """Yield the differences of couplings between joints."""
+    names = {joint.name: number for number, joint in enumerate(one.joints)}
+    maps = {joint.one: joint for joint in best.joints}
+    for joint in sorted(best.joints):
+        a, b = one.joints[joint.one], other.joints[joint.other]
+        if a.coupling is None and b.coupling is None:
+            continue
+        leader = maps[names[a.coupling.leader]] if a.coupling is not None else None
+        if not _coupled_alike(a, b, joint, leader, other, tolerance):
+            old, new = (None if one.coupling is None else (one.coupling.leader, *one.coupling.polynomial) for one in (a, b))
+            yield MechanismDifference(what="coupling", one=a.name, other=b.name, old=old, new=new)
+
+
+def _coupled_alike(
+    a: MechanismJoint, b: MechanismJoint, joint: JointMap, leader: JointMap | None, other: Mechanism, tolerance: float,
+) -> bool:
+    if a.coupling is None or b.coupling is None or leader is None or other.joints[leader.other].name != b.coupling.leader:
+        return False
+    for x in (-1.0, -0.6, 0.0, 0.3, 0.7, 1.0):
+        there = joint.sign * a.coupling.at(x) + joint.zero - b.coupling.at(leader.sign * x + leader.zero)
+        if abs(there) > tolerance * (1.0 + max(map(abs, a.coupling.polynomial))):
+            return False
+    return True
+
+
+def _limits(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
+    """Yield the differences of limits. Both limits are coordinates of the joint in B."""
+    for joint in sorted(best.joints):
+        a, b = one.joints[joint.one], other.joints[joint.other]
+        if a.limits is None or b.limits is None:
+            continue
+        ends = [None if end is None else joint.sign * end + joint.zero for end in a.limits][:: joint.sign]
+        if any((x is None) != (y is None) or x is not None and y is not None and abs(x - y) > 10.0 * tolerance
+               for x, y in zip(ends, b.limits, strict=True)):
+            yield MechanismDifference(what="limits", one=a.name, other=b.name, old=tuple(ends), new=b.limits)
+
+
+def residual(one: Mechanism, other: Mechanism, best: RobotMap) -> tuple[float, float]:
+    """Return the largest differences of positions [m] and rotations [rad] of links in random configurations within limits.
+
+    Both robots are computed by forward kinematics from one link. Joints that close loops are ignored.
+    """
+    draw = random.Random(0)
+    worst = np.zeros(2)
+    for _ in range(CONFIGURATIONS):
+        poses: dict[int, tuple[Array, Array]] = {}
+        for joint in best.joints:
+            p, q = one.joints[joint.one], other.joints[joint.other]
+            near, far = (p.child, p.parent) if joint.ends[0] else (p.parent, p.child)
+            poses = poses or {near: (best.links[near][1], np.eye(4))}
+            if far in poses:
+                continue
+            a, b = motion_of(p, joint.ends[0]), motion_of(q, joint.ends[1])
+            low, high = (1.0 if end is None else end for end in p.limits or (None, None))
+            value = draw.uniform(min(low, high) if p.limits else -1.0, max(low, high))
+            X, Y = a.exponential(value) @ a.X, b.exponential(joint.sign * value + joint.zero) @ b.X
+            if p.kind == "ball":
+                axis = np.array([draw.gauss(0.0, 1.0) for _ in range(3)])
+                axis /= np.linalg.norm(axis)
+                there, T = best.links[near][1][:3, :3] @ axis, best.links[near][1] @ a.X @ np.linalg.inv(best.links[far][1])
+                X, Y = a._replace(axis=axis).exponential(value) @ a.X, b._replace(axis=there).exponential(value) @ T
+            poses[far] = poses[near][0] @ X, poses[near][1] @ Y
+            centre = np.array(one.links[far].properties.centre)
+            worst = np.maximum(worst, _apart(poses[far][0], poses[far][1] @ best.links[far][1], centre))
+    return float(worst[0]), float(worst[1])
+
+
+def _apart(X: Array, Y: Array, point: Array) -> tuple[float, float]:
+    apart = np.linalg.norm((X - Y)[:3, :3] @ point + (X - Y)[:3, 3])
+    return float(apart), float(np.linalg.norm((X - Y)[:3, :3]) / np.sqrt(2.0))

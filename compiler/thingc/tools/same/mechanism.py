@@ -1,0 +1,232 @@
+"""The mechanism of a robot: links with mass properties, and the joints between them, without a root and without geometry.
+
+A mechanism is built from an assembly or from the file `modes.json` of a build folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Literal
+
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.inertia import MassProperties, total
+from thingc.base.joints.twist import Twist
+from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, cross, dot
+from thingc.model.assembly.types import Assembly, JointEdge
+from thingc.model.robot.tree import in_link
+
+if TYPE_CHECKING:
+    from thingc.modes.frames import Array
+    from thingc.modes.tree import Joint, Mode
+
+MotionKind = Literal["rotation", "translation", "screw", "ball"]
+
+
+class MechanismLink(OneLineRepr, FrozenStruct):
+    """A rigid body. Its mass properties are in the frame of the link. A link between two coordinates of one joint is massless."""
+
+    name: str
+    properties: MassProperties
+
+
+class Coupling(FrozenStruct):
+    """The coupling of a joint to the joint `leader`: q is the polynomial of the leader's q with these coefficients, constant first."""
+
+    leader: str
+    polynomial: tuple[float, ...]
+
+    def at(self, x: float) -> float:
+        """Return q when the coordinate of the leader is `x`."""
+        value = 0.0
+        for coefficient in reversed(self.polynomial):
+            value = value * x + coefficient
+        return value
+
+
+class MechanismJoint(OneLineRepr, FrozenStruct):
+    """A joint with one coordinate q, or a ball joint.
+
+    The link `child` has the pose `exp(twist q) @ pose` in the frame of the link `parent`. Both links are indices. The twist of a ball
+    joint is a rotation about its centre. `limits` are the lower and the upper limit of q [rad or m], or the cone of a ball joint as upper
+    limit. They are None if the source does not contain limits, as a build folder.
+    """
+
+    name: str
+    kind: MotionKind
+    parent: int
+    child: int
+    pose: Pose
+    twist: Twist
+    limits: tuple[float | None, float | None] | None = None
+    coupling: Coupling | None = None
+
+
+class Mechanism(OneLineRepr, FrozenStruct):
+    """The links and joints of a robot. Links that are fixed to each other are one link."""
+
+    name: str
+    links: tuple[MechanismLink, ...]
+    joints: tuple[MechanismJoint, ...]
+
+
+class _Coordinate(FrozenStruct):
+    """A coordinate of a joint, with its twist and offset in the frame that the previous coordinate of the same joint moves."""
+
+    name: str
+    twist: Twist
+    offset: float
+    limits: tuple[float | None, float | None] | None
+    coupling: Coupling | None
+
+
+def mechanism_of_assembly(assembly: Assembly) -> Mechanism:
+    """Return the mechanism of a linked robot. It does not depend on the modes of the robot."""
+    placed = in_link(assembly)
+    builder = _Builder(MechanismLink(name=link.name, properties=link.properties) for link in assembly.links)
+    for mate in assembly.mates:
+        parent, child = assembly.link_of[mate.parent], assembly.link_of[mate.child]
+        before, after = placed[mate.parent] @ mate.X_PJ, mate.X_JC @ placed[mate.child].inverse()
+        if mate.joints:
+            builder.add(parent, child, before, after, [_of_edge(one) for one in mate.joints], ball=mate.joints[0].kind.at_once)
+        elif mate.loop is not None:
+            builder.welds.append((parent, child, before @ after))
+    return builder.built(assembly.name)
+
+
+def _of_edge(edge: JointEdge) -> _Coordinate:
+    limit, mimic = edge.limit, edge.mimic
+    return _Coordinate(
+        name=edge.path, twist=edge.twist, offset=edge.offset, limits=(limit.lower, limit.cone if limit.upper is None else limit.upper),
+        coupling=None if mimic is None else Coupling(leader=mimic.joint.path, polynomial=mimic.polynomial),
+    )
+
+
+def mechanism_of_mode(name: str, mode: Mode) -> Mechanism:
+    """Return the mechanism of a robot from one of its modes in `modes.json`. The file does not contain limits of joints."""
+    builder = _Builder(
+        MechanismLink(name=link.name, properties=MassProperties(
+            mass=link.mass, centre=_vector(link.centre), inertia=_matrix(link.inertia),
+        )) for link in mode.links
+    )
+    waiting: list[Joint] = []
+    for number, joint in enumerate(mode.joints):
+        waiting.append(joint)
+        if number + 1 == len(mode.joints) or mode.joints[number + 1].first:
+            coordinates = [_Coordinate(
+                name=one.name, twist=_twist(one.twist), offset=one.offset, limits=None,
+                coupling=None if one.mimic is None else Coupling(
+                    leader=one.mimic.joint, polynomial=(one.mimic.offset, one.mimic.multiplier, *one.mimic.higher),
+                ),
+            ) for one in waiting]
+            before, after = _pose(waiting[0].X_PJ), _pose(joint.X_JL)
+            builder.add(joint.parent, joint.child, before, after, coordinates, ball=joint.ball is not None)
+            waiting = []
+    for cut in mode.cuts:
+        before, after = _pose(cut.X_PA), _pose(cut.X_CB).inverse()
+        coordinates = [
+            _Coordinate(name=one, twist=_twist(row), offset=0.0, limits=None, coupling=None)
+            for one, row in zip(cut.coordinates, cut.twists, strict=True)
+        ]
+        if coordinates:
+            builder.add(cut.parent, cut.child, before, after, coordinates, ball=cut.kind == "ball")
+        else:
+            builder.welds.append((cut.parent, cut.child, before @ after))
+    return builder.built(name)
+
+
+def _vector(row: Iterable[float]) -> Vector:
+    x, y, z = map(float, row)
+    return (x, y, z)
+
+
+def _pose(rows: Array) -> Pose:
+    return Pose(rotation=_matrix(rows[:3, :3]), translation=_vector(rows[:3, 3]))
+
+
+def _matrix(rows: Array) -> Matrix:
+    a, b, c = map(_vector, rows)
+    return (a, b, c)
+
+
+def _twist(row: Array) -> Twist:
+    """Return the twist with an angular part (first three numbers) and the velocity of the origin (last three numbers)."""
+    angular, linear = _vector(row[:3]), _vector(row[3:])
+    if dot(angular, angular) == 0.0:
+        return Twist(linear=linear)
+    pitch = dot(angular, linear)
+    return Twist(angular, (pitch * angular[0], pitch * angular[1], pitch * angular[2]), cross(angular, linear))
+
+
+class _Builder:
+    """Collects the links and joints of a mechanism. `welds` are pairs of links with the pose of the second in the first."""
+
+    def __init__(self, links: Iterable[MechanismLink]) -> None:
+        self.links = list(links)
+        self.joints: list[MechanismJoint] = []
+        self.welds: list[tuple[int, int, Pose]] = []
+
+    def add(self, parent: int, child: int, before: Pose, after: Pose, coordinates: Sequence[_Coordinate], *, ball: bool) -> None:
+        """Add a joint: the pose of the child is `before @ exp(twist_0 (q_0 + offset_0)) ... @ after`.
+
+        A joint with several coordinates becomes several joints with massless links between them.
+        """
+        if ball:
+            name, limits = coordinates[0].name.removesuffix("_0"), coordinates[0].limits
+            centre = replace(coordinates[0].twist, linear=(0.0, 0.0, 0.0)).seen_from(before)
+            self.joints.append(MechanismJoint(
+                name=name, kind="ball", parent=parent, child=child, pose=before @ after, twist=centre, limits=limits,
+            ))
+            return
+        near = parent
+        for number, one in enumerate(coordinates):
+            far, pose = child, before @ one.twist.exponential(one.offset)
+            if number + 1 < len(coordinates):
+                far = len(self.links)
+                name = f"between {one.name} and {coordinates[number + 1].name}"
+                self.links.append(MechanismLink(name=name, properties=MassProperties(mass=0.0)))
+            else:
+                pose = pose @ after
+            kind: MotionKind = "screw" if one.twist.turns and one.twist.pitch else "rotation" if one.twist.turns else "translation"
+            self.joints.append(MechanismJoint(
+                name=one.name, kind=kind, parent=near, child=far, pose=pose, twist=one.twist.seen_from(before), limits=one.limits,
+                coupling=one.coupling,
+            ))
+            near, before = far, NO_POSE
+
+    def built(self, name: str) -> Mechanism:
+        """Return the mechanism. Links that welds connect are merged to one link."""
+        into = self._merged()
+        groups: dict[int, list[int]] = {}
+        for link, (head, _) in into.items():
+            groups.setdefault(head, []).append(link)
+        index = {head: number for number, head in enumerate(groups)}
+        links = tuple(
+            self.links[head] if len(members) == 1 else
+            replace(self.links[head], properties=total(self.links[one].properties.seen_from(into[one][1]) for one in members))
+            for head, members in groups.items()
+        )
+        joints = []
+        for joint in self.joints:
+            (parent, here), (child, there) = into[joint.parent], into[joint.child]
+            moved = replace(joint, pose=here @ joint.pose @ there.inverse(), twist=joint.twist.seen_from(here))
+            joints.append(replace(moved if self.welds else joint, parent=index[parent], child=index[child]))
+        return Mechanism(name=name, links=links, joints=tuple(joints))
+
+    def _merged(self) -> Mapping[int, tuple[int, Pose]]:
+        """Return the link into which each link is merged, and the pose of the link in the frame of this link."""
+        edges: dict[int, list[tuple[int, Pose]]] = {}
+        for one, other, pose in self.welds:
+            edges.setdefault(one, []).append((other, pose))
+            edges.setdefault(other, []).append((one, pose.inverse()))
+        into: dict[int, tuple[int, Pose]] = {}
+        for head in range(len(self.links)):
+            waiting = [] if head in into else [(head, NO_POSE)]
+            while waiting:
+                link, pose = waiting.pop()
+                if link not in into:
+                    into[link] = (head, pose)
+                    waiting += [(other, pose @ step) for other, step in edges.get(link, ())]
+        return into

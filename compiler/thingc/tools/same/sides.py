@@ -1,0 +1,66 @@
+"""Read the mechanisms of the two sides of a comparison: documents, model files of other formats, build folders or git revisions."""
+
+from __future__ import annotations
+
+import os
+
+from msgspec.structs import replace
+
+from thingc.base.diagnostics import Report, Severity
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.modes.errors import ModesError
+from thingc.modes.modes_file import load_modes
+from thingc.tools.diff.arguments import UnknownComparison
+from thingc.tools.diff.cached_snapshots import BrokenDocument
+from thingc.tools.diff.checkouts import BrokenSide, Checkout, DocumentPair, broken_side, subject
+from thingc.tools.importing.importing import import_robot
+from thingc.tools.same.mechanism import Mechanism, mechanism_of_assembly, mechanism_of_mode
+
+
+def mechanisms(pair: DocumentPair, names: tuple[str, str], options: Options) -> tuple[Mechanism, Mechanism] | BrokenSide:
+    """Read both mechanisms of a pair, or return the side that has errors.
+
+    `names` are the names of the sides in diagnostics. Raises `UnknownComparison`.
+    """
+    found: list[Mechanism] = []
+    for laid, name in zip((pair.old, pair.new), names, strict=True):
+        if laid is None:
+            raise UnknownComparison(f"`{pair.name}` does not exist in {name}", "compare documents that exist in both states")
+        try:
+            found.append(read_side(laid, options))
+        except BrokenDocument as broken:
+            return broken_side(laid, name, broken)
+    return found[0], found[1]
+
+
+def read_side(laid: Checkout, options: Options) -> Mechanism:
+    """Read the mechanism of one side. Raises `BrokenDocument` and `UnknownComparison`."""
+    match laid.kind:
+        case "build":
+            try:
+                modes = load_modes(laid.path)
+            except (FileNotFoundError, ModesError) as fault:
+                raise UnknownComparison(str(fault), "build it again, or compare documents") from fault
+            return mechanism_of_mode(os.path.basename(laid.path), next(iter(modes.values())))
+        case "lock":
+            raise UnknownComparison(f"`{laid.path}` is a lock file, which contains no joints", "compare documents or build folders")
+        case "model":
+            return _imported(laid.path, options)
+        case _:
+            with subject(laid, options) as compiled:
+                return mechanism_of_assembly(compiled.assembly)
+
+
+def _imported(path: str, options: Options) -> Mechanism:
+    """Import a robot without its meshes, and compile the document. Raises `BrokenDocument`."""
+    report = Report()
+    imported = import_robot(path, report, meshes=False)
+    if imported is None or report.failed:
+        raise BrokenDocument([one for one in report.ordered() if one.severity is Severity.ERROR])
+    document = os.path.join(os.path.dirname(os.path.abspath(path)), imported.document)
+    with Environment(document, replace(options, texts={document: imported.files[imported.document]})) as environment:
+        compilation = pipeline.compile(environment)
+    if compilation.assembly is None:
+        raise BrokenDocument([one for one in compilation.report.ordered() if one.severity is Severity.ERROR])
+    return mechanism_of_assembly(compilation.assembly)

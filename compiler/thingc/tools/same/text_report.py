@@ -1,0 +1,114 @@
+"""Format the result of a comparison of two mechanisms as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from thingc.base.numeric import degrees
+from thingc.base.one_line_repr import counted
+from thingc.base.safe_text import some
+from thingc.tools.same.comparison import TOLERANCE, JointMatch, MechanismComparison, MechanismDifference
+from thingc.tools.same.matching import MOST
+
+SHOWN = 12
+"""Maximum number of joints in a list of zeros."""
+ROUNDING = 1e-6
+"""Difference [%, mm or deg] below which values are shown as equal."""
+PHYSICAL = {
+    "mass": "mass", "centre": "centre of mass", "inertia": "inertia", "axis angle": "direction of the axis",
+    "axis position": "position of the axis", "lead": "lead", "pose": "poses of links", "coupling": "coupling", "limits": "limits",
+}
+
+
+def as_text(result: MechanismComparison) -> Iterator[str]:
+    """Yield the lines of a report: the verdict, zeros and signs, names, ambiguities, agreement of masses, differences and limits."""
+    yield summary(result) if result.same else f"{result.one} and {result.other} are different mechanisms"
+    yield from (f"  {line}" for line in _differences(result.differences))
+    if not result.links:
+        return
+    if not result.same and (zeros := zeros_of(result)):
+        yield f"  {zeros}"
+    pairs = [(one.one, one.other) for one in result.joints] + [(one.one, one.other) for one in result.links]
+    names = [f"{one} = {other}" for one, other in pairs if one != other]
+    if names:
+        yield f"  names: {some(names, SHOWN)}"
+    free = [one.other for one in result.joints if not one.determined]
+    if free:
+        yield f"  zeros that neither axes nor masses determine: {some(free, SHOWN)}"
+    if result.assignments > 1:
+        yield f"  ambiguous: {_at_least(result.assignments)} assignments of links and joints fit; this one preserves the most names"
+    elif result.maps > 1:
+        yield f"  ambiguous: {_at_least(result.maps)} choices of zeros and signs fit; this one changes the fewest"
+    mass, centre, inertia = (max(getattr(one, key) for one in result.links) for key in ("mass", "centre", "inertia"))
+    yield (
+        f"  agreement of {counted(len(result.links), 'link')}: mass {_within(100.0 * mass, '%')}, "
+        f"centre of mass {_within(1000.0 * centre, 'mm')}, inertia {_within(100.0 * inertia, '%')}"
+    )
+    if result.residual is not None and result.joints:
+        yield (
+            f"  agreement of poses in random configurations: position {_within(1000.0 * result.residual[0], 'mm')}, "
+            f"rotation {_within(degrees(result.residual[1]), 'deg')}"
+        )
+    yield from (f"  {line}" for line in _differences(result.limits))
+
+
+def summary(result: MechanismComparison) -> str:
+    """Return one line about two robots that are the same mechanism, with the joint zeros and signs that differ."""
+    zeros = zeros_of(result)
+    return f"the same mechanism{'; ' + zeros if zeros else ''}"
+
+
+def zeros_of(result: MechanismComparison) -> str:
+    """Return the joint zeros and signs that differ, such as `zeros: shoulder_lift +90 deg`."""
+    zeros = [f"{one.other} {_value(one, one.zero, plus=True)}" for one in result.joints if abs(one.zero) > TOLERANCE]
+    signs = [one.other for one in result.joints if one.sign < 0]
+    found = [f"zeros: {some(zeros, SHOWN)}"] if zeros else []
+    return "; ".join([*found, *([f"reversed: {some(signs, SHOWN)}"] if signs else [])])
+
+
+def _value(joint: JointMatch, value: float, *, plus: bool = False) -> str:
+    sign = "+" if plus else ""
+    if joint.kind == "translation":
+        return f"{1000.0 * value:{sign}.4g} mm"
+    return f"{degrees(value):{sign}.4g} deg"
+
+
+def _within(value: float, unit: str) -> str:
+    return "equal" if value < ROUNDING else f"within {value:.1g} {unit}"
+
+
+def _at_least(number: int) -> str:
+    return f"at least {number}" if number >= MOST else str(number)
+
+
+def _differences(differences: tuple[MechanismDifference, ...]) -> Iterator[str]:
+    for one in differences:
+        if one.what in ("links", "joints"):
+            yield f"{one.what}: {_counts(one.old)} -> {_counts(one.new)}"
+            continue
+        name = one.one if one.one == one.other else f"{one.one} = {one.other}"
+        value = f"{_listed(one.old)} -> {_listed(one.new)}" if one.old is not None or one.new is not None else ""
+        value += " kg" if one.what == "mass" else ""
+        by = "" if one.by is None else _distance(one)
+        yield f"{PHYSICAL[one.what]}{' of ' if name else ''}{name}: {value}{' (' + by + ')' if value and by else by}"
+
+
+def _distance(one: MechanismDifference) -> str:
+    assert one.by is not None
+    if one.what in ("mass", "inertia"):
+        return f"differs by {100.0 * one.by:.3g} %"
+    if one.what == "axis angle":
+        return f"differs by {degrees(one.by):.3g} deg"
+    return f"differs by {1000.0 * one.by:.3g} mm"
+
+
+def _counts(value: object) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{count} {kind}" for kind, count in sorted(value.items())) or "none"
+    return str(value)
+
+
+def _listed(value: object) -> str:
+    if isinstance(value, (tuple, list)):
+        return "[" + ", ".join(_listed(one) for one in value) + "]"
+    return f"{value:.6g}" if isinstance(value, float) else "none" if value is None else str(value)

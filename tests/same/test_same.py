@@ -1,0 +1,218 @@
+"""Disguised robots are recognised with their maps, and robots with a small physical change are not. MuJoCo checks the maps."""
+
+from __future__ import annotations
+
+import json
+import random
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from same.changes import KINDS, changed
+from same.study import EXACT, Subject, apart, mechanism, readable, subject, true_map
+from thingc.tools.cli.main import main
+from thingc.tools.same.comparison import compare_mechanisms
+
+ROBOTS = Path(__file__).resolve().parents[1] / "importing/robots"
+NAMES = ("blocks.urdf", "constructs.urdf", "constructs.xml", "cranks.xml", "floating.xml", "world.xml")
+# a five-bar linkage of five different bars: four hinges in the tree, and a point where the two distal bars meet
+FIVE_BAR = """
+<mujoco><compiler angle="radian"/><worldbody><body name="ground">
+  <inertial pos="0 0.01 0.02" mass="1" fullinertia="0.01 0.02 0.025 0.001 0 0"/>
+  <body name="a" pos="0 0 0"><inertial pos="0.05 0.002 0.001" mass="0.1" fullinertia="1e-5 1e-4 1.1e-4 0 0 0"/>
+    <joint name="qa" type="hinge" axis="0 0 1" range="-1 2"/>
+    <body name="c" pos="0.1 0 0"><inertial pos="0.06 0 0.001" mass="0.12" fullinertia="1e-5 1e-4 1.05e-4 0 0 0"/>
+      <joint name="qc" type="hinge" axis="0 0 1"/><site name="pc" pos="0.15 0 0"/></body></body>
+  <body name="b" pos="0.2 0 0"><inertial pos="0.04 0.003 0" mass="0.11" fullinertia="1e-5 1.2e-4 1.25e-4 0 0 0"/>
+    <joint name="qb" type="hinge" axis="0 0 1" range="-2 1"/>
+    <body name="d" pos="0.11 0 0"><inertial pos="0.07 0.001 0" mass="0.13" fullinertia="2e-5 1e-4 1.1e-4 0 0 0"/>
+      <joint name="qd" type="hinge" axis="0 0 1"/><site name="pd" pos="0.16 0 0"/></body></body>
+</body></worldbody><equality><connect site1="pc" site2="pd"/></equality></mujoco>
+"""
+# a gripper with two equal fingers, which a half turn about z exchanges
+GRIPPER = """
+<robot name="gripper">
+  <link name="palm"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  {fingers}
+</robot>
+"""
+FINGER = """
+  <link name="{name}"><inertial><origin xyz="0.01 0 0.05"/><mass value="0.1"/>
+    <inertia ixx="1e-4" iyy="2e-4" izz="2.5e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="j_{name}" type="prismatic"><parent link="palm"/><child link="{name}"/><origin xyz="{x} 0 0" rpy="0 0 {yaw}"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="0.03" effort="1" velocity="1"/></joint>
+"""
+WHEEL = """
+<robot name="cart">
+  <link name="body"><inertial><origin xyz="0.01 0.02 0.03"/><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.02" izz="0.025" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="wheel"><inertial><mass value="0.2"/><inertia ixx="1e-3" iyy="2e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="spin" type="{kind}"><parent link="body"/><child link="wheel"/><origin xyz="0 0.1 0" rpy="0 {pitch} 0"/>
+    <axis xyz="0 1 0"/><limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def robots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Subject]:
+    found = {}
+    for name in (*NAMES, "five_bar.xml"):
+        folder = tmp_path_factory.mktemp("robot")
+        (folder / "five_bar.xml").write_text(FIVE_BAR)
+        found[name] = subject(folder / name if name == "five_bar.xml" else ROBOTS / name, folder)
+    return found
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", [*NAMES, "five_bar.xml"])
+def test_a_disguise_is_recognised_with_its_map(robots: dict[str, Subject], name: str, seed: int, tmp_path: Path) -> None:
+    robot, draw = robots[name], random.Random(f"{name} {seed}")
+    disguise, _, model, other = readable(robot.graph, tmp_path, draw)
+    assert compare_mechanisms(robot.original, other).same
+    found = compare_mechanisms(robot.written, other)
+    assert found.same and found.limits == ()
+    assert apart(robot, disguise, model, found, draw) < EXACT
+    assert true_map(disguise, found) or found.maps > 1
+    assert max(found.residual or (1.0,)) < EXACT
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["constructs.xml", "cranks.xml", "five_bar.xml"])
+def test_a_physical_change_is_found(robots: dict[str, Subject], name: str, kind: str, tmp_path: Path) -> None:
+    robot, draw = robots[name], random.Random(f"{name} {kind}")
+    new = changed(robot.graph, draw, kind)
+    if new is None:
+        pytest.skip(f"{name} has no {kind}")
+    found = compare_mechanisms(robot.written, readable(new, tmp_path, draw)[3])
+    assert not found.same
+    assert found.differences
+    if kind in ("mass", "inertia", "coupling"):
+        assert [one.what for one in found.differences] == [kind]
+        assert found.differences[0].by is None or found.differences[0].by == pytest.approx(1e-4, rel=0.01)
+
+
+def gripper(path: Path, first: str, second: str) -> Path:
+    fingers = FINGER.format(name=first, x=0.02, yaw=0) + FINGER.format(name=second, x=-0.02, yaw=3.141592653589793)
+    path.write_text(GRIPPER.format(fingers=fingers))
+    return path
+
+
+def test_a_symmetric_robot_is_ambiguous_and_names_are_preserved(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    gripper(here / "a.urdf", "left", "right")
+    gripper(here / "b.urdf", "right", "left")
+    assert main(["same", "a.urdf", "b.urdf"]) == 0
+    text = capsys.readouterr().out
+    assert "ambiguous: 2 assignments" in text
+    assert "names:" not in text
+    found = compare_mechanisms(mechanism(here / "a.urdf"), mechanism(here / "b.urdf"))
+    assert (found.maps, found.assignments) == (2, 2)
+    assert {one.one: one.other for one in found.joints} == {"j_left": "j_left", "j_right": "j_right"}
+
+
+def test_the_zero_of_a_wheel_follows_from_its_limits(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def cart(name: str, kind: str, lower: float, upper: float, pitch: float = 0.0) -> Path:
+        (here / name).write_text(WHEEL.format(kind=kind, lower=lower, upper=upper, pitch=pitch))
+        return here / name
+
+    one = mechanism(cart("a.urdf", "revolute", -1.0, 1.0))
+    moved = compare_mechanisms(one, mechanism(cart("b.urdf", "revolute", -0.75, 1.25)))
+    assert moved.same and moved.limits == ()
+    assert (moved.joints[0].zero, moved.joints[0].determined) == (pytest.approx(0.25), False)
+    wider = compare_mechanisms(one, mechanism(cart("c.urdf", "revolute", -1.5, 1.5)))
+    assert wider.same
+    assert [(limit.old, limit.new) for limit in wider.limits] == [((-1.0, 1.0), (-1.5, 1.5))]
+    free = compare_mechanisms(one, mechanism(cart("d.urdf", "continuous", 0.0, 0.0, pitch=0.5)))
+    assert free.same and free.joints[0].zero == 0.0
+    assert main(["same", "a.urdf", "c.urdf"]) == 0
+    assert "limits of spin: [-1, 1] -> [-1.5, 1.5]" in capsys.readouterr().out
+
+
+def test_a_mirror_image_is_another_robot(robots: dict[str, Subject], here: Path) -> None:
+    source = robots["five_bar.xml"]
+    assert not compare_mechanisms(source.written, robots["cranks.xml"].written).same
+    mirrored = FIVE_BAR.replace('pos="0.05 0.002 0.001"', 'pos="0.05 0.002 -0.001"')
+    (here / "mirror.xml").write_text(mirrored)
+    found = compare_mechanisms(source.original, mechanism(here / "mirror.xml"))
+    assert [(one.what, one.one, one.by) for one in found.differences] == [("centre", "a", pytest.approx(0.002))]
+
+
+DOCUMENT = """
+thingc: assembly/1
+name: crane
+components:
+  mast:
+    frame: true
+    mass: {value: 2 kg, source: measured}
+    com: 10 0 200 mm
+    inertia: {ixx: 1e-2 kg*m^2, iyy: 1e-2 kg*m^2, izz: 5e-3 kg*m^2}
+    mounts: {head: {xyz: 0 0 500 mm, rpy: 90 0 0 deg}}
+  boom:
+    frame: true
+    mass: {value: 300 g, source: measured}
+    com: 200 10 5 mm
+    inertia: {ixx: 1e-4 kg*m^2, iyy: 4e-3 kg*m^2, izz: 4e-3 kg*m^2}
+    mounts: {heel: {rpy: 90 0 0 deg}}
+joints:
+  luff: {type: universal, parent: mast.head, child: boom.heel}
+modes:
+  stand: {root: mast, base: fixed}
+"""
+
+
+def test_documents_builds_and_revisions(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    document = here / "crane.yaml"
+    document.write_text(DOCUMENT)
+    for words in (["init", "-q"], ["add", "."], ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "first"]):
+        subprocess.run(["git", *words], check=True)
+    document.write_text(DOCUMENT.replace("root: mast", "root: boom").replace("  boom:", "  jib:").replace("boom", "jib"))
+    assert main(["build", "crane.yaml", "--emit", "urdf,mjcf", "--store", shared_store]) == 0
+    capsys.readouterr()
+    assert main(["same", "crane.yaml", "build/crane"]) == 0
+    assert main(["same", "build/crane", "build/crane/mjcf/crane_stand.xml"]) == 0
+    assert main(["same", "HEAD", "crane.yaml", "--store", shared_store]) == 0
+    assert "the same mechanism" in capsys.readouterr().out
+    assert main(["same", "HEAD", "--format", "json", "--", "crane.yaml"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["old"], found["new"]) == ("HEAD", "working tree")
+    assert [one["other"] for one in found["comparisons"][0]["links"]][:2] == ["mast", "jib"]
+    document.write_text(DOCUMENT.replace("300 g", "301 g"))
+    assert main(["same", "HEAD", "crane.yaml", "--store", shared_store]) == 1
+    assert "mass of boom: 0.3 -> 0.301 kg (differs by 0.332 %)" in capsys.readouterr().out
+
+
+def test_a_diff_of_zeros_begins_with_the_mechanism(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    revolute = DOCUMENT.replace("type: universal", "type: continuous")
+    (here / "a.yaml").write_text(revolute)
+    (here / "b.yaml").write_text(revolute.replace("{heel: {rpy: 90 0 0 deg}}", "{heel: {rpy: 90 30 0 deg}}"))
+    (here / "c.yaml").write_text(revolute.replace("200 10 5 mm", "200 11 5 mm"))
+    line = "the same mechanism; zeros: luff +30 deg"
+    assert main(["diff", "a.yaml", "b.yaml", "--store", shared_store]) == 0
+    assert f"\n  {line}\n" in capsys.readouterr().out
+    assert main(["diff", "a.yaml", "b.yaml", "--store", shared_store, "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["same_mechanism"] == {"b.yaml": line}
+    assert main(["diff", "a.yaml", "c.yaml", "--store", shared_store, "--format", "json"]) == 0
+    assert "same_mechanism" not in json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(("words", "code", "message"), [
+    (["a.urdf", "missing.urdf"], 2, "is not a file, a folder or a revision"),
+    (["a.urdf"], 2, "only one state"),
+    (["a.urdf", "parts.lock.json"], 2, "cannot be compared"),
+    (["a.urdf", "broken.urdf"], 1, "error"),
+    (["a.urdf", "a.urdf", "--tolerance", "1"], 2, "--tolerance"),
+])
+def test_bad_input(here: Path, words: list[str], code: int, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    gripper(here / "a.urdf", "left", "right")
+    (here / "broken.urdf").write_text("<robot name='x'><link name='a'></robot>")
+    (here / "parts.lock.json").write_text("{}")
+    assert main(["same", *words]) == code
+    out, err = capsys.readouterr()
+    assert message in out + err
