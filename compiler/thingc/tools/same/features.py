@@ -171,7 +171,9 @@ def rotations(point: Array, axis: Array, one: Sequence[LinkFeature], other: Sequ
     return _differences([(f.tag, *radial(f)) for f in one], [(f.tag, *radial(f)) for f in other], turns=True)
 
 
-def translations(point: Array, axis: Array, one: Sequence[LinkFeature], other: Sequence[LinkFeature], tolerance: float) -> list[float] | None:
+def translations(
+    point: Array, axis: Array, one: Sequence[LinkFeature], other: Sequence[LinkFeature], tolerance: float,
+) -> list[float] | None:
     """Return the distances [m] along a line that move `other` to `one`, or None if no feature determines the distance."""
 
     def axial(feature: LinkFeature) -> tuple[float, list[float]]:

@@ -152,7 +152,7 @@ class _Search:
             sets.append([[one for one in found if one.tag not in OF_MASS] for found in both])
         for ones, others in sets:
             if centre is not None:
-                ones, others = ([LinkFeature("given", point, None, 1e-3), *found] for point, found in zip(centre, (ones, others), strict=True))
+                ones, others = [LinkFeature("given", centre[0], None, 1e-3), *ones], [LinkFeature("given", centre[1], None, 1e-3), *others]
             yield from self._starts_with(ones, others)
 
     def _starts_with(self, ones: list[LinkFeature], others: list[LinkFeature]) -> Iterator[Array]:
