@@ -58,8 +58,8 @@ def answered(
 def as_json(answer: DiffResult) -> dict[str, object]:
     """Convert the result to a JSON object with the keys `old`, `new` and `changes`. Values are in SI units.
 
-    If several documents were compared, each change has the key `document`. Documents whose robot is the same mechanism with other joint zeros
-    or signs are in `same_mechanism`.
+    If several documents were compared, each change has the key `document`. `same_mechanism` contains the documents whose robot is the same
+    mechanism with other joint zeros or signs.
     """
     several = len(answer.documents) > 1
     alone = len(answer.come) + len(answer.gone)
