@@ -5,9 +5,12 @@ from __future__ import annotations
 import runpy
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from build123d import Location, Plane, Pos, Solid
+
+if TYPE_CHECKING:  # every process of a run imports this file, and build123d takes two seconds
+    from build123d import Solid
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -24,6 +27,8 @@ def on_path():
 @pytest.fixture(scope="module")
 def block() -> Solid:
     """40 x 20 x 10 with its middle in the origin, an M3 clearance hole along z at (12, 0) and a shaft upwards at (-12, 0)."""
+    from build123d import Plane, Solid
+
     box = Solid.make_box(40, 20, 10, Plane((-20, -10, -5)))
     return (
         box.fuse(Solid.make_cylinder(3, 8, Plane((-12, 0, 5)))).cut(Solid.make_cylinder(1.7, 20, Plane((12, 0, -10)))).solid()
@@ -70,6 +75,7 @@ def test_a_hole_is_no_shaft_and_has_its_axis_diameter_and_extent(block):
 
 
 def test_the_predicate_says_no_to_a_moved_mount_and_to_a_solid_that_moved_away():
+    from build123d import Location, Pos
     from intents_arm import rotor_brace
     from sweep import fault
 

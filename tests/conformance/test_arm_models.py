@@ -14,7 +14,6 @@ import mujoco
 import numpy as np
 import pytest
 
-import arm as arm_parts
 import thingc
 from conformance import roots
 from conformance import simulation as sim
@@ -23,7 +22,6 @@ from conformance.harness import ROOT, thingc_here
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import LONGEST, OneLineRepr
 from thingc.modes import Modes
-from thingc_stock.dynamixel import XM430
 
 MODES = {"bench": "base_link", "drawing": "hand_link", "adrift": "bracket"}
 """Mode to the link that it holds."""
@@ -124,6 +122,9 @@ def test_collision_pieces_that_are_boxes_and_cylinders_are_such_geoms(
 ) -> None:
     """Of the bodies that the part files give: the same volume to 1e-9, and the same centre and inertia in the world to 1e-9."""
     from build123d import Solid
+
+    import arm as arm_parts
+    from thingc_stock.dynamixel import XM430
 
     names = {
         "plate": (arm_parts.BasePlate, (None, "box", "box")), "yaw_servo": (XM430, (None, "cylinder", "cylinder")),

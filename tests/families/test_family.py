@@ -14,7 +14,6 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
-import optuna
 import pytest
 
 import thingc
@@ -211,6 +210,8 @@ def test_the_space_of_variants_and_of_parameters(many: thingc.RobotFamily, every
 
 
 def test_optuna_suggests_settings(many: thingc.RobotFamily) -> None:
+    import optuna
+
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=1))
     study.optimize(lambda trial: many.evaluate(many.space.suggest(trial))["mass"] or 0.0, n_trials=5)

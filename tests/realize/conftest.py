@@ -15,6 +15,9 @@ from thingc.geometry.client import Workers
 from thingc.geometry.record import PartDefinition, Value, definition_text
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store
+from thingc.geometry.worker.lazy_build123d import import_cheaply
+
+import_cheaply("build123d")  # modules of tests use it, and a worker imports it in the same way, in half of the time
 
 TIMEOUT = 60.0
 

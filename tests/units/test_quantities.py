@@ -6,8 +6,9 @@ import math
 import re
 from decimal import Decimal
 from fractions import Fraction
+from functools import cache
+from typing import Any
 
-import pint
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -43,8 +44,6 @@ from thingc.base.units import (
 )
 from thingc.base.vector_text import parse_vector
 
-PINT = pint.LazyRegistry((), {"non_int_type": Fraction})
-"""Reads its table of units when it is first asked."""
 OURS_IN_PINT = {
     "%": "percent", "rev": "turn", "t": "metric_ton", "kgf": "kilogram_force", "lbf": "pound_force", "ozf": "ounce_force",
     "in": "inch", "us": "microsecond", "h": "hour", "um": "micrometer",
@@ -54,6 +53,14 @@ COMPOUND = [
     "N*m/rad",
     "N*m*s/rad", "N*s/m", "mm/rad", "rad/m", "J/deg", "W", "kN/mm",
 ]
+
+
+@cache
+def registry() -> Any:
+    """The units of pint, which are read when a test needs them: pytest looks at every name of a module."""
+    import pint
+
+    return pint.UnitRegistry(non_int_type=Fraction)
 
 
 def oracle(unit: str) -> tuple[float, Dimension]:
@@ -69,7 +76,7 @@ def oracle(unit: str) -> tuple[float, Dimension]:
         words.append(OURS_IN_PINT.get(name, name) + (f"**{power}" if power else ""))
         if name in ("rad", "mrad", "deg", "rev", "rpm"):
             angle += sign * int(power or 1)
-    quantity = PINT.Quantity(Fraction(1), PINT.parse_units("".join(words))).to_base_units()
+    quantity = registry().Quantity(Fraction(1), registry().parse_units("".join(words))).to_base_units()
     found = quantity.dimensionality
     return float(quantity.magnitude), Dimension(
         length=int(found.get("[length]", 0)), mass=int(found.get("[mass]", 0)), time=int(found.get("[time]", 0)), angle=angle,

@@ -14,7 +14,6 @@ import numpy
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import qmc
 
 from thingc.base.diagnostics import Code
 from thingc.base.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, TORQUE, Dimension, Quantity, parse_quantity
@@ -160,6 +159,8 @@ sample:
 
 def drawn_by_scipy(method: str, count: int, seed: int) -> numpy.ndarray:
     """Points of the unit cube, straight from scipy and numpy, all at once."""
+    from scipy.stats import qmc
+
     if method == "sobol":
         return qmc.Sobol(5, scramble=True, rng=seed).random(count)
     if method == "lhs":
