@@ -75,7 +75,7 @@ def test_two_locks(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
     assert "no changes in meaning" in capsys.readouterr().out
     lock.write_text("{")
     assert main(["diff", str(old / "parts.lock.json"), str(lock)]) == 1
-    assert "error[TC342]: `parts.lock.json` is broken" in capsys.readouterr().out
+    assert "error[TC342]: `parts.lock.json` is invalid" in capsys.readouterr().out
 
 
 def test_a_lock_inside_of_another_workspace_is_the_one_that_is_read(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:

@@ -684,7 +684,7 @@ def test_the_arm_is_built_and_loaded(root: Path, tmp_path: Path, shared_store: s
     command = ["build", str(root / "assemblies" / "arm.yaml"), "--emit", "ros", "-o", str(tmp_path), "--store", shared_store]
     assert main(command) == 0, capsys.readouterr().err
     assert main([*command, "--deny-loss"]) == 1
-    assert "ros cannot express `yaw`: the armature of" in capsys.readouterr().err
+    assert "export loss in ros at `yaw`: the armature of" in capsys.readouterr().err
     package = tmp_path / "arm" / "ros" / "arm_description"
     for file in sorted((package / "urdf").iterdir()):
         resolved = file.read_text().replace("package://arm_description/", f"{package}/")

@@ -77,7 +77,7 @@ def test_what_jax_cannot_do_is_explained(everything: thingc.RobotFamily, monkeyp
     with pytest.raises(FamilyError, match="JAX does not have the operation `_principal_moments`: use `value` instead"):
         function.jax()
     jax.config.update("jax_enable_x64", False)
-    with pytest.raises(FamilyError, match="JAX has no 64-bit numbers: call `jax.config.update"):
+    with pytest.raises(FamilyError, match="64-bit numbers are disabled in JAX: call `jax.config.update"):
         function.jax()
     pinned = everything.function(["load", "teeth"], ["mass"])
     pinned._evaluation.forms.of(pinned._item(pinned.start)[1]).why["teeth"] = "a pass needs the exact value"

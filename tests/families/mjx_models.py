@@ -130,7 +130,7 @@ def test_precisions_and_shapes_are_checked(crane: thingc.RobotFamily) -> None:
     with pytest.raises(FamilyError, match=r"expected an array of shape \(k, 1\) for stiff, found \(1,\)"):
         crane.mjx(["stiff"]).batch([40.0])
     jax.config.update("jax_enable_x64", False)
-    with pytest.raises(FamilyError, match="JAX has no 64-bit numbers: call `jax.config.update"):
+    with pytest.raises(FamilyError, match="64-bit numbers are disabled in JAX: call `jax.config.update"):
         crane.mjx(["stiff"])
 
 

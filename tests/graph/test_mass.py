@@ -358,8 +358,8 @@ def test_moving_link_without_mass() -> None:
         (
             "MASSLESS",
             "link `dot` moves in mode `bench`, but has no mass (components `dot`, `dash`)",
-            "give one of its components `mass:` (and `inertia:` if it has no geometry), or attach it to another link; "
-            "a link without mass may only connect two joints",
+            "add `mass:` to one of its components (and `inertia:` if the component has no geometry), or use `attach` instead of a joint; "
+            "a link without mass is allowed only between two joints",
             9,
         )
     ]

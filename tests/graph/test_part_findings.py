@@ -185,15 +185,15 @@ def test_expectations_that_are_met() -> None:
 
 def test_expectations_that_are_not_met() -> None:
     help = "attach the mount `foot` of `p:Cap` to `board.cap_seat`; if this is intended, write `allow: {TC407: \"the reason\"}`"
-    assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` is cut for `p:Cap`, but nothing is attached to it", help, 3)]
+    assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` expects `p:Cap`, but nothing is attached to it", help, 3)]
     plain = component("cap", "p:Cap", laid("board.cap_seat", np.eye(4)), line=5)
-    assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` is cut for `p:Cap`, but nothing is attached to it"
+    assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` expects `p:Cap`, but nothing is attached to it"
     other = warnings(*board(component("lid", "p:Plate", attach("lid.foot", "board.cap_seat"), line=5)))
-    assert said(other) == [("EXPECTATION", "`board.cap_seat` is cut for `p:Cap`, but `lid` (`p:Plate`) is attached to it", help, 5)]
+    assert said(other) == [("EXPECTATION", "`board.cap_seat` expects `p:Cap`, but `lid` (`p:Plate`) is attached to it", help, 5)]
     assert notes(other) == [("`board` is defined here", "/robots/robot.yaml", 3)]
     turned = warnings(*board(component("cap", "p:Cap", attach("cap.top", "board.cap_seat"), line=5)))
     assert said(turned) == [
-        ("EXPECTATION", "`board.cap_seat` is cut for `p:Cap` by its mount `foot`, but `cap` is attached to it by `top`", help, 5)
+        ("EXPECTATION", "`board.cap_seat` expects `p:Cap` by its mount `foot`, but `cap` is attached to it by `top`", help, 5)
     ]
 
 
@@ -204,7 +204,7 @@ def test_other_parameters_are_another_part() -> None:
     )
     assert (
         said(warnings(model, BOARD, wide))[0][1]
-        == "`board.cap_seat` is cut for `p:Cap`, but `cap` (`p:Cap(width=0.2)`) is attached to it"
+        == "`board.cap_seat` expects `p:Cap`, but `cap` (`p:Cap(width=0.2)`) is attached to it"
     )
 
 
@@ -222,7 +222,7 @@ def test_a_mirror_image_was_cut_for_a_mirror_image_or_for_the_part_itself() -> N
     cap_x = component("cap", part("p:Cap").mirrored("x"), attach("cap.foot", "board.cap_seat"))
     model = assembly("a", [component("board", "p:Board"), cap_x])
     assert said(warnings(model, BOARD, replace(CAP, text="p:Cap(mirror=x)")))[0][1] == (
-        "`board.cap_seat` is cut for `p:Cap`, but `cap` (`p:Cap(mirror=x)`) is attached to it"
+        "`board.cap_seat` expects `p:Cap`, but `cap` (`p:Cap(mirror=x)`) is attached to it"
     )
 
 
@@ -239,7 +239,7 @@ def test_mirror_images_that_nobody_sells_or_that_are_the_part_itself() -> None:
         ("MIRRORED_BOUGHT", "`one` is the mirror image of `p:Plate`, a purchased part: a mirrored version may not exist"),
     ]
     assert words(twice[0], record=own) == [
-        ("OWN_IMAGE", "`one` is the mirror image of `p:Plate`, which has the same shape, but counts as a different part")
+        ("OWN_IMAGE", "`one` is mirrored, but the mirror image of `p:Plate` has the same shape")
     ]
     by_process = component("one", left, process=Process(kind="bought"))
     assert [code for code, _ in words(by_process, record=box(left.text))] == ["MIRRORED_BOUGHT"]
@@ -260,7 +260,7 @@ def test_a_length_that_went_through_a_part_is_the_same_length() -> None:
             linked(model, board, cap)
         else:
             assert said(warnings(model, board, cap))[0][1] == (
-                "`board.seat` is cut for `p:Cap(width=0.187672239581141)`, but `cap` (`p:Cap(width=0.1876722395)`) is attached to it"
+                "`board.seat` expects `p:Cap(width=0.187672239581141)`, but `cap` (`p:Cap(width=0.1876722395)`) is attached to it"
             ), "where labels are the same, the texts tell them apart"
 
 
@@ -269,5 +269,5 @@ def test_expectations_that_are_not_asked_for() -> None:
     linked(shown, BOARD)  # whoever nests this assembly puts the cap there
     nested = assembly("b", [component("plate", "p:Plate"), component("h", shown, attach("h.board.foot", "plate.foot"))])
     assert [d.message for d in warnings(nested, BOARD, PLATE).diagnostics] == [
-        "`board.cap_seat` is cut for `p:Cap`, but nothing is attached to it"
+        "`board.cap_seat` expects `p:Cap`, but nothing is attached to it"
     ]

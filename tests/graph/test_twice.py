@@ -135,7 +135,7 @@ OTHERS: dict[str, tuple[Any, str]] = {
     "expectations": (
         (MountExpectation(mount="a", text="t", label="t", child_mount="b"),), "its expected parts of mounts differs"
     ),
-    "references": (("t",), "its list of parts that it is cut for differs"),
+    "references": (("t",), "its list of expected parts differs"),
     "actuator": (ActuatorRecord(kind="servo"), "its actuator differs"),
     "bom": ({"supplier": "A"}, "its bill of materials entries differ: `supplier`"),
     "up": ((0.0, 0.0, 1.0), "its print orientation differs"),

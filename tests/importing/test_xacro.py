@@ -106,12 +106,12 @@ REFUSED = {
     "rename": ("import os; os.rename({victim!r}, {beside!r})", "only its own temporary folder may be written"),
     "truncate": ("open({victim!r}, 'w')", "only its own temporary folder may be written"),
     "make": ("import os; os.mkdir({beside!r})", "only its own temporary folder may be written"),
-    "connect": ("import socket; socket.create_connection(('127.0.0.1', {port}), 1)", "programs and connections are refused"),
-    "unix": ("import socket; socket.socket(socket.AF_UNIX)", "programs and connections are refused"),
-    "udp": ("import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM)", "programs and connections are refused"),
+    "connect": ("import socket; socket.create_connection(('127.0.0.1', {port}), 1)", "programs and network connections are not allowed"),
+    "unix": ("import socket; socket.socket(socket.AF_UNIX)", "programs and network connections are not allowed"),
+    "udp": ("import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM)", "programs and network connections are not allowed"),
     "chmod": ("import os; os.chmod({victim!r}, 0o777)", "only its own temporary folder may be written"),
     "terminal": ("open('/dev/tty', 'r+b')", "only its own temporary folder may be written"),
-    "run": ("import subprocess; subprocess.run(['/bin/true'], check=True)", "programs and connections are refused"),
+    "run": ("import subprocess; subprocess.run(['/bin/true'], check=True)", "programs and network connections are not allowed"),
     "read": ("raise ValueError(open({victim!r}).read())", "it is outside the robot's folder and all known packages"),
 }
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has Landlock and /proc")

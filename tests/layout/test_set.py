@@ -250,7 +250,7 @@ def test_a_value_of_a_vector_is_set_by_its_number(here: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(("words", "said"), [
     (["joints.lift.limit={lower: 1 deg, uper: 2 deg}"], ["unknown key `uper` in `joints.lift.limit`", "did you mean `upper`?"]),
     (["joints.lift.limit={lower: 1 deg"], ["`joints.lift.limit` cannot be read: the `{` opened here is not closed"]),
-    (["joints.lift.limit=[1 deg, 2 deg]"], ["expected a mapping", "found a list of 2"]),
+    (["joints.lift.limit=[1 deg, 2 deg]"], ["expected a mapping", "found a list of 2 items"]),
     (["joints.lift.limit=1 deg"], ["is not a value but a mapping", "or the whole mapping: `joints.lift.limit={...}`"]),
     (["rech=1 mm", "load=3 mm", "joints.lift.limits.upper=1 deg"], [
         "has no parameter `rech`", "found a length (`3 mm`)", "has no `limits`"]),

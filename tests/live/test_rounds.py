@@ -192,7 +192,7 @@ def test_a_pipe_in_the_place_of_a_document_is_not_waited_for(working: Working) -
 
 def test_files_that_are_named_and_not_there_yet(working: Working) -> None:
     missing = working.save("robot.yaml", ROBOT.replace("finger.yaml", "other/thumb.yaml"))
-    assert [d.code.title for d in missing.diagnostics] == ["a file that a document names does not exist"]
+    assert [d.code.title for d in missing.diagnostics] == ["a missing file"]
     (working.folder / "other").mkdir()
     found = working.save("other/thumb.yaml", FINGER)
     assert found.good and found.recovered and found.saved[-1].endswith("other/thumb.yaml")

@@ -163,7 +163,7 @@ def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(
      (2, 8)),
     (HEAD + "mesh = []\n", Code.WRONG_TYPE, "expected a mapping with `linear`, `angular`, `simulation`, found an empty list", None,
      (2, 8)),
-    (HEAD + 'mesh = ["simulation"]\n', Code.WRONG_TYPE, "expected a mapping with `linear`, `angular`, `simulation`, found a list of 1",
+    (HEAD + 'mesh = ["simulation"]\n', Code.WRONG_TYPE, "expected a mapping with `linear`, `angular`, `simulation`, found a list of 1 item",
      None, (2, 8)),
     (HEAD + "mesh = {simulation = []}\n", Code.WRONG_TYPE, "expected a mapping with `linear`, `angular`, found an empty list", None,
      (2, 22)),

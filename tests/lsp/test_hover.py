@@ -72,7 +72,7 @@ def test_what_is_said(analysis: Analysis, marked: str, words: str) -> None:
 
 def test_a_code_is_explained(documents: Documents, robot: Path) -> None:
     text = CHANGED.replace("palm: {assembly: palm.yaml}", "palm: {assembly: palm.yaml, allow: {TC519: so}}")
-    assert said(documents.analysis(robot, text), text, "TC5│19").startswith("**TC519**: actuator that drives nothing\n\nFix: ")
+    assert said(documents.analysis(robot, text), text, "TC5│19").startswith("**TC519**: actuator that does not drive a joint\n\nFix: ")
 
 
 def test_values_stand_behind_expressions_in_the_range_that_is_asked_for(analysis: Analysis) -> None:

@@ -201,7 +201,7 @@ def test_mjx_takes_no_fluid_with_implicitfast_nor_the_integrator_implicit(store:
 def test_mjx_takes_elliptic_cones_beside_contacts_only(store: Store) -> None:
     """Where nothing can touch the cones are left out, which changes nothing; where only the floor of the scene is touched, it is said that
     the model alone is refused."""
-    why = "without the floor of the scene it does not support contacts, but it supports elliptic cones only with contacts"
+    why = "without the floor of the scene, the model has no contacts, and MJX supports elliptic cones only with contacts"
     refused = f"MJX cannot load mode `bench`: {why}"
     for shapes, base, said, elliptic in (
         (("none", "none"), "fixed", [], False), (("box", "box"), "fixed", [], True), (("box", "box"), "free", [refused], True),

@@ -200,7 +200,7 @@ def test_what_else_moves_without_a_mass_is_refused(name: str, tmp_path: Path) ->
     said = compiled(tmp_path, (LEGS + MODES).replace(old, new)).said
     assert "TC507" in {code for code, *_ in said}, said
     assert any(message.startswith(f"link `{link}` moves in mode") for _, message, *_ in said)
-    assert all("a link without mass may only connect two joints" in (help or "") for code, _, help, _ in said if code == "TC507")
+    assert all("a link without mass is allowed only between two joints" in (help or "") for code, _, help, _ in said if code == "TC507")
 
 
 def test_it_may_be_the_root_that_is_held(tmp_path: Path) -> None:

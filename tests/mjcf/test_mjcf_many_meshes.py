@@ -76,7 +76,7 @@ def test_what_is_said_is_the_same(heap: Path, capsys: pytest.CaptureFixture[str]
     """Depths among it, of which MuJoCo works out the hulls anew."""
     at_once = Said(heap, capsys, monkeypatch)
     assert len(at_once.given) == 1 and at_once.code == 0
-    said = "warning[TC611]: at the start of mode `bench`, the collision shape of `base` is 10.2 mm deep inside that of `hand`"
+    said = "warning[TC611]: at the start of mode `bench`, the collision shapes of `base` and `hand` overlap by 10.2 mm"
     assert said in at_once.text
     monkeypatch.setattr(verify, "MANY", 0)
     apart = Said(heap, capsys, monkeypatch)

@@ -187,7 +187,7 @@ def test_it_is_said_by_every_build_that_takes_the_part_from_the_store(robot: Cal
         code, answer = robot(*words)
         assert code == 0
         said.append([(one["code"], one["message"], [note["line"] for note in one["notes"]]) for one in answer["diagnostics"]])
-    wanted = "reads the environment variable `SIZE`, which parts do not have"
+    wanted = "reads the environment variable `SIZE`, which is not available to parts"
     first = [("TC408", f"`arm:Block` {wanted}", [4]), ("TC408", f"`arm:Other` {wanted}", [10])]
     assert said == [first, first, first]
     assert answer["modelled"] == []

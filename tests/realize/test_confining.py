@@ -183,7 +183,7 @@ def test_what_a_part_leaves_behind_is_ended_and_named(place: Any, define: Callab
     assert marked(place) == []
     for name, words in (("child", f"`{sys.executable}"), ("daemon", f"`{LONE}`"), ("copy", "a copy of itself")):
         (left,) = [warning for warning in found[f"leaving:{name}"].warnings if warning.asked is ImpureInputs.LEFT]
-        assert left.message.startswith(f"leaves {words}") and left.message.endswith(" running, which was terminated")
+        assert left.message.startswith(f"leaves {words}") and left.message.endswith(" running, and thingc stopped it")
     assert [one for one in found["leaving:polite"].warnings if one.asked is ImpureInputs.LEFT] == []
     failures = [found[f"leaving:{name}"] for name in ("crashing", "hanging")]
     assert [(one.kind, one.message) for one in failures] == [("crashed", "killed by SIGSEGV"), ("hung", "it took longer than 2 s")]

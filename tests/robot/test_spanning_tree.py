@@ -212,7 +212,7 @@ def test_one_warning_names_the_modes_that_do_not_stand_on_their_feet(number: int
     [(code, message, _, line)] = said(report)
     assert (code, line) == ("OFF_FEET", 200)
     names = ", ".join(f"`leg{k}/tip`" for k in range(min(number, 3))) + (" and others" if number == 4 else "")
-    assert message == f"mode `m` stands on {names}, and `hub` is at least 50 mm lower with all joints at 0"
+    assert message == f"mode `m` stands on {names}, but `hub` is at least 50 mm lower with all joints at 0"
     assert notes(report) == [("`hub` is defined here", FILE, 10), ("the same problem occurs in `n`, `o`", None, None)]
 
 

@@ -276,12 +276,12 @@ def said(compilation: Compilation) -> list[tuple[str, str, str | None]]:
 def test_a_height_is_said_once(compiled: Compiled) -> None:
     found = said(compiled(ARM.replace("xyz: [10 mm, 0, 0]", "xyz: [10 mm, 0, 5 mm]")))
     assert found == [(
-        "TC606", "mode `afloat` is `on: floor` and also at a height of 5 mm: both set the height of the robot",
+        "TC606", "mode `afloat` sets the height of the robot twice: by `on: floor` and by a height of 5 mm",
         "set z to `0`, or remove `on: floor`",
     )]
     found = said(compiled(ARM + "  held: {extends: afloat, hold: {lower.tip: {xyz: 100 0 0 mm}}}\n"))
     assert found == [(
-        "TC606", "mode `held` is `on: floor` and also holds `lower.tip` at a fixed place: both set the height of the robot",
+        "TC606", "mode `held` sets the height of the robot twice: by `on: floor` and by the hold of `lower.tip` at a fixed place",
         "write `lower.tip: here`, or set a height in `at`",
     )]
 

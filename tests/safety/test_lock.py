@@ -230,7 +230,7 @@ BROKEN = {
 def test_a_broken_lock_is_a_diagnostic(name: str, workspace: Path) -> None:
     (workspace / "parts.lock.json").write_text(BROKEN[name])
     done = checked(workspace)
-    assert done.code == 1 and "error[TC342]: `parts.lock.json` is broken" in done.out and "Traceback" not in done.err
+    assert done.code == 1 and "error[TC342]: `parts.lock.json` is invalid" in done.out and "Traceback" not in done.err
 
 
 @pytest.mark.parametrize(("path", "value"), [
@@ -251,7 +251,7 @@ def test_a_lock_that_was_tampered_with_is_a_diagnostic(path: tuple[str, ...], va
     at[path[-1]] = value
     lock.write_text(json.dumps(held))
     done = checked(workspace)
-    assert done.code == 1 and "error[TC342]: `parts.lock.json` is broken at `things.arm:BasePlate" in done.out
+    assert done.code == 1 and "error[TC342]: `parts.lock.json` is invalid at `things.arm:BasePlate" in done.out
 
 
 def test_a_broken_lock_is_a_warning_where_code_may_run(workspace: Path, tmp_path: Path) -> None:

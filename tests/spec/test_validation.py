@@ -59,8 +59,8 @@ def in_doubt(documents: Documents, report: Report) -> bool:
      "known keys: `cone`, `impratio`, `integrator`, `timestep`", "xyzzy"),
     # types
     ("description: 5", Code.WRONG_TYPE, "expected a string, found the number `5`", 'write `"5"`', "5"),
-    ("description: [a]", Code.WRONG_TYPE, "expected a string, found a list of 1", None, "[a]"),
-    ("joints: [a]", Code.WRONG_TYPE, "expected a mapping, found a list of 1",
+    ("description: [a]", Code.WRONG_TYPE, "expected a string, found a list of 1 item", None, "[a]"),
+    ("joints: [a]", Code.WRONG_TYPE, "expected a mapping, found a list of 1 item",
      "write `joints: {NAME: ...}`: the key of each entry is its name", "[a]"),
     ("materials: m.yaml", Code.WRONG_TYPE, "expected a list or a mapping, found the string `m.yaml`", "write `[m.yaml]`", "m.yaml"),
     ("materials: [3]", Code.WRONG_TYPE, "expected a string, found the number `3`", 'write `"3"`', "3"),
@@ -71,7 +71,7 @@ def in_doubt(documents: Documents, report: Report) -> bool:
     ("modes: {b: root:plate}", Code.WRONG_TYPE, "expected a mapping with `root`, `base`, `at`, found the string `root:plate`",
      "a space is missing after the `:`: `root: plate`", "root:plate"),
     ("raw: {mjcf: {a: [[1]]}}", Code.WRONG_TYPE,
-     "expected a string, a number, a boolean, a list of these, or a mapping, found a list of 1", None, "[[1]]"),
+     "expected a string, a number, a boolean, a list of these, or a mapping, found a list of 1 item", None, "[[1]]"),
     # choices
     ("simulation: {cone: eliptic}", Code.UNKNOWN_CHOICE, "expected `pyramidal` or `elliptic`, found the string `eliptic`",
      "did you mean `elliptic`?", "eliptic"),
@@ -86,7 +86,7 @@ def in_doubt(documents: Documents, report: Report) -> bool:
     ("simulation: {timestep: fast}", Code.BAD_QUANTITY, "expected a time (such as `2 ms`), found the string `fast`",
      "an expression begins with `=`: `=fast`", "fast"),
     ("simulation: {timestep: true}", Code.WRONG_TYPE, "expected a time (such as `2 ms`), found `true`", None, "true"),
-    ("simulation: {timestep: [1]}", Code.WRONG_TYPE, "expected a time (such as `2 ms`), found a list of 1", None, "[1]"),
+    ("simulation: {timestep: [1]}", Code.WRONG_TYPE, "expected a time (such as `2 ms`), found a list of 1 item", None, "[1]"),
     ("simulation: {timestep: =2 * (3}", Code.BAD_EXPRESSION, "the `(` opened here is not closed", "add `)`", "("),
     ("simulation: {timestep: =2 mss}", Code.BAD_UNIT, "unknown unit `mss`; did you mean `ms`?", None, "mss"),
     ("simulation: {impratio: 2 mm}", Code.WRONG_DIMENSION, "expected a number (such as 2), found a length (`2 mm`)", None,
@@ -96,7 +96,7 @@ def in_doubt(documents: Documents, report: Report) -> bool:
     ("poses: {home: {yaw: 3 g}}", Code.WRONG_DIMENSION,
      "expected an angle or a length (such as 30 deg or 120 mm), found a mass (`3 g`)", None, "3 g"),
     ("parameters: {a: 5 mmm}", Code.BAD_UNIT, "unknown unit `mmm`; did you mean `mm`?", None, "mmm"),
-    ("parameters: {a: [1]}", Code.WRONG_TYPE, "expected a quantity, an expression, a boolean or a string, found a list of 1",
+    ("parameters: {a: [1]}", Code.WRONG_TYPE, "expected a quantity, an expression, a boolean or a string, found a list of 1 item",
      None, "[1]"),
     ("parameters: {a: {value: 5 mmm, min: 1}}", Code.BAD_UNIT, "unknown unit `mmm`; did you mean `mm`?", None, "mmm"),
     ("parameters: {a: {valu: 5 mm}}", Code.UNKNOWN_KEY, "unknown key `valu` in `parameters.a`", "did you mean `value`?", "valu"),
@@ -107,7 +107,7 @@ def in_doubt(documents: Documents, report: Report) -> bool:
      "0 0 4"),
     ("modes: {b: {at: {xyz: 0 0 4 g}}}", Code.WRONG_DIMENSION, "expected a length (such as 120 mm), found a mass (`0 0 4 g`)",
      None, "0 0 4 g"),
-    ("modes: {b: {at: {xyz: [0, 1 mm]}}}", Code.WRONG_LENGTH, "expected three values, each a length, found a list of 2",
+    ("modes: {b: {at: {xyz: [0, 1 mm]}}}", Code.WRONG_LENGTH, "expected three values, each a length, found a list of 2 items",
      "write for example `[120 mm, 0, 0]`", "[0, 1 mm]"),
     ("modes: {b: {at: {xyz: [0, 1 mm, 2 g]}}}", Code.WRONG_DIMENSION,
      "expected a length (such as 120 mm), found a mass (`2 g`)", None, "2 g"),
@@ -125,8 +125,8 @@ def in_doubt(documents: Documents, report: Report) -> bool:
     ("modes: {b: {hold: {a.b: {xyy: 0 0 0}}}}", Code.UNKNOWN_KEY, "unknown key `xyy` in `modes.b.hold.a.b`",
      "did you mean `xyz`?", "xyy"),
     # lists
-    ("modes: {b: {contacts: {exclude: [[a]]}}}", Code.WRONG_LENGTH, "expected a list of 2, found a list of 1", None, "[a]"),
-    ("modes: {b: {contacts: {exclude: [[a, b, c]]}}}", Code.WRONG_LENGTH, "expected a list of 2, found a list of 3", None,
+    ("modes: {b: {contacts: {exclude: [[a]]}}}", Code.WRONG_LENGTH, "expected a list of 2 items, found a list of 1 item", None, "[a]"),
+    ("modes: {b: {contacts: {exclude: [[a, b, c]]}}}", Code.WRONG_LENGTH, "expected a list of 2 items, found a list of 3 items", None,
      "[a, b, c]"),
     ("modes: {b: {poses: home}}", Code.WRONG_TYPE, "expected a list, found the string `home`", "write `[home]`", "home"),
     # references
@@ -136,11 +136,11 @@ def in_doubt(documents: Documents, report: Report) -> bool:
     ("links: {b: 3}", Code.WRONG_TYPE, "expected a reference such as `plate.servo_seat`, found the number `3`", None, "3"),
     # nothing
     ("parameters:", Code.NO_VALUE, "`parameters` has no value",
-     "write a value after the colon, indent the lines that belong to the key, or remove it", "parameters"),
+     "write a value after the colon, indent the lines that belong to the key, or remove the key", "parameters"),
     ("poses: {home: }", Code.NO_VALUE, "`home` has no value",
-     "write a value after the colon, indent the lines that belong to the key, or remove it", "home"),
+     "write a value after the colon, indent the lines that belong to the key, or remove the key", "home"),
     ("description: ~", Code.NO_VALUE, "`description` has no value",
-     "write a value after the colon, indent the lines that belong to the key, or remove it", "~"),
+     "write a value after the colon, indent the lines that belong to the key, or remove the key", "~"),
     ("materials: [a.yaml, ]\nmounts: {a: null}", None, None, None, None),
 ])
 def test_one_fault_of_an_assembly(
@@ -174,7 +174,7 @@ def test_one_fault_of_an_assembly(
      "expected a mass (such as 120 g), found a length (`3 mm`)", None, "3 mm"),
     ("{part: a:B, mass: {value: 3 g}}", Code.MISSING_KEY, "`components.c.mass` needs the key `source`",
      "add the key `source`, whose value is `measured`, `vendor`, `estimated` or `repaired`", "mass"),
-    ("{part: a:B, mass: [3 g]}", Code.WRONG_TYPE, "expected a mass (such as `120 g`), found a list of 1", None, "[3 g]"),
+    ("{part: a:B, mass: [3 g]}", Code.WRONG_TYPE, "expected a mass (such as `120 g`), found a list of 1 item", None, "[3 g]"),
     ("{part: a:B, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2}}", Code.MISSING_KEY, "`components.c.inertia` needs the key `izz`",
      "add the key `izz`, whose value is a moment of inertia", "inertia"),
     ("{part: a:B, inertia: {value: {ixx: 1 g, iyy: 0, izz: 0}, source: vendor}}", Code.WRONG_DIMENSION,
@@ -183,7 +183,7 @@ def test_one_fault_of_an_assembly(
      "write `5 kg*m^2`", "5"),
     ("{part: a:B, inertia: 5}", Code.WRONG_TYPE,
      "expected a mapping with `value`, `source` or a mapping with `ixx`, `iyy`, `izz`, found the number `5`", None, "5"),
-    ("{part: a:B, com: [0, 0]}", Code.WRONG_LENGTH, "expected three values, each a length, found a list of 2",
+    ("{part: a:B, com: [0, 0]}", Code.WRONG_LENGTH, "expected three values, each a length, found a list of 2 items",
      "write for example `[120 mm, 0, 0]`", "[0, 0]"),
     ("{part: a:B, attach: {back: 3}}", Code.WRONG_TYPE, "expected a reference such as `plate.servo_seat`, found the number `3`",
      None, "3"),
@@ -274,7 +274,7 @@ def test_missing_keys_of_a_document_point_at_its_first_key(tmp_path: Path) -> No
 def test_values_over_several_lines_are_pointed_at_by_their_key(tmp_path: Path) -> None:
     documents, report = read(tmp_path, HEAD + "description:\n  - a\n  - b\n")
     validate(documents, report)
-    assert said(report) == [(Code.WRONG_TYPE, "expected a string, found a list of 2", None, (4, 1, 12))]
+    assert said(report) == [(Code.WRONG_TYPE, "expected a string, found a list of 2 items", None, (4, 1, 12))]
 
 
 def test_everything_wrong_is_said_at_once_with_its_path(tmp_path: Path) -> None:

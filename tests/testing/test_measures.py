@@ -89,7 +89,7 @@ def test_points_of_two_links(rig: Workspace) -> None:
     tip = [0.1 * math.cos(shoulder) + 0.06 * math.cos(shoulder + elbow), -0.1 * math.sin(shoulder) - 0.06 * math.sin(shoulder + elbow)]
     assert tip == pytest.approx([0.06, -0.07], abs=1e-6)
     message = answer["diagnostics"][0]["message"]
-    assert "`tip` gets at best within 90 mm of the point, but 1 mm is required" in message.replace("lower.tip", "tip")
+    assert "the smallest distance between `tip` and the point is 90 mm, but at most 1 mm is allowed" in message.replace("lower.tip", "tip")
 
 
 def test_a_point_only_outside_the_limits_is_out_of_reach(rig: Workspace) -> None:

@@ -33,7 +33,7 @@ class ZipEntry(FrozenStruct):
 
 
 def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
-    """Create a zip archive from files by name. The archive is sorted by name, and equal files result in equal bytes.
+    """Create a zip archive from files by name. The archive is sorted by name, so the same files always result in the same bytes.
 
     The format of the archive is PKWARE APPNOTE.TXT 6.3.
     """

@@ -61,7 +61,7 @@ CHUNK_SECONDS = 0.5
 """Target duration [s] for building a chunk of variants."""
 CHUNK_MOST = 64
 """Maximum number of variants in a chunk."""
-ANEW = "run it without --resume"
+ANEW = "run the command without --resume"
 """Help text of the error for a missing batch, which suggests a run without `--resume`."""
 ATTEMPTS = 3
 """Number of attempts to build a variant whose result an executor has lost."""

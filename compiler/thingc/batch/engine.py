@@ -175,7 +175,7 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
         except ProcessLost as fault:
             pool.raise_if_cancelled()
             code = Code.VARIANT_HUNG if fault.hung else Code.VARIANT_DIED
-            what = f"its runner was terminated: {fault.words}" if fault.hung else f"its runner died: {fault.words}"
+            what = f"its runner was terminated: {fault.words}" if fault.hung else f"its runner crashed: {fault.words}"
             take(row(left.pop(0), "failed", code=code.code, message=what, detail=runner.errors(), pid=runner.pid))
             pool.drop(runner)
         except BaseException:  # the state of the runner is unknown, so the runner is not reused

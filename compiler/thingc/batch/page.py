@@ -139,7 +139,7 @@ def show_again(
     document: str, *, output: str | None = None, pictures: int | None = None, jobs: int = 0, options: Options | None = None,
     on_picture: OnPicture | None = None,
 ) -> tuple[str, Diagnostic | None]:
-    """Render the pictures and write the HTML page of an existing batch again. Return the path of the page, and a warning or None.
+    """Render the pictures of an existing batch and replace its HTML page. Return the path of the page, and a warning or None.
 
     The warning explains why this machine cannot render pictures. `pictures` has the same meaning as for the function `run`. Raises
     `PlanError` for a document with errors, and `BatchFault` if the batch does not exist or is still in progress.

@@ -82,7 +82,7 @@ def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefiniti
         rule = next((rule for rule in rules if rule.expression is expression), None)
         if rule is not None and "torque_margin" in rule.names.values():
             report.add(
-                Code.RESULT, f"there is no `torque_margin` in mode `{mode.name}`: the efforts are ambiguous because of its loops",
+                Code.RESULT, f"`torque_margin` is undefined in mode `{mode.name}`: its loops make the efforts of the drives ambiguous",
                 document.span(("keep", index)), help="put another mode first under `modes`, or remove the rule", path=f"keep[{index}]",
             )
 

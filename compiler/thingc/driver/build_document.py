@@ -128,6 +128,6 @@ def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
         if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
             mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""
             report.add(
-                Code.LOSS_DENIED, f"{loss.target} cannot express `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.origin,
+                Code.LOSS_DENIED, f"export loss in {loss.target} at `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.origin,
                 path=loss.path, help=allow_hint(Code.LOSS_DENIED),
             )

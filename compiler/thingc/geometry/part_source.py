@@ -1,4 +1,4 @@
-"""The interface through which passes get parts, either from the geometry service or from a lock file."""
+"""The interface that returns parts to the passes of the compiler. Parts come from the geometry service or from a lock file."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from typing import Any, Literal
 try:
     import jax.numpy as jnp
 except ImportError as fault:  # pragma: no cover - reported with a help text
-    raise ImportError("mode switches in JAX need JAX: `pip install thingc[jax]`") from fault
+    raise ImportError("mode switches in JAX require JAX: `pip install thingc[jax]`") from fault
 
 from thingc.modes.errors import ModesError
 from thingc.modes.frames import difference

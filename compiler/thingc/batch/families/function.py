@@ -410,7 +410,7 @@ class FamilyFunction:
         if kind is not None:
             words = str(kind).lower() if isinstance(kind, bool) else str(kind)
             raise FamilyError(f"`{name}` is not a number, but `{words}`", f"remove `{name}`, or set its value separately")
-        raise FamilyError(f"the document has no value for `{name}`", "give it one in the document")
+        raise FamilyError(f"the document has no value for `{name}`", "set the value in the document")
 
     def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:
         """Replace names of groups of results by the names of single results.

@@ -10,7 +10,7 @@ try:
     import jax
     import jax.numpy as jnp
 except ImportError as fault:  # pragma: no cover - reported with a help text
-    raise ImportError("functions of JAX need JAX: `pip install thingc[jax]`") from fault
+    raise ImportError("JAX functions require JAX: `pip install thingc[jax]`") from fault
 
 from thingc.batch.plans.program import Operation, Program, value_in
 from thingc.batch.plans.tape import OPERATORS
@@ -33,7 +33,7 @@ def jax_function(program: Program, by: Sequence[int], values: Sequence[float], d
         raise FamilyError(f"expected `dtype` to be \"float64\" or \"float32\", found `{dtype}`")
     if dtype == "float64" and not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
         words = "call `jax.config.update(\"jax_enable_x64\", True)` first, or use `dtype=\"float32\"`"
-        raise FamilyError("JAX has no 64-bit numbers", words)
+        raise FamilyError("64-bit numbers are disabled in JAX", words)
     help = f"use `{instead}` instead"
     if len(program.statements) > LONGEST:
         raise FamilyError(f"the function has {len(program.statements)} operations, and JAX can compile {LONGEST}", help)

@@ -25,7 +25,7 @@ try:
     from mujoco import mjx
     from mujoco.mjx._src import math
 except ImportError as fault:  # pragma: no cover - reported with a help text
-    raise ImportError("models of MJX need MJX: `pip install thingc[jax]`") from fault
+    raise ImportError("MJX models require MJX: `pip install thingc[jax]`") from fault
 
 from thingc.batch.families.mjx_constants import Fields, bounds, principal_axes, with_constants
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class ClearanceCode(DiagnosticCode):
     """The diagnostic codes that `ground_clearance` tests can report."""
 
-    TEST_CLEARANCE = ("TC662", "too near to the ground", "Change a part or a pose, or list parts that may touch the ground under `except`.")
+    TEST_CLEARANCE = ("TC662", "part too close to the ground", "Change a part or a pose, or list parts that may be lower under `except`.")
 
 
 class GroundClearanceTest(Model):
@@ -64,7 +64,7 @@ def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> Groun
 
 
 KIND = CheckKind(
-    name="ground_clearance", position=8, summary="The robot keeps a distance from a level plane.",
+    name="ground_clearance", position=8, summary="The robot keeps a minimum distance from a horizontal plane.",
     examples=[{"at_least": "5 mm", "except": ["foot"]}], stub={"at_least": "0"}, lengths=("ground_clearance", "clearance"),
     model=GroundClearanceTest, read=read_ground_clearance, codes=ClearanceCode,
 )

@@ -93,7 +93,7 @@ def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
 
 
 KIND = CheckKind(
-    name="point", position=4, summary="A mount can be brought to a point.",
+    name="point", position=4, summary="A mount can reach a point.",
     examples=[{"mount": "hand.tip", "at": "200 0 50 mm", "within": "1 mm"}],
     stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"}, lengths=("point", "distance"),
     model=PointTest, read=read_point, codes=PointCode,

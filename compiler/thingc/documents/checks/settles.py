@@ -43,7 +43,7 @@ class SettlesTest(Model):
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     within: TimeField
     """The time within which the robot must come to rest."""
-    for_: TimeField | None = Field(default=None, alias="for", description="How long it must stay at rest; default: 1 s.")
+    for_: TimeField | None = Field(default=None, alias="for", description="How long the robot must stay at rest; default: 1 s.")
     drift: LengthField
     """The largest allowed distance of any point of a link from its final position while the robot is at rest."""
     moved: LengthField | None = None

@@ -67,7 +67,7 @@ class _Parser:
             raise ExpressionError("expected an expression after `=`, found nothing", max(0, self.at - 1), len(self.text))
         tree = self.comparison()
         if self.at < len(self.text):
-            raise self.unexpected("an operator or the end")
+            raise self.unexpected("an operator or the end of the expression")
         return tree
 
     def spaces(self) -> None:
@@ -83,7 +83,7 @@ class _Parser:
     def unexpected(self, wanted: str) -> ExpressionError:
         self.spaces()
         if self.at >= len(self.text):
-            return ExpressionError(f"expected {wanted}, found the end", max(0, len(self.text) - 1), len(self.text))
+            return ExpressionError(f"expected {wanted}, found the end of the expression", max(0, len(self.text) - 1), len(self.text))
         match = _OPERATOR.match(self.text, self.at) or _NAME.match(self.text, self.at)
         shown = match.group() if match else self.text[self.at]
         number = scan_number(self.text, self.at)

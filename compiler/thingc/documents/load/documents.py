@@ -298,7 +298,7 @@ class _Reader:
             Code.DOCUMENT_CYCLE, f"`{names[0]}` contains itself: {' -> '.join([*names, names[0]])}", hops[0][1], notes=[
                 Note(message=f"`{name}` contains `{inner}` here", span=where)
                 for name, inner, (_, where) in zip(names[1:], following[1:], hops[1:], strict=True)
-            ], help="an assembly cannot contain itself",
+            ], help="remove one of the components that form the cycle",
         )
 
     def named(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:

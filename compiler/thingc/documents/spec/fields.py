@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic_core import PydanticCustomError, core_schema
 
+from thingc.base.one_line_repr import counted
 from thingc.base.suggestions import Hint, Suggestion, near_hint
 from thingc.base.units import (
     ACCELERATION,
@@ -91,7 +92,7 @@ def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | N
 
 
 def found(value: object) -> str:
-    """Describe an invalid value for a message: "the string `x`", "the number `3`", "a list of 2", "a mapping"."""
+    """Describe an invalid value for a message: "the string `x`", "the number `3`", "a list of 2 items", "a mapping"."""
     if isinstance(value, str):
         return f"the string `{shortened(value)}`" if value else "an empty string"
     if isinstance(value, bool):
@@ -99,7 +100,7 @@ def found(value: object) -> str:
     if isinstance(value, (int, float)):
         return f"the number `{shortened(repr(value))}`"
     if isinstance(value, (list, tuple)):
-        return f"a list of {len(value)}" if value else "an empty list"
+        return f"a list of {counted(len(value), 'item')}" if value else "an empty list"
     if isinstance(value, Mapping):
         keys = ", ".join(f"`{shortened(str(key), 20)}`" for key in list(value)[:3])
         return f"a mapping with {keys}" if keys else "an empty mapping"

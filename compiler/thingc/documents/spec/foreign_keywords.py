@@ -18,7 +18,8 @@ from thingc.documents.spec.annotation_types import model_keys, one_of
 _PLACE = "place a component by `attach: {my_mount: other.mount}`, by `at: {in: other.mount, xyz: 0 0 9 mm}`, or as the child of a joint"
 _MOUNTS = "mounts determine the place of a joint: `parent: component.mount`, `child: component.mount`"
 _SHAPE = (
-    "define geometry by `part` (a Python class), `file` (STEP, STL and others) or `shapes` with `link: true`; use `frame: true` for none"
+    "define geometry by `part` (a Python class), `file` (STEP, STL and others) or `shapes` with `link: true`; "
+    "use `frame: true` for a component without geometry"
 )
 _MATERIAL = "this belongs to a material: set `material`, and define its `density` and `color` under `materials`"
 _RPY = "write an orientation as `rpy` (extrinsic roll, pitch and yaw, as in URDF), such as `rpy: 0 0 90 deg`, or as `quat: [w, x, y, z]`"

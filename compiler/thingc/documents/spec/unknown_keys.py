@@ -98,7 +98,10 @@ class UnknownKey:
         return self._parameter(shown)
 
     def _section(self, root: type[Model], value: Any) -> str | None:
-        """Return the section of the document whose entries are similar to the value of the unknown key."""
+        """Return a help text that names the section in which the unknown key probably belongs.
+
+        The keys of the value must be similar to the keys of the entries in this section, such as `joints`. Otherwise, return None.
+        """
         if not isinstance(value, dict):
             return None
         likes = {name: likeness(entry, value) for name, entry in sections(root) if entry.model is not None}

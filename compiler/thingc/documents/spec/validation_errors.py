@@ -77,7 +77,7 @@ def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: 
     for path, node in empty.items():
         paths.add(path)
         named = next((f"`{shortened(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
-        help: Hint = "write a value after the colon, indent the lines that belong to the key, or remove it"
+        help: Hint = "write a value after the colon, indent the lines that belong to the key, or remove the key"
         key = document.span(path, key=True)
         behind = document.line(key.end_line)[key.end_column - 1 :]
         comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", behind)

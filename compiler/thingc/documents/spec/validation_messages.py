@@ -128,7 +128,8 @@ class FaultReporter(FrozenStruct, eq=False):
             message = f"`{dotted(fault.path)}` is empty; at least one entry is required"
         else:
             least, most = fault.context.get("min_length"), fault.context.get("max_length")
-            wanted = "a list with at least one item" if least == 1 and most is None else f"a list of {most if least is None else least}"
+            count = most if least is None else least
+            wanted = "a list with at least one item" if least == 1 and most is None else f"a list of {count} items"
             message = f"expected {wanted}, found {found(fault.value)}"
         self._add(Code.WRONG_LENGTH, message, self._place(fault.path), fault.path, None)
 

@@ -159,7 +159,7 @@ def report_missing(workspace: Workspace, report: Report) -> None:
 def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity = Severity.ERROR) -> None:
     """Report an invalid value in the lock file at `path`."""
     where = f" at `{fault.path[:200]}`" if fault.path else ""
-    report.add(Code.LOCK_BROKEN, f"`{LOCK_FILE}` is broken{where}: {fault}", top_of(path), help=REMAKE, severity=severity)
+    report.add(Code.LOCK_BROKEN, f"`{LOCK_FILE}` is invalid{where}: {fault}", top_of(path), help=REMAKE, severity=severity)
 
 
 def parse_lock(path: str, data: bytes) -> Lock:

@@ -239,12 +239,13 @@ class LockOnlyGeometry:
         if thing is None:
             if reference in answers.lock.others:
                 return PartFailure(subject=reference, kind="invalid", message="it is not a part class", file=file, line=line)
-            return PartFailure(subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not contain it", file=file, line=line)
+            message = f"`{LOCK_FILE}` does not contain this part"
+            return PartFailure(subject=reference, kind="unlocked", message=message, file=file, line=line)
         schema = self._tried(partial(answers.schema, reference))
         if schema is not None:
             return schema
         if answers.current(reference):
-            return PartFailure(subject=reference, kind="unlocked", message=f"its entry in `{LOCK_FILE}` is broken")
+            return PartFailure(subject=reference, kind="unlocked", message=f"its entry in `{LOCK_FILE}` is invalid")
         what = "its code" if thing.code != hash_of(reference, code, self._parts) else "a file that it reads"
         return PartFailure(
             subject=reference, kind="stale", message=f"{what} has changed since `{LOCK_FILE}` was written", file=file, line=line,
@@ -306,4 +307,4 @@ def _unlocked_file(definition: PartDefinition, lock: Lock) -> PartFailure:
     reference = definition.reference
     if definition.text in lock.files:
         return PartFailure(subject=reference, kind="stale", message=f"the file has changed since `{LOCK_FILE}` was written")
-    return PartFailure(subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not contain it")
+    return PartFailure(subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not contain this part")

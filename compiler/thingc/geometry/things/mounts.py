@@ -137,7 +137,8 @@ def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike 
     z, wanted = Plane(location).z_dir, Vector(facing if facing is not None else mate_x)
     along = wanted - z * wanted.dot(z)
     if (facing is not None and mate_x is not None) or along.length < 1e-6:
-        raise ValueError(f"a MountPoint needs one of `facing` and `mate_x`, a direction across its z axis; found {facing!r} and {mate_x!r}")
+        needed = "one of `facing` and `mate_x`, a direction perpendicular to its z axis"
+        raise ValueError(f"a MountPoint needs {needed}; found {facing!r} and {mate_x!r}")
     return Location(Plane(location.position, x_dir=along if facing is not None else z.cross(along), z_dir=z))
 
 

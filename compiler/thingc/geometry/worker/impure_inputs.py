@@ -133,10 +133,10 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
     if event in _PROCESSES:
         program = _PROCESSES[event](*arguments)
         named = "a process" if program is None else f"`{_name_text(program)}`"
-        _ask(ImpureInputs.PROCESS, f"starts {named}; thingc does not rebuild it when the output of that changes")
+        _ask(ImpureInputs.PROCESS, f"starts {named}; thingc does not rebuild the part if the output changes")
     else:
         asked = _name_text(_CONNECTIONS[event](*arguments))
-        _ask(ImpureInputs.NETWORK, f"accesses `{asked}` in the network; thingc does not rebuild it when the answer changes")
+        _ask(ImpureInputs.NETWORK, f"accesses `{asked}` over the network; thingc does not rebuild the part if the response changes")
 
 
 def _name_text(name: Any) -> str:
@@ -157,7 +157,7 @@ def _wrap_environment() -> None:
             return original(self, key)
         except KeyError as fault:  # existing variables have fixed values, or the part itself set them
             name = _name_text(key)
-            if _ask(ImpureInputs.ENVIRONMENT, f"reads the environment variable `{name}`, which parts do not have"):
+            if _ask(ImpureInputs.ENVIRONMENT, f"reads the environment variable `{name}`, which is not available to parts"):
                 fault.add_note(f"the environment of a part is fixed and does not contain `{name}`")
             raise
 

@@ -95,7 +95,7 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
                 raise ForbiddenWrite(real, OUTSIDE)
         return
     if event in _STARTING:
-        raise ForbiddenWrite(event, "programs and connections are refused")
+        raise ForbiddenWrite(event, "programs and network connections are not allowed")
     for place, relative in _CHANGING[event]:
         if relative < 0 or arguments[relative] in (-1, None):
             _check(arguments[place], follow=event in _FOLLOWING)

@@ -100,7 +100,7 @@ FIELDS: Mapping[str, _Field] = {
     "mass": _Field("stated mass", _number("kg")), "com": _Field("stated centre of mass", _lengths),
     "matrix": _Field("stated inertia"), "density": _Field("stated density", _number("kg/m^3")),
     "mounts": _Field("mounts"), "expectations": _Field("expected parts of mounts"),
-    "references": _Field("list of parts that it is cut for"), "actuator": _Field("actuator"),
+    "references": _Field("list of expected parts"), "actuator": _Field("actuator"),
     "bom": _Field("bill of materials entries"),
     "up": _Field("print orientation"), "apart": _Field("number or volume of its solids"),
     "meshes": _Field("meshes"), "pieces": _Field("collision geometry"), "fits": _Field("smallest enclosing shapes"),

@@ -81,8 +81,8 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         elif fault is None:
             findings.error(
                 Code.MASSLESS, f"link `{link.name}` moves in mode `{mode}`, but has no mass ({named})", link.origin, path=link.name,
-                help="give one of its components `mass:` (and `inertia:` if it has no geometry), or attach it to another link; "
-                "a link without mass may only connect two joints",
+                help="add `mass:` to one of its components (and `inertia:` if the component has no geometry), "
+                "or use `attach` instead of a joint; a link without mass is allowed only between two joints",
             )
         else:
             findings.error(
@@ -119,7 +119,7 @@ def _cause(one: Occurrence) -> str:
         doubt = density_doubt(one.properties.mass / record.volume)
         if doubt is not None:
             return f"check its density or mass: it {doubt.words}"
-    return "check the sizes, `mass` and `inertia` of the link and their units, or attach the link to another link"
+    return "check the sizes, `mass` and `inertia` of the link and their units, or use `attach` instead of a joint"
 
 
 def _format_members(members: Sequence[Occurrence]) -> str:

@@ -124,7 +124,7 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
             findings.error(
                 Code.LOOP, f"joint `{mate.loop}` does not close a loop: both of its mounts are on link `{name}`", mate.origin,
                 path=mate.loop, help="use mounts of two links that move relative to each other, or remove the joint",
-                notes=noted(f"link `{name}` begins here", links[link_of[mate.parent]].origin),
+                notes=noted(f"link `{name}` is defined here", links[link_of[mate.parent]].origin),
             )
 
 

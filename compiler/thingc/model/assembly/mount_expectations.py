@@ -62,7 +62,7 @@ def _warn(owner: Occurrence, one: MountExpectation, others: Sequence[tuple[Occur
     found = other.definition.label if other is not None else ""
     if other is not None and found == wanted:  # the labels are equal, because they do not show the digits that differ
         wanted, found = one.text, other.definition.text
-    cut = f"`{name}.{one.mount}` is cut for `{wanted}`"
+    cut = f"`{name}.{one.mount}` expects `{wanted}`"
     help = f"attach the mount `{one.child_mount}` of `{wanted}` to `{name}.{one.mount}`; {allow_hint(Code.EXPECTATION)}"
     if other is None:
         findings.warn(Code.EXPECTATION, f"{cut}, but nothing is attached to it", owner.origin, path=owner.path, help=help)

@@ -163,7 +163,7 @@ class PartInstances:
             elif component.definition.kind == "file" and failure.kind in ("invalid", "raised", "crashed"):
                 help = "open the file in a CAD program and export it again as a solid"
             elif component.definition.kind == "file" and code is Code.PART_EMPTY:
-                unit = "" if said_by_file(component.definition) else "set the unit of its numbers (such as `unit: m`; default: mm), or "
+                unit = "" if said_by_file(component.definition) else "set the unit of the file (such as `unit: m`; default: mm), or "
                 help = f"{unit}export it again as a solid"
             self._findings.error(code, message, origin, path=path, notes=notes, detail=failure.detail, help=help)
 
@@ -242,7 +242,7 @@ class PartInstances:
         bought = bom.make == "buy" or bom.make is None and process is not None and (process.kind or "").lower() == "bought"
         if record.own_image and component.image_of is None:
             code = Code.OWN_IMAGE
-            message = f"`{component.name}` is the mirror image of `{plain.label}`, which has the same shape, but counts as a different part"
+            message = f"`{component.name}` is mirrored, but the mirror image of `{plain.label}` has the same shape"
             help = f"remove `mirror`; {allow_hint(code)}"
         elif bought and bom.number is None:
             code = Code.MIRRORED_BOUGHT

@@ -187,11 +187,11 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
     away = hypot(*(maximum(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
     if away > size:
         what = f"the centre of mass of `{one.component.name}` is {length_words(away, 3)} outside its geometry, {across}"
-        return one.overrides.com, what, "check the unit (`mm`, `m`; mm in `centre()` of a part class) and the axes (those of the component)"
+        return one.overrides.com, what, "check the unit (`mm`, `m`; `centre()` of a part class returns mm) and the direction of the axes"
     radius = sqrt(maximum(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
     if not size / COMPACT <= radius <= SPREAD * size:
         point = f"{mass_words(mass)} at a distance of {length_words(radius, 3)} from its centre"
-        what = f"the inertia of `{one.component.name}` equals that of {point}, {across}"
+        what = f"the inertia of `{one.component.name}` corresponds to {point}, {across}"
         return one.overrides.inertia, what, "check the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
     return None
 
@@ -348,7 +348,7 @@ def _check_actuators(
             Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, but does not drive a joint", one.origin,
             path=one.path, help=f"{help}; {allow_hint(Code.IDLE_ACTUATOR)}", notes=[
                 note for edge in nearby
-                for note in noted(f"joint `{edge.path}` is on this part, " + f"with{'out a' if still else ' another'} drive", edge.origin)
+                for note in noted(f"joint `{edge.path}` is attached to this part and has {'no' if still else 'another'} drive", edge.origin)
             ],
         )
 
@@ -450,7 +450,7 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport
         offset = _length(mode.at)
         if offset > FAR * reach:
             findings.warn(
-                Code.FAR, f"mode `{mode.name}` puts its root {length_words(offset)} from the origin of the world, "
+                Code.FAR, f"mode `{mode.name}` places its root {length_words(offset)} from the origin of the world, "
                 f"{times_words(offset / reach)} times the robot's reach ({length_words(reach, 3)})", mode.origin,
                 path=mode.name, help=f"check the unit (`mm`, `m`); {allow_hint(Code.FAR)}",
             )

@@ -102,7 +102,8 @@ def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefin
         node.scope.error(
             Code.MIRROR_AXES, f"`{node.name}` is mirrored along {axis}, but `{name}` in it is already mirrored along {its}",
             (*node.path, "mirror"),
-            help=f"write `mirror: {its}` here, or `mirror: {axis}` there: for components placed by mounts, the axis makes no difference",
+            help=f"write `mirror: {its}` here, or `mirror: {axis}` in the nested document; "
+            "the axis makes no difference for components placed by mounts",
             notes=[Note(message=f"`{inner.name}` is mirrored here", span=inner.scope.span((*inner.path, "mirror")))],
         )
         return None

@@ -138,7 +138,7 @@ def _coordinates(
         if said is None or key not in item.spec.model_fields_set or (several == (count > 1) and all(n < count for n in numbers)):
             continue
         if count > 1:
-            words = f"joint `{item.name}` is {kind.name} and has {count} coordinates: `{key}` must be a list of {count}"
+            words = f"joint `{item.name}` is {kind.name} and has {count} coordinates: `{key}` must be a list of {count} items"
             help = "write for example `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` to set only some coordinates"
         else:
             words, help = f"joint `{item.name}` is {kind.name}: `{key}` must not be a list", "write the value without a list"

@@ -176,7 +176,9 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
             Code.EXTENDS_CYCLE,
             f"modes extend each other in a cycle: {circle_words(circle)}" if several else f"mode `{circle[0]}` extends itself",
             ("modes", circle[0], "extends"), help="remove `extends` from one of these modes" if several else "remove `extends`",
-            notes=[Note(message=f"`{step}` extends here", span=scope.span(("modes", step, "extends"))) for step in circle[1:MAX_CIRCLE]],
+            notes=[
+                Note(message=f"`{step}` sets `extends` here", span=scope.span(("modes", step, "extends"))) for step in circle[1:MAX_CIRCLE]
+            ],
         )
     return circular
 
@@ -285,7 +287,7 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
         return pose, False
     if z != 0.0 and other == own:
         scope.error(
-            Code.HEIGHT, f"mode `{name}` is `on: floor` and also at a height of {Quantity(z, LENGTH)}: both set the height of the robot",
+            Code.HEIGHT, f"mode `{name}` sets the height of the robot twice: by `on: floor` and by a height of {Quantity(z, LENGTH)}",
             (*xyz[1], 2), help="set z to `0`, or remove `on: floor`",
         )
     return replace(pose, translation=(x, y, 0.0)), True
@@ -298,7 +300,8 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: 
         if hold.pose is not None and on is not None:
             mount = ".".join((*hold.mount.path, *((hold.mount.mount,) if hold.mount.mount else ())))
             scope.error(
-                Code.HEIGHT, f"mode `{name}` is `on: floor` and also holds `{mount}` at a fixed place: both set the height of the robot",
+                Code.HEIGHT,
+                f"mode `{name}` sets the height of the robot twice: by `on: floor` and by the hold of `{mount}` at a fixed place",
                 ("modes", name, "hold"), span=hold.origin[0], help=f"write `{mount}: here`, or set a height in `at`",
                 notes=[Note(message="`on: floor` is written here", span=scope.span(on[1]))],
             )

@@ -79,8 +79,8 @@ def unit_meant(definition: object, size: float) -> str:
     for least in (5.0 * SMALLEST, SMALLEST):
         for other, meant in sizes.items():
             if least <= meant <= LARGEST / 3.0:
-                return f"write `unit: {other}` if its numbers are in {other}"
-    return f"its numbers are read as {unit}: check the file"
+                return f"write `unit: {other}` if the numbers in the file are in {other}"
+    return f"the numbers in the file are read as {unit}: check the file"
 
 
 def measures(box: tuple[Vector, Vector]) -> str:

@@ -80,7 +80,7 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
         return
     shown = ", ".join("..." for _ in names)
     scope.error(
-        Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value must be a list of {len(names)}" if names
+        Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value must be a list of {len(names)} items" if names
         else f"joint `{key}` has one coordinate: its value must not be a list", path, key=True,
         help=f"write `[{shown}]`, or set only one: `{names[0]}`" if names else "write one value", notes=_joint_notes(key, joint),
     )

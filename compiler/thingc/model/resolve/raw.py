@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Code
+from thingc.base.one_line_repr import counted
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean, near_hint
 from thingc.model.resolve.raw_protected import fixed, fixed_in_all
@@ -170,7 +171,8 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
             yield from _flattened(scope, target, child, (*path, key), (*keys, key))
     elif isinstance(node, list) and (target != "usd" or any(isinstance(one, (Mapping, list)) for one in node)):
         scope.error(
-            Code.VALUE_KIND, f"`{keys[-1]}` must be a string, a number or a boolean in `{target}`, found a list of {len(node)}", path,
+            Code.VALUE_KIND, f"`{keys[-1]}` must be a string, a number or a boolean in `{target}`, "
+            f"found a list of {counted(len(node), 'item')}", path,
             help=f"write `{' '.join(map(text, node))}`" if not any(isinstance(one, (Mapping, list)) for one in node)
             else "add elements under `raw: mjcf: add:`",
         )

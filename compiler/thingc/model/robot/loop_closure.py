@@ -61,7 +61,7 @@ def closures_of(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which does not move: "
                 f"it is on the root `{assembly.links[link].name}`", hold.origin, path=choice.path,
                 help="hold a mount of another link, or remove the hold",
-                notes=[Note(message=f"`{assembly.links[link].name}` begins here", span=assembly.links[link].origin[0])],
+                notes=[Note(message=f"`{assembly.links[link].name}` is defined here", span=assembly.links[link].origin[0])],
             )
             sound = False
             continue
@@ -220,7 +220,7 @@ def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution
         if own is None:
             return
         closure, residual = next(c for c in loops.closures if c.path == own.path), own.residual
-        help = f"start from `{keyframes[0].name}`, which closes" if keyframes else "start from a pose closer to a closed one"
+        help = f"start from `{keyframes[0].name}`, which closes" if keyframes else "start from a pose that is closer to a closed loop"
         where = f" from pose `{own.name}`"
     else:
         closure, residual = _worst(loops, best)

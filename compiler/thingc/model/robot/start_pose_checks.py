@@ -104,10 +104,10 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
         feet = ", ".join(f"`{foot.mount.path}`" for foot in mode.feet[:3]) + (" and others" if len(mode.feet) > 3 else "")
         report.warn(
             Code.OFF_FEET,
-            f"mode `{mode.name}` stands on {feet}, and `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
+            f"mode `{mode.name}` stands on {feet}, but `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
             + (f"in pose `{mode.pose}`" if mode.pose is not None else "with all joints at 0"),
             mode.origin, path=mode.name, notes=[*notes, *([Note(message=f"the same problem occurs in {others}")] if others else [])],
-            help=f"start in a pose that puts the feet down, or fix the mounts of the legs; {allow_hint(Code.OFF_FEET)}",
+            help=f"start in a pose in which the feet are the lowest parts, or correct the mounts of the legs; {allow_hint(Code.OFF_FEET)}",
         )
 
 
@@ -180,7 +180,8 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
         report.warn(
             Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but the loops of the robot close only at {new}{lost}{others}",
             pose.origins[path], path=pose.name,
-            help=f"write `{path.replace('/', '.')}: {new}`, or remove values that may change; {allow_hint(Code.POSE_MOVED)}",
+            help=f"write `{path.replace('/', '.')}: {new}`, or remove joints from the pose, so that thingc can move them; "
+            + allow_hint(Code.POSE_MOVED),
         )
 
 

@@ -304,7 +304,7 @@ def _say_inside(start: InitialState, others: Sequence[str], report: Report) -> N
     origins = {part.path: part.origin for part in robot.assembly.occurrences}
     notes = [Note(message=f"`{path}` is defined here", span=origins[path][0]) for path in (first.one, first.other) if origins.get(path)]
     notes += [
-        Note(message=f"`{one.one}` is also inside `{one.other}`, {Quantity(float(f'{one.depth:.3g}'), LENGTH)} deep")
+        Note(message=f"the collision shapes of `{one.one}` and `{one.other}` overlap by {Quantity(float(f'{one.depth:.3g}'), LENGTH)}")
         for one in start.inside[1 : SHOWN + 1]
     ]
     if len(start.inside) > SHOWN + 1:
@@ -317,8 +317,7 @@ def _say_inside(start: InitialState, others: Sequence[str], report: Report) -> N
     depth = Quantity(float(f"{first.depth:.3g}"), LENGTH)
     report.warn(
         Code.START_CONTACT,
-        f"at the start of mode `{robot.mode.name}`{pose}, the collision shape of `{first.one}` is {depth} deep inside that of "
-        f"`{first.other}`",
+        f"at the start of mode `{robot.mode.name}`{pose}, the collision shapes of `{first.one}` and `{first.other}` overlap by {depth}",
         robot.mode.origin, path=robot.mode.name, notes=notes,
         help=f"change the pose, choose another `collision` for one of the two, or write `contacts: {{exclude: [[{pair}]]}}`; "
         + allow_hint(Code.START_CONTACT),

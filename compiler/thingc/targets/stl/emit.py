@@ -39,7 +39,7 @@ def emit(request: EmitRequest) -> Artifacts:
             continue
         if owner is not occurrence:
             if up != _up(owner):
-                what = f"`{occurrence.definition.label}` is printed in two orientations; `{path}` uses that of `{owner.path}`"
+                what = f"`{occurrence.definition.label}` is printed in two orientations; `{path}` uses the orientation of `{owner.path}`"
                 losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "omitted"))
             continue
         own = StoredArtifact(sha256=mesh.sha256, size=mesh.size)

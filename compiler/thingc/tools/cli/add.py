@@ -56,9 +56,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("what", type=console.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="kind of the new element")
     add("name", metavar="NAME", help="name of the element; for a part: class or MODULE:CLASS; for an assembly: a document, existing or new")
     add("--to", metavar="DOC", help="the document to change (optional for parts and assemblies)")
-    add("--on", metavar="MOUNT", help="for parts and assemblies: the mount to attach it to")
-    add("--by", metavar="MOUNT", help="for parts and assemblies: the mount of the new component that is attached to the mount of --on")
-    add("--at", metavar="MOUNT", help="for parts and assemblies: the frame in which it is placed, instead of --on")
+    add("--on", metavar="MOUNT", help="for parts and assemblies: the mount to which the new component is attached")
+    add("--by", metavar="MOUNT", help="for parts and assemblies: the mount of the new component that is attached to --on")
+    add("--at", metavar="MOUNT", help="for parts and assemblies: the frame at which the new component is placed, instead of --on")
     add("--name", metavar="NAME", dest="component", help="for parts and assemblies: name of the component (default: from the part)")
     add(
         "--param", metavar="NAME=VALUE", action="append",
@@ -68,19 +68,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--root", metavar="ROOT", help="for modes: a component or a mount (default: root of the first mode)")
     add(
         "--base", type=console.one_of(BASES), metavar="{" + ",".join(BASES) + "}",
-        help="for modes: type of the base (default: the first type that no other mode with this root has)",
+        help="for modes: type of the base (default: the first type that no mode with the same root uses)",
     )
     add(
         "--standing-on", metavar="MOUNT", action="append",
-        help="for modes: the mount that is the root and is fixed to the floor; with --base free, or several mounts, they rest on it",
+        help="for modes: a mount on the floor; a single mount is the fixed root, unless --base is free (may be repeated)",
     )
     add("--pose", metavar="POSE", help="for modes: the start pose (default: pose of the first mode)")
     add("--gravity", metavar="GRAVITY", help="for modes: wall, ceiling, or three accelerations (default: floor)")
-    add("--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="for joints: the type (default: revolute)")
+    add("--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="for joints: the type of the joint (default: revolute)")
     add("--parent", metavar="MOUNT", help="for joints: the parent mount")
     add("--child", metavar="MOUNT", help="for joints: the child mount; replaces the placement of its component")
     add("--loop", action="store_true", default=None, help="for joints: close a loop instead of placing the child")
-    add("--kind", metavar="KIND", help="for tests: what it measures, for example mass")
+    add("--kind", metavar="KIND", help="for tests: the kind of the test, for example mass")
     console.add_format(parser)
     console.add_geometry(parser)
 

@@ -58,7 +58,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("document", metavar="DOC", help="a variants document (YAML or TOML)")
     add("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
-    add("--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: those of the document)")
+    add(
+        "--emit", metavar="T", action="append", default=[],
+        help="write only this target (may be repeated; default: the targets of the document)",
+    )
     add("--limit", metavar="N", type=console.positive, help="build only the first N variants")
     add("--resume", action="store_true", help="continue an interrupted batch")
     add("--retry", action="store_true", help="with --resume: retry failed variants")
@@ -76,10 +79,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--pictures", metavar="N", type=_pictures,
         help="number of pictures on the page of the batch, or `none` or `all` (default: 48, none for more than 200 variants)",
     )
-    add("--page-only", action="store_true", help="rewrite the page of a batch; build nothing")
+    add("--page-only", action="store_true", help="replace only the HTML page of an existing batch; build nothing")
     add(
         "--verify", choices=tuple(VERIFY), default="some",
-        help="compile models with MuJoCo: all, none, or the first and every 64th of those that differ in numbers only (default)",
+        help="models to compile with MuJoCo: all, none, or the first and every 64th of the models that differ only in numbers (default)",
     )
     console.add_format(parser)
     console.add_geometry(parser, jobs="number of variants to build in parallel")
@@ -327,7 +330,7 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
     duplicates = planned.written - planned.count
     if duplicates:
         lines.append(f"{counted(duplicates, 'duplicate')} omitted")
-    lines.extend(f"{count} kept out by the rule `{rule}`" for rule, count in forecast.failing.items())
+    lines.extend(f"{count} excluded by the rule `{rule}`" for rule, count in forecast.failing.items())
     if forecast.looked_at < forecast.left:
         lines.append(f"in a sample of {forecast.looked_at} of the remaining {forecast.left}:")
     for code, count in sorted(forecast.unsound.items()):
@@ -337,7 +340,7 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
     for one in forecast.first:
         settings = {**one.parameters, **one.choices}
         shown = ", ".join(f"{name}={text}" for name, text in settings.items()) or "settings of the assembly"
-        lines.append(f"  {one.id} {one.name}: {shown}{' (kept out)' if one.failed else ''}")
+        lines.append(f"  {one.id} {one.name}: {shown}{' (excluded)' if one.failed else ''}")
     if forecast.count > len(forecast.first):
         lines.append("  ...")
     return lines

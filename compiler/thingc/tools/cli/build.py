@@ -47,7 +47,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG.format(about=textwrap.fill(about, 120))
     console.add_document(parser)
     add_building(parser)
-    parser.add_argument("--twice", action="store_true", help="debug parts: build each part twice without the cache; differences are errors")
+    parser.add_argument("--twice", action="store_true", help="build each part twice without the cache, and report differences as errors")
     console.add_format(parser, console.FINDINGS)
     console.add_compiling(parser)
 
@@ -178,7 +178,8 @@ def add_compat(parser: argparse.ArgumentParser) -> None:
     """Add the option `--compat`, which selects further programs that check the MuJoCo models, to a parser."""
     parser.add_argument(
         "--compat", metavar="C", action="append", default=[],
-        help=f"also check the MuJoCo models with this program: {', '.join(CONSUMERS)} (may be repeated; default: those of the workspace)",
+        help=f"also check the MuJoCo models with this program: {', '.join(CONSUMERS)} (may be repeated; "
+        "default: the programs of the workspace)",
     )
 
 

@@ -48,8 +48,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "side", metavar="SIDE", nargs="*",
-        help="the old and the new state (default: the working tree): documents, build folders, lock files, or Git revisions, also "
-        "OLD..NEW; to compare only some documents, list them after --",
+        help="the old and the new state (default: the working tree): documents, build folders, lock files, or Git revisions (also "
+        "OLD..NEW); to compare only some documents, list them after --",
     )
     add(
         "--fail-on", metavar="WHAT", action="append", default=[],

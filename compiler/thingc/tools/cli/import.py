@@ -46,14 +46,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--mesh-root", metavar="DIR", action="append", default=[],
-        help="another folder from which files may be copied; they are found by the end of their path (may be repeated)",
+        help="additional folder with mesh files; a mesh is found by the end of its path (may be repeated)",
     )
     add("--arg", metavar="NAME=VALUE", action="append", default=[], help="argument of a xacro file, `$(arg NAME)` (may be repeated)")
     add("--no-meshes", action="store_true", help="omit meshes, and list them as losses")
-    add("--check", action="store_true", help="write nothing; show what would be imported, repaired and lost")
+    add("--check", action="store_true", help="write nothing; list imported elements, repairs and losses")
     add(
         "--repair", metavar="inertia=HOW", type=_repair,
-        help="repair links that cannot be simulated: inertia=nearest (nearest physical inertia) or inertia=shapes (from their shapes)",
+        help="change the inertia of links that cannot be simulated: inertia=nearest (nearest physical inertia) or "
+        "inertia=shapes (computed from shapes)",
     )
     add("--root", metavar="LINK", action="append", default=[], help="add a mode with this link as root (may be repeated)")
     add("--update", action="store_true", help="merge with the last import and preserve your edits (exit code 1 if there are conflicts)")

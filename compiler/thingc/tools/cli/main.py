@@ -14,7 +14,7 @@ from thingc.tools.cli.signals import INTERRUPTED, has_come
 
 COMMANDS = {
     "new": "create a workspace with a robot that builds",
-    "import": "convert a robot of another format (URDF, xacro, MJCF, SDF) to a document, and list what is lost",
+    "import": "convert a robot of another format (URDF, xacro, MJCF, SDF) to a document, and list all losses",
     "build": "write simulation models and manufacturing files of a robot",
     "watch": "build a robot after every save, with the CAD kernel loaded",
     "view": "show a robot in the browser and update it after every save",
@@ -31,13 +31,13 @@ COMMANDS = {
     "sensitivity": "show how results of a robot change with its parameters: derivatives with units",
     "render": "draw a picture of a robot in one of its poses",
     "hag": "print the assembly graph (text, DOT, Mermaid, SVG, GraphML or JSON)",
-    "lock": "write the properties of parts to parts.lock.json, to check documents without running their code",
+    "lock": "write the properties of parts to parts.lock.json, to check documents without running code",
     "parts": "list the available parts, with their parameters and mounts",
     "schema": "write a JSON Schema for each document, with its parts, mounts and names, for editors",
     "lsp": "run the language server for editors: diagnostics as you type, fixes and completion",
     "explain": "explain a code such as TC302, with a wrong and a right example",
     "touched": "list the documents that a change affects",
-    "why": "show why a part was built or reused, or what a target cannot express",
+    "why": "show why a part was built or reused, or list the export losses of each target",
 }
 
 EPILOG = """\

@@ -37,7 +37,7 @@ reference geometry. You can name everything that a document can use, including s
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc parts` to the parser."""
     parser.epilog = EPILOG
-    parser.add_argument("part", metavar="PART", nargs="*", help="list only these: module:Class, module or package")
+    parser.add_argument("part", metavar="PART", nargs="*", help="list only this part, module or package: module:Class, module or package")
     parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="a folder of the workspace (default: the working folder)")
     console.add_format(parser)
     console.add_geometry(parser)
@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
     references = _parts_named(geometry, wanted) if wanted else geometry.catalogue()
     if not wanted:
-        report.diagnostics.extend(unreadable(failure.subject, "described", failure) for failure in geometry.not_python())
+        report.diagnostics.extend(unreadable(failure.subject, "read", failure) for failure in geometry.not_python())
     report_hidden(geometry, ((reference, None) for reference in references), report)
     schemas: list[PartSchema] = []
     answers = geometry.describe(references)
@@ -83,7 +83,7 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
             if answer.kind == "thing" or wanted:
                 schemas.append(answer)
         elif answer.kind not in NO_PARTS or reference in wanted:
-            report.diagnostics.append(unreadable(reference, "described", answer))
+            report.diagnostics.append(unreadable(reference, "read", answer))
     definitions = {schema.reference: schema.default for schema in schemas}
     records = geometry.realize([definition for definition in definitions.values() if definition is not None])
     made = {reference: record for reference, record in records.items() if isinstance(record, PartRecord)}
@@ -116,9 +116,9 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
 
 
 def unreadable(called: str, done: str, failure: PartFailure) -> Diagnostic:
-    """Create the error diagnostic for a part that could not be described or built.
+    """Create the error diagnostic for a part that could not be read or built.
 
-    `done` is the past participle of the failed operation, such as `described`. `called` is the name of the part in the error message.
+    `done` is the past participle of the failed operation, such as `read`. `called` is the name of the part in the error message.
     """
     span = None if failure.file is None else line_of(failure.file, failure.line or 1)
     return Diagnostic(

@@ -52,10 +52,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--size", metavar="WxH", type=_size, default=Shot().size, help="size in pixels (default: 1280x960)")
     add(
         "--azimuth", metavar="DEG", type=_degrees(360.0),
-        help="view direction: 0 along x, 90 along y; on a wall, 0 faces it (default: 140; on a wall 40)",
+        help="view direction: 0 along x, 90 along y; on a wall, 0 faces the wall (default: 140; on a wall 40)",
     )
     add("--elevation", metavar="DEG", type=_degrees(90.0), help="view angle upwards; negative looks down (default: -22; at a ceiling 16)")
-    add("--mounts", action="store_true", help="draw mounts with attached components, and those that the document exports or adds")
+    add("--mounts", action="store_true", help="draw mounts with attached components, and mounts that the document exports or adds")
     add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap")
     add("--joints", action="store_true", help="draw joint axes, with arrows in the positive direction")
     add("--root", action="store_true", help="draw the frame of the root")

@@ -39,7 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument(
         "place", metavar="FOLDER|DOC", nargs="*", default=["."],
-        help="a document, or a folder of a workspace for all its documents (default: the working folder)",
+        help="a document, or a folder of a workspace (for all documents in it) (default: the working folder)",
     )
     for removed in ("--watch", "--no-wire"):
         parser.add_argument(removed, action="append_const", dest="removed", const=removed, help=argparse.SUPPRESS)

@@ -24,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc touched` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument("files", metavar="FILE", nargs="*", help="a changed file (it may be deleted)")
-    parser.add_argument("--since", metavar="REVISION", help="also all files that have changed since this branch left REVISION (Git)")
+    parser.add_argument("--since", metavar="REVISION", help="add all files that have changed since the current branch left REVISION (Git)")
     parser.add_argument("--all", action="store_true", help="list every document below the working folder")
     parser.add_argument("-0", "--null", action="store_true", help="print unescaped paths, each terminated by a NUL, for scripts")
     parser.add_argument("--roots", action="store_true", help="list only assemblies that have modes or are not nested in others")

@@ -57,7 +57,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     console.add_document(parser, what="an assembly document (YAML or TOML), a build folder with html/, or its page", metavar="DOC|BUILD")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="show only this mode (may be repeated; default: all)")
-    parser.add_argument("--against", metavar="DOC", help="show a second document, or the current state of this one, as an overlay")
+    parser.add_argument("--against", metavar="DOC", help="show a second document as an overlay, or the current state of the same document")
     parser.add_argument("--port", metavar="N", type=_port, default=0, help="port of the server (default: a free port)")
     parser.add_argument("--no-open", action="store_true", help="print the address, do not open a browser")
     parser.add_argument(

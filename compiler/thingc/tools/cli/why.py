@@ -31,7 +31,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument("occurrence", metavar="OCCURRENCE", nargs="?", help="the path of a part, such as hand/cap")
-    parser.add_argument("--losses", action="store_true", help="list what each target cannot express")
+    parser.add_argument("--losses", action="store_true", help="list the export losses of each target")
     add_emit(parser)
     add_compat(parser)
     console.add_compiling(parser)

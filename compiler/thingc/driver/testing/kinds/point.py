@@ -38,8 +38,8 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     if distance > check.within:
         failure = Failure(
             code=PointCode.TEST_POINT, key="at", notes=notes,
-            message=f"`{check.mount.text}` gets at best within {shown(distance, LENGTH)} of the point, but "
-            f"{Quantity(check.within, LENGTH)} is required",
+            message=f"the smallest distance between `{check.mount.text}` and the point is {shown(distance, LENGTH)}, but at most "
+            f"{Quantity(check.within, LENGTH)} is allowed",
         )
     elif check.direction is not None and off > check.angle:
         failure = Failure(

@@ -46,7 +46,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     aside = ""
     if choices:
         measured["undetermined"] = choices
-        notes.append(Note(message="statics alone does not determine these efforts: shown are the smallest that hold the pose"))
+        notes.append(Note(message="several combinations of efforts hold the pose: the smallest efforts are shown"))
         aside = ", one of many solutions"
     slippery = _without_friction(robot, frame, bodies, check)
     if slippery is not None:
@@ -98,7 +98,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
         said, why = {
             "tips": ("falls over", f"its centre of mass is {shown(held.fall.outside, LENGTH)} outside the polygon of its feet"),
             "slides": ("slides off", "friction does not hold its feet in place"),
-            "pulls": ("falls off", "gravity pulls it away from the floor, and nothing presses it on"),
+            "pulls": ("falls off", "gravity pulls the robot away from the floor, and no adhesion holds it"),
         }[held.fall.how]
         failure = Failure(
             code=TorqueCode.TEST_FALLS, key="pose", message=f"in this pose the robot {said}: {why}",

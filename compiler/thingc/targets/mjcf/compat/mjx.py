@@ -67,7 +67,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
     if option is not None and elliptic and not needed and all(one.element is None for one, _ in touching):
         said = option.raw.get("cone")
         yield Refusal(
-            what="without the floor of the scene it does not support contacts, but it supports elliptic cones only with contacts",
+            what="without the floor of the scene, the model has no contacts, and MJX supports elliptic cones only with contacts",
             origin=robot.mode.origin if said is None else said.attribute.origin, path="cone",
             hint=f"load `scene_{robot.mode.name}.xml`, or write `cone: pyramidal` under `simulation`",
         )
