@@ -218,9 +218,9 @@ def test_units() -> None:
 def test_functions_of_expressions() -> None:
     from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 
-    line = next(line for line in _language_paragraphs() if line.startswith("- Functions are"))
-    link_shapes, _, constants = line.partition("; the only constant is")
-    assert set(re.findall(r"`(\w+)`", link_shapes)) == set(FUNCTIONS)
+    line = next(line for line in _language_paragraphs() if line.startswith("- Expressions support the functions"))
+    functions, _, constants = line.partition(", and the constant")
+    assert set(re.findall(r"`(\w+)`", functions)) == set(FUNCTIONS)
     assert re.findall(r"`(\w+)`", constants)[:1] == list(CONSTANTS)
 
 

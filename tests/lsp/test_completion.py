@@ -320,7 +320,7 @@ def test_a_part_comes_with_what_it_takes(parts: str) -> None:
     used = {"arm", "thingc_stock.dynamixel", "thingc_stock.fasteners"}
     first = [module for module in modules if module in used]
     assert modules[: len(first)] == first  # modules that the document has parts of already
-    assert brace.description.startswith("One of the two sides of a link")
+    assert brace.description.startswith("One of the two sides of an arm link")
     cut, offset = at(text, "parent: yaw_servo.rotor", "parent: yaw_servo.│")
     rotor = next(one for one in items(analysis, cut, offset) if one.shown == "rotor")
     assert rotor.detail == "(0, 0, 19) mm, z along +z"
