@@ -330,7 +330,7 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
     duplicates = planned.written - planned.count
     if duplicates:
         lines.append(f"{counted(duplicates, 'duplicate')} omitted")
-    lines.extend(f"{count} excluded by the rule `{rule}`" for rule, count in forecast.failing.items())
+    lines.extend(f"{count} kept out by the rule `{rule}`" for rule, count in forecast.failing.items())
     if forecast.looked_at < forecast.left:
         lines.append(f"in a sample of {forecast.looked_at} of the remaining {forecast.left}:")
     for code, count in sorted(forecast.unsound.items()):
@@ -340,7 +340,7 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
     for one in forecast.first:
         settings = {**one.parameters, **one.choices}
         shown = ", ".join(f"{name}={text}" for name, text in settings.items()) or "settings of the assembly"
-        lines.append(f"  {one.id} {one.name}: {shown}{' (excluded)' if one.failed else ''}")
+        lines.append(f"  {one.id} {one.name}: {shown}{' (kept out)' if one.failed else ''}")
     if forecast.count > len(forecast.first):
         lines.append("  ...")
     return lines
