@@ -36,7 +36,7 @@ def test_results_are_those_of_a_compilation(everything: thingc.RobotFamily) -> N
     assert len(form.plans) == 1
     for settings, one in zip(many, found, strict=True):
         _, read = everything._read(settings)
-        measured, _ = everything._evaluation_of(everything.mode)._measured(read)
+        measured, *_ = everything._evaluation_of(everything.mode)._compiled(read)
         assert one.results == measured and one.sound and one.kept and one["mass"] == one.results["mass"]
     mass = 2.0 + 0.3 * 0.35 + 0.5 + 0.3 + 0.2 + 0.3 + 0.1 + 0.4 + 0.25
     assert everything.evaluate({"length": "350 mm"})["mass"] == pytest.approx(mass)
@@ -252,7 +252,7 @@ def test_what_is_written_of_texts_is_a_build_with_these_words(tmp_path: Path) ->
         for count in range(20):
             words = {"arm": f"{30 + count}.0 cm", "joints.turn.limit.lower": f"-{40 + count} deg", "components.base.mass": "1 g"}
             assert crane.write({**words, "components.*.mass": "3000.0 g", "load": 2.5}, tmp_path / "crane", emit="mjcf") == ()
-        (form,) = crane._builds_of(("mjcf",))._forms.kept.values()
+        (form,) = crane._builds_of(("mjcf",)).forms.kept.values()
         assert form.plans
     settings = {**words, "components.base.mass": "3000.0 g", "components.hook.mass": "3000.0 g", "load": "2.5 kg"}
     options = [word for name, text in settings.items() for word in ("--set" if "." in name else "-p", f"{name}={text}")]

@@ -138,7 +138,7 @@ def test_shared_loads_are_on_the_plan(workspace: Path, monkeypatch: pytest.Monke
         assert len(compiled) < 16
         (evaluation,) = family._evaluations.values()
         for one, found in zip(rows, many, strict=True):
-            assert evaluation._measured(family._reader.read(one))[0] == found.results
+            assert evaluation._compiled(family._reader.read(one))[0] == found.results
         assert len({one["torque_margin"] for one in many}) == len(rows) and None not in {one["torque_margin"] for one in many}
 
 
@@ -319,8 +319,8 @@ def test_plans_are_not_made_again(special: thingc.RobotFamily, monkeypatch: pyte
     function = special.function(["twist", "load"], ["mass"])
     function.jacobian([0.0, 0.1])
     made: list[object] = []
-    plan = Evaluation._plan
-    monkeypatch.setattr(Evaluation, "_plan", lambda self, *given, **named: made.append(given) or plan(self, *given, **named))
+    plan = Evaluation.plan
+    monkeypatch.setattr(Evaluation, "plan", lambda self, *given, **named: made.append(given) or plan(self, *given, **named))
     function.jacobian([0.0, 0.1])
     assert not made
 
@@ -340,8 +340,8 @@ def test_a_wrong_plan_is_dropped(workspace: Path, monkeypatch: pytest.MonkeyPatc
     with thingc.family(workspace / "everything.yaml") as family:
         function = family.function("load", "mass")
         function.value([[0.3 + 0.01 * place] for place in range(20)])
-        measured = Evaluation._measured
-        monkeypatch.setattr(Evaluation, "_measured", lambda self, read: ({**measured(self, read)[0], "mass": 7.0}, measured(self, read)[1]))
+        compute = Evaluation.compute
+        monkeypatch.setattr(Evaluation, "compute", lambda *given: ({**compute(*given)[0], "mass": 7.0}, compute(*given)[1]))
         rows = [[0.5 + 0.01 * place] for place in range(64)]
         exact = [family.evaluate({"load": load})["mass"] for (load,) in rows]
         assert function.value(rows)[:, 0].tolist() == exact

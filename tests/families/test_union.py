@@ -78,7 +78,7 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatc
                 assert isinstance(model, mujoco.MjModel) and different_fields(model, models._compiled(one)) == []
             assert set(models._specs.values()) == {None}
         evaluation = family._evaluation_of(family.mode)
-        assert [one.results for one in family.evaluate(lengths)] == [evaluation._measured(one)[0] for _, one in read]
+        assert [one.results for one in family.evaluate(lengths)] == [evaluation._compiled(one)[0] for _, one in read]
         results = evaluation.forms.of(read[0][1]).plan_for(read[0][1])
         assert results is not None and results[0].exchange is not None
     assert explained == (

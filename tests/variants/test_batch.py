@@ -23,7 +23,7 @@ from thingc.batch.build_records import in_order
 from thingc.batch.folder_layout import Journal, lines
 from thingc.batch.job import job_of
 from thingc.batch.planning import Variant
-from thingc.batch.plans.numeric_plan import PlanCaches
+from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.runner import Runner
 from thingc.driver.environment import Options
@@ -558,7 +558,7 @@ def test_a_dry_run_of_very_many_looks_at_some(tmp_path: Path, shared_store: str,
     from thingc.batch import dry_run, plan
 
     monkeypatch.setattr(dry_run, "MOST", 5)
-    monkeypatch.setattr(PlanCaches, "planned", lambda *_: None)
+    monkeypatch.setattr(Planner, "find_plan", lambda *_: None)
     monkeypatch.setattr(Refusals, "problems", lambda *_: None)
     here = workspace(tmp_path, stops=STOPS.format(of="pendulum"))
     options = Options(store=shared_store)
@@ -582,7 +582,7 @@ def test_a_dry_run_of_very_many_computes_all_by_plans(tmp_path: Path, shared_sto
     found = dry_run.forecast(planned, options)
     assert (found.count, found.left, found.looked_at) == (360, 240, 240) and len(resolved) < 180
     monkeypatch.setattr(dry_run, "MOST", 300)
-    monkeypatch.setattr(PlanCaches, "planned", lambda *_: None)
+    monkeypatch.setattr(Planner, "find_plan", lambda *_: None)
     monkeypatch.setattr(Refusals, "problems", lambda *_: None)
     resolved.clear()
     alone = dry_run.forecast(planned, options)

@@ -14,8 +14,9 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.memo import Memo
 from thingc.batch.families.results import Evaluated
 from thingc.batch.measurements import Results, UnknownMount, measure, measure_tests
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults, Tracing
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, TracedResults, Tracing
 from thingc.batch.plans.part_exchange import Exchange
+from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.plans.searches import SearchMemo
 from thingc.batch.plans.tape import Tape
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 
 Item = tuple[Mapping[str, Any], ParsedSettings]
 Planned = tuple[NumericPlan["ResultsShape"], Sequence[float]]
+Measured = tuple[Results, tuple[Diagnostic, ...]]
+"""The results of a compilation and its diagnostics."""
 
 
 TOGETHER = 4096
@@ -43,22 +46,22 @@ FEW = 8
 """Minimum number of settings that are evaluated together, with one array for each number."""
 
 
-class Evaluation:
+class Evaluation(Planner["ResultsShape", Measured]):
     """Computes the results of a robot for many settings, in one mode.
 
     `sites` contains references to mounts whose positions are also results. If `torques` is False, the torque margin is not computed.
     `tests` contains names of document tests. If `tests` is given, only the values that these tests measure are computed.
 
     The variants document `plan`, if any, specifies the pose, the mounts for the result `reach`, and the rules. `verify` has the same
-    meaning as in the class `ModelsOfMode`.
+    meaning as in the class `Planner`.
     """
 
     def __init__(
         self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, refusals: Refusals, *, verify: int | None,
         sites: tuple[str, ...] = (), torques: bool = True, tests: tuple[str, ...] = (),
     ) -> None:
-        self.session = session
-        self.reader = reader
+        super().__init__(session, reader, (mode,), verify=verify, is_refused=refusals.applies)
+        self.refusals = refusals
         self.mode = mode
         self.measure = partial(measure, sites=sites, torques=torques)
         self.tests = tests
@@ -66,9 +69,6 @@ class Evaluation:
         self.reach = plan.reach if plan is not None else None
         self.rules = tuple(plan.rules) if plan is not None else ()
         self.values: Any = plan.values if plan is not None else dict
-        self.verify = verify
-        self.refusals = refusals
-        self.forms: PlanCaches[ResultsShape] = PlanCaches(is_refused=refusals.applies)
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
         """Yield the results of each set of settings, in order. With `tests`, also run the tests of the document."""
@@ -79,13 +79,13 @@ class Evaluation:
             for place, (settings, read) in enumerate(chunk):
                 planned = ready.pop(place, None)
                 if planned is None and not tests:
-                    planned = self.forms.planned(read, self._plan)
+                    planned = self.find_plan(read)
                     if planned is not None and (
                         id(planned[0]) not in used or (place % AHEAD == 0 and planned[0].exchange is not None)
                     ):
                         used.add(id(planned[0]))
                         ready.update(self._together(planned[0], chunk, place, ready))
-                if planned is not None and planned[0].is_due(self.verify) and not self.confirms(*planned, read):
+                if planned is not None and planned[0].is_due(self.verify) and not self.agrees(*planned, read):
                     ready.clear()
                     planned = None
                 if planned is None:
@@ -94,15 +94,18 @@ class Evaluation:
                     plan, outputs = planned
                     yield self._judged(settings, read, plan.made.of(outputs), plan.made.problems)
 
-    def confirms(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> bool:
-        """Compile the settings, and return whether the compilation gives the same results as the plan.
+    def agrees(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> bool:
+        """Return whether a plan has given the same results as a compilation. Otherwise, stop using plans for such settings."""
+        return self.confirms(self.compute(plan, outputs, read), self.whole(read), read, self.forms.of(read))
 
-        If the results differ, stop using plans for such settings.
-        """
-        if self._measured(read) == (plan.made.of(outputs), plan.made.problems):
-            return True
-        self.forms.of(read).wrong(f"a plan gave different results for {dict(zip(read.names, read.values))}")
-        return False
+    def whole(self, read: ParsedSettings) -> Measured | None:
+        """Compile the document. Return the results and the diagnostics, or None if there are no results."""
+        results, report, _ = self._compiled(read)
+        return (results, tuple(report.ordered())) if results else None
+
+    def compute(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> Measured:
+        """Compute the results and the diagnostics with a plan."""
+        return plan.made.of(outputs), plan.made.problems
 
     def _together(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
         """Run a plan for the settings after the index `place` that differ only in numbers from the settings at this index.
@@ -145,7 +148,7 @@ class Evaluation:
             if plan.is_due(self.verify):
                 due = item(row)[1]
                 whole = plan.outputs(due.values)
-                if whole is None or not self.confirms(plan, whole, due):
+                if whole is None or not self.agrees(plan, whole, due):
                     return None
         return outputs, applies, plan.made.problems
 
@@ -156,19 +159,19 @@ class Evaluation:
         """
         form = self.forms.of(read)
         known = form.plan_for(read)
-        plan = self._plan(read, form) if known is None and form.refused is None else None
+        plan = self.plan(read, form) if known is None and form.refused is None else None
         if plan is not None and (outputs := plan.outputs(read.values)) is not None:
             form.add(plan)
             known = plan, outputs
         return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
 
-    def _plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:
+    def plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:
         """Create a plan that gives the same results as a compilation.
 
         If no plan can be created, store the reason in `form` and return None.
         """
-        first = self._measured(read)
-        if not first[0]:
+        first = self.whole(read)
+        if first is None:
             return None
 
         def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], ResultsShape]:
@@ -177,15 +180,11 @@ class Evaluation:
             shape = ResultsShape(rehearsal.made, first[1])
             return shape.outputs, shape
 
-        def differs(plan: NumericPlan[ResultsShape], sample: ParsedSettings, outputs: Sequence[float]) -> bool:
-            whole = first if sample is read else self._measured(sample)
-            return bool(whole[0]) and whole != (plan.made.of(outputs), plan.made.problems)
-
         def traced(compilation: Compilation, tape: Tape) -> Results:
             return self._results(compilation, SearchMemo(tape))
 
         tracing = Tracing(session=self.session, reader=self.reader, modes=(self.mode,), make=traced, assets=lambda made: {})
-        return tracing.checked(tracing.plan_for(read, finish, form), read, form, differs, "results")
+        return self.checked(tracing.plan_for(read, finish, form), tracing.samples(read, form), form, first)
 
     def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
         if self.tests:
@@ -194,10 +193,6 @@ class Evaluation:
         return self.measure(compilation.robots[0], self.pose, self.reach, memo=memo)
 
     # --- through every pass ---------------------------------------------------------------------------------------------
-
-    def _measured(self, read: ParsedSettings) -> tuple[Results, tuple[Diagnostic, ...]]:
-        results, report, _ = self._compiled(read)
-        return results, tuple(report.ordered())
 
     def _compiled(self, read: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
         """Compile the document with the given settings. Return a tuple of the results, the report, and the compilation.

@@ -16,8 +16,9 @@ from thingc.batch.families.results import NoModel
 from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays
 from thingc.batch.mujoco_arrays.entries import NotAnArrayEntry
 from thingc.batch.mujoco_arrays.equality import different_fields
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, Tracing
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, Tracing
 from thingc.batch.plans.part_exchange import Exchange
+from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.plans.trace_compilation import TraceResult, written
 from thingc.driver import pipeline
@@ -40,24 +41,23 @@ KEPT = 32
 Item = tuple[Mapping[str, Any], ParsedSettings]
 
 
-class ModelsOfMode:
+class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
     """Computes the MuJoCo models of one mode, with or without visual geometry, and with or without the floor.
 
     Some of the models that a plan computes are compared with compiled models. If `verify` is a number n, the first model of each plan is
     compared, and then one in n. If `verify` is None, the first, second, fourth, eighth and so on are compared.
     """
 
+    wrong = "a different model"
+
     def __init__(
         self, session: Session, reader: SettingsReader, mode: str, refusals: Refusals, *, visual: bool, floor: bool, verify: int | None,
     ) -> None:
-        self.session = session
-        self.reader = reader
+        super().__init__(session, reader, (mode,), verify=verify, is_refused=refusals.applies)
+        self.refusals = refusals
         self.mode = mode
         self.visual = visual
         self.floor = floor
-        self.verify = verify
-        self.refusals = refusals
-        self.forms: PlanCaches[Arrays | ModelTemplate] = PlanCaches(is_refused=refusals.applies)
         self._files: mujoco.MjVfs | None = None
         self._held: dict[str, StoredArtifact] = {}
         self._specs: WeakKeyDictionary[ModelTemplate, RecompiledSpec | None] = WeakKeyDictionary()
@@ -70,7 +70,7 @@ class ModelsOfMode:
         """
         waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
         for item in many:
-            planned = None if self._is_kept(item[1], share) else self.forms.planned(item[1], self.plan)
+            planned = None if self._is_kept(item[1], share) else self.find_plan(item[1])
             if waiting and (planned is None or planned[0] is not waiting[0][1] or len(waiting) == TOGETHER):
                 yield from self._together(waiting, share)
                 waiting = []
@@ -111,8 +111,8 @@ class ModelsOfMode:
 
         If no plan can be created, store the reason in `form` and return None.
         """
-        first = self._compiled(read)
-        if isinstance(first, tuple):  # refused settings do not prove that other settings have no plan
+        first = self.whole(read)
+        if first is None:  # refused settings do not prove that other settings have no plan
             return None
 
         slower = ""
@@ -141,34 +141,26 @@ class ModelsOfMode:
             plan = tracing.plan_for(read, finish, form) if text else tracing.plan(read, finish, form)
             if plan is None:
                 return None
-            wrong = self._compared(plan, tracing.samples(read, form), first)
+            wrong = self.compared(plan, tracing.samples(read, form), first)
             if not wrong:
                 return plan
             if isinstance(plan.made, ModelTemplate):
-                form.refused = f"a plan gave a different model: {wrong}"
+                form.refused = f"a plan gave {wrong}"
                 return None
-            slower = f"a plan by arrays gave a different `{wrong}`"
+            slower = f"a plan by arrays gave {wrong}"
 
-    def _compared(self, plan: NumericPlan[Arrays | ModelTemplate], samples: Sequence[ParsedSettings], first: mujoco.MjModel) -> str:
-        """Compare the models of a plan with compiled models.
+    def whole(self, read: ParsedSettings) -> mujoco.MjModel | None:
+        """Compile the model of the given settings. Return None if the settings are refused."""
+        outcome = self._compiled(read)
+        return None if isinstance(outcome, tuple) else outcome
 
-        Return the name of the first field that differs, or an empty string if all models are equal. `samples` contains the settings for
-        which models are compared. `first` is the compiled model for the first of these settings.
-        """
-        for read in samples:
-            outputs = plan.outputs(read.values)
-            whole = first if read is samples[0] else self._compiled(read)
-            if outputs is None or isinstance(whole, tuple):
-                continue
-            try:
-                wrong = different_fields(self._by(plan, read, outputs), whole)
-            except ValueError as fault:
-                return " ".join(str(fault).split())
-            if wrong:
-                return wrong[0]
-        return ""
+    def difference(self, made: mujoco.MjModel, whole: mujoco.MjModel) -> str:
+        """Return the name of the first field in which two models differ, or an empty string if they are equal."""
+        fields = different_fields(made, whole)
+        return f"a different `{fields[0]}`" if fields else ""
 
-    def _by(self, plan: NumericPlan[Arrays | ModelTemplate], read: ParsedSettings, outputs: tuple[float, ...]) -> mujoco.MjModel:
+    def compute(self, plan: NumericPlan[Arrays | ModelTemplate], outputs: tuple[float, ...], read: ParsedSettings) -> mujoco.MjModel:
+        """Compute a model with a plan."""
         if isinstance(plan.made, ModelTemplate):
             return self._by_text(plan, plan.made, read, outputs)
         plan.made.put(plan.made.prepare([outputs]), 0)
@@ -225,21 +217,13 @@ class ModelsOfMode:
                     plan.made.take_back()
                 plan.made.put(prepared, index)
                 model = plan.made.lend() if share else plan.made.model
-            if is_due and not self._right(item[1], plan, model):
+            if is_due and not self.confirms(model, self.whole(item[1]), item[1], self.forms.of(item[1])):
                 for wrong, _, _ in waiting[index:]:
                     yield self._passed(wrong, share)
                 return
             if share and prepared is None:
                 self._keep(item[1], share, model)
             yield model if share or prepared is None else copy.copy(model)
-
-    def _right(self, read: ParsedSettings, plan: NumericPlan[Any], model: mujoco.MjModel) -> bool:
-        """Return True if the model of a plan equals the compiled model. If the models differ, stop using plans for such settings."""
-        whole = self._compiled(read)
-        wrong = ["refused"] if isinstance(whole, tuple) else different_fields(model, whole)
-        if wrong:
-            self.forms.of(read).wrong(f"a plan gave a different `{wrong[0]}` for {dict(zip(read.names, read.values))}")
-        return not wrong
 
     def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
         """Return the model of the given settings from the cache, or compile it."""

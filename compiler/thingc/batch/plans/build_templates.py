@@ -20,8 +20,9 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.safe_text import json_text
 from thingc.base.zip_files import MODEL, entries, inflate, zipped
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, PlanCaches, TracedResults, Tracing
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, TracedResults, Tracing
 from thingc.batch.plans.part_exchange import Exchange
+from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.plans.tape import Tape, Traced, slot
 from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
@@ -46,6 +47,9 @@ PATIENCE = 16
 Creating a plan takes about as long as this many compilations.
 """
 
+COMPARED = ("results", "problems", "losses", "parts")
+"""Fields of builds that are compared, in addition to the files."""
+
 Emit = Callable[["EmitRequest", Sequence[str]], "dict[str, Artifacts]"]
 """A function that returns the artifacts of targets, such as the function `emitted`."""
 
@@ -68,7 +72,7 @@ class Build(FrozenStruct):
     files: Callable[[], dict[str, Content]]
 
 
-class Builds:
+class Builds(Planner["_Template", Build]):
     """Creates builds of a document for many settings, with the same modes (none: all modes) and targets.
 
     The function `measured` computes the results of a compilation, and the function `emit` creates the files of the targets. A plan is
@@ -82,37 +86,31 @@ class Builds:
         self, session: Session, reader: SettingsReader, *, modes: Sequence[str], targets: Sequence[str], verify: int | None,
         measured: Measured = lambda compilation: {}, emit: Emit = emitted, patience: int | None = None,
     ) -> None:
-        self._session = session
-        self._reader = reader
-        self._modes = tuple(modes)
+        self.refusals = Refusals(session, reader, modes, verify=verify)
+        super().__init__(session, reader, modes, verify=verify, is_refused=self.refusals.applies, patience=patience or PATIENCE)
         self._targets = tuple(targets)
         self._has_slots = all(target in TARGETS and TARGETS[target].numbers_in_text for target in targets)
         self._measured = measured
-        self._verify = verify
         self._emit = emit
-        self._refusals = Refusals(session, reader, modes, verify=verify)
-        self._forms: PlanCaches[_Template] = PlanCaches(patience or PATIENCE, self._refusals.applies)
 
     def planned(self, settings: Settings) -> Build | None:
         """Create a build for the given settings with a plan.
 
         Return None if no plan applies to the settings. The settings can then be valid or invalid.
         """
-        read = self._reader.read({**settings.parameters, **settings.choices})
+        read = self.reader.read({**settings.parameters, **settings.choices})
         given = {*settings.parameters, *settings.choices}
         if given != {*read.names, *dict(read.texts)} or not self._has_slots:
             return None
-        planned = self._forms.planned(read, self._plan)
+        planned = self.find_plan(read)
         if planned is None:
             return None
         plan, outputs = planned
         made = plan.made.build(outputs, settings)
         if made is None:
             return None
-        if plan.is_due(self._verify) and not _same(made, self._passed(settings)[0]):
-            self._forms.of(read).wrong(f"a plan gave different files for {dict(zip(read.names, read.values))}")
-            return None
-        return made
+        right = not plan.is_due(self.verify) or self.confirms(made, self._passed(settings)[0], read, self.forms.of(read))
+        return made if right else None
 
     def refused(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
         """If a plan shows that the settings are refused, return the diagnostics and the number of part definitions.
@@ -120,22 +118,22 @@ class Builds:
         Otherwise, return None.
         """
         read = self._refusable(settings)
-        problems = None if read is None else self._refusals.problems(read)
-        return None if problems is None else (problems, self._refusals.parts)
+        problems = None if read is None else self.refusals.problems(read)
+        return None if problems is None else (problems, self.refusals.parts)
 
     def learn(self, settings: Settings, problems: tuple[Diagnostic, ...]) -> None:
         """Record that a compilation of these settings has failed, so that the method `refused` recognizes similar settings."""
         read = self._refusable(settings)
         if read is not None:
-            self._refusals.learn(read, problems)
+            self.refusals.learn(read, problems)
 
     def _refusable(self, settings: Settings) -> ParsedSettings | None:
         """Parse the settings for the method `refused`.
 
         Return None if a plan could report other diagnostics than a compilation, or the same diagnostics in another order.
         """
-        read = self._reader.read({**settings.parameters, **settings.choices})
-        own = self._reader.settings(read)
+        read = self.reader.read({**settings.parameters, **settings.choices})
+        own = self.reader.settings(read)
         alike = [*settings.parameters] == [*own.parameters] and [*settings.choices.items()] == [*own.choices.items()]
         return read if alike else None
 
@@ -164,28 +162,28 @@ class Builds:
         return build.files() if build is not None else {}, problems
 
     def _passed(self, settings: Settings, verify: int = 1) -> tuple[Build | None, tuple[Diagnostic, ...]]:
-        compilation = self._session.compile(settings, self._modes)
+        compilation = self.session.compile(settings, self.modes)
         report = compilation.report
         if report.failed:
             return None, tuple(report.ordered())
         results = self._measured(compilation)
-        request = pipeline.request_of(self._session.environment, compilation, verify=verify)
+        request = pipeline.request_of(self.session.environment, compilation, verify=verify)
         artifacts = self._emit(request, self._targets) if results is not None else {}
         problems = tuple(report.ordered())
         if report.failed or results is None:
             return None, problems
-        files = self._session.files(compilation, artifacts)
+        files = self.session.files(compilation, artifacts)
         return Build(
             results=results, problems=problems, losses=counts_of(loss for one in artifacts.values() for loss in one.losses),
             parts=len(compilation.decisions), files=lambda: files,
         ), problems
 
-    def _plan(self, read: ParsedSettings, form: PlanCache[_Template]) -> NumericPlan[_Template] | None:
+    def plan(self, read: ParsedSettings, form: PlanCache[_Template]) -> NumericPlan[_Template] | None:
         """Create a plan that gives the same builds as a compilation.
 
         If no plan can be created, store the reason in `form` and return None.
         """
-        first, _ = self._passed(self._reader.settings(read))
+        first, _ = self._passed(self.reader.settings(read))
         if first is None:
             return None
 
@@ -193,14 +191,21 @@ class Builds:
             template = _Template(rehearsal, first)
             return template.outputs, template
 
-        def differs(plan: NumericPlan[_Template], sample: ParsedSettings, outputs: Sequence[float]) -> bool:
-            settings = self._reader.settings(sample)
-            whole = first if sample is read else self._passed(settings, verify=0)[0]
-            made = plan.made.build(outputs, settings)
-            return whole is not None and made is not None and not _same(made, whole)
+        tracing = Tracing(session=self.session, reader=self.reader, modes=self.modes, make=partial(self._written, read))
+        return self.checked(tracing.plan(read, finish, form), tracing.samples(read, form), form, first)
 
-        tracing = Tracing(session=self._session, reader=self._reader, modes=self._modes, make=partial(self._written, read))
-        return tracing.checked(tracing.plan(read, finish, form), read, form, differs, "files")
+    def whole(self, read: ParsedSettings) -> Build | None:
+        """Create a build by a compilation. Return None if the settings are refused."""
+        return self._passed(self.reader.settings(read), verify=0)[0]
+
+    def compute(self, plan: NumericPlan[_Template], outputs: Sequence[float], read: ParsedSettings) -> Build | None:
+        """Create a build with a plan. Return None if a number in a file would be infinite or NaN."""
+        return plan.made.build(outputs, self.reader.settings(read))
+
+    def difference(self, made: Build, whole: Build) -> str:
+        """Return a description of the difference between two builds, or an empty string if they are equal."""
+        same = all(getattr(made, name) == getattr(whole, name) for name in COMPARED) and made.files() == whole.files()
+        return "" if same else "different files"
 
     def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> tuple[Mapping[str, Content], Mapping[str, Any]]:
         """Create the files of a traced compilation with slots for numbers and settings, and its results with traced numbers.
@@ -208,9 +213,9 @@ class Builds:
         The function `trace_compilation` calls this method.
         """
         results = self._measured(compilation) or {}
-        environment = copy.copy(self._session.environment)
+        environment = copy.copy(self.session.environment)
         environment.memo = Memo()
-        own = self._reader.settings(read)
+        own = self.reader.settings(read)
         names = (*own.parameters, *own.choices)
         slots = {name: slot(f"{SETTING}{name}") for name in names}
         settings = Settings(parameters={name: slots[name] for name in own.parameters}, choices={name: slots[name] for name in own.choices})
@@ -302,9 +307,3 @@ class _Template:
         texts = {f"{SETTING}{name}": json_text(encode_basestring(given[name]))[1:-1] for name in self._settings}
         files[MANIFEST] = self._manifest.fill({**words, **digests, **texts}).encode()
         return files
-
-
-def _same(planned: Build, whole: Build | None) -> bool:
-    """Return True if a build that was created with a plan equals the build of a compilation."""
-    said = ("results", "problems", "losses", "parts")
-    return whole is not None and all(getattr(planned, name) == getattr(whole, name) for name in said) and planned.files() == whole.files()

@@ -182,21 +182,15 @@ class PlanCache(Generic[Made]):
         if not names:
             self.refused = why
 
-    def wrong(self, why: str) -> None:
-        """Delete all plans and do not create new plans, because one of the plans has given a wrong result."""
-        self.plans, self.refused = [], why
-
 
 class PlanCaches(Generic[Made]):
     """Contains a separate cache of plans for each combination of names of numbers and values of other settings.
 
-    The parameter `patience` has the same meaning as in the class `PlanCache`. If `is_refused` returns True for some settings, no plan is
-    created for these settings.
+    The parameter `patience` has the same meaning as in the class `PlanCache`.
     """
 
-    def __init__(self, patience: int = 2, is_refused: Callable[[ParsedSettings], bool] = lambda read: False) -> None:
+    def __init__(self, patience: int = 2) -> None:
         self._patience = patience
-        self._is_refused = is_refused
         self.kept: dict[Hashable, PlanCache[Made]] = {}
 
     def of(self, read: ParsedSettings) -> PlanCache[Made]:
@@ -207,25 +201,6 @@ class PlanCaches(Generic[Made]):
                 self.kept.clear()
             self.kept[key] = PlanCache(self._patience)
         return self.kept[key]
-
-    def planned(
-        self, read: ParsedSettings, make: Callable[[ParsedSettings, PlanCache[Made]], NumericPlan[Made] | None],
-    ) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return a plan for the settings together with its outputs, or None if the settings do not contain numbers or no plan applies.
-
-        If no plan applies, and the settings are not known to be refused, create a plan if this is likely to save time.
-        """
-        if read.report is not None or not read.names:
-            return None
-        form = self.of(read)
-        known = form.plan_for(read)
-        if known is not None or self._is_refused(read) or not form.worth_it(read):
-            return known
-        plan = make(read, form)
-        if plan is None:
-            return None
-        form.add(plan)
-        return form.plan_for(read)
 
 
 class TracedResults:
@@ -253,8 +228,6 @@ class TracedResults:
 
 Finish = Callable[[TraceResult, Exchange | None], tuple[Sequence[Any], Made]]
 """A function that returns the inputs that a plan computes, and the object that uses these inputs."""
-Differs = Callable[[NumericPlan[Made], ParsedSettings, tuple[float, ...]], bool]
-"""A function that returns True if the outputs of a plan for some settings differ from a compilation of these settings."""
 
 
 class Tracing(FrozenStruct):
@@ -309,22 +282,6 @@ class Tracing(FrozenStruct):
         plan = self.plan(read, finish, form)
         if plan is not None and plan.outputs(read.values) is None:
             return self.plan(read, finish, form, nearby=False)
-        return plan
-
-    def checked(
-        self, plan: NumericPlan[Made] | None, read: ParsedSettings, form: PlanCache[Made], differs: Differs[Made], what: str,
-    ) -> NumericPlan[Made] | None:
-        """Compare the results of a plan with compilations of several sample settings.
-
-        If a result differs, do not create any further plans, and return None. `what` describes the compared results in the stored reason.
-        """
-        if plan is None:
-            return None
-        for sample in self.samples(read, form):
-            outputs = plan.outputs(sample.values)
-            if outputs is not None and differs(plan, sample, outputs):
-                form.refused = f"a plan gave different {what}"
-                return None
         return plan
 
     def samples(self, read: ParsedSettings, form: PlanCache[Any]) -> list[ParsedSettings]:

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, Tracing
 from thingc.batch.plans.part_exchange import Exchange
+from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.tape import Tape
 from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult
@@ -35,18 +36,17 @@ Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], Hashable]
 """A cache key, which consists of the names of numbers, the texts of other settings, and the cause of the refusal."""
 
 
-class Refusals:
+class Refusals(Planner["DiagnosticsTemplate", Diagnostics]):
     """Computes the diagnostics of refused settings with plans.
 
     Each cause of a refusal has separate plans. The cause consists of the codes, locations and paths of the diagnostics. `verify` has the
-    same meaning as in the class `ModelsOfMode`. `parts` is the number of part definitions for the most recent refused settings.
+    same meaning as in the class `Planner`. `parts` is the number of part definitions for the most recent refused settings.
     """
 
+    wrong = "different diagnostics"
+
     def __init__(self, session: Session, reader: SettingsReader, modes: Sequence[str], *, verify: int | None) -> None:
-        self._session = session
-        self._reader = reader
-        self._modes = tuple(modes)
-        self._verify = verify
+        super().__init__(session, reader, modes, verify=verify)
         self.causes: dict[Key, PlanCache[DiagnosticsTemplate]] = {}
         self.parts = 0
         self._last: tuple[ParsedSettings, Diagnostics | None] | None = None
@@ -83,18 +83,22 @@ class Refusals:
         for key, form in reversed(self.causes.items()):
             if key[:2] != (read.names, read.texts) or (known := form.plan_for(read)) is None:
                 continue
-            problems = known[0].made.diagnostics(known[1])
-            if known[0].is_due(self._verify) and problems != self._compiled(read):
-                form.wrong(f"a plan gave different diagnostics for {dict(zip(read.names, read.values))}")
+            problems = self.compute(*known, read)
+            if known[0].is_due(self.verify) and not self.confirms(problems, self.whole(read), read, form):
                 return None
             self.causes[key] = self.causes.pop(key)
             self.parts = known[0].made.parts
             return problems
         return None
 
-    def _compiled(self, read: ParsedSettings) -> Diagnostics:
-        report = self._session.compile(self._reader.settings(read), self._modes).report
+    def whole(self, read: ParsedSettings) -> Diagnostics:
+        """Compile the document. Return the diagnostics of a refused compilation, or an empty tuple."""
+        report = self.session.compile(self.reader.settings(read), self.modes).report
         return tuple(report.ordered()) if report.failed else ()
+
+    def compute(self, plan: NumericPlan[DiagnosticsTemplate], outputs: Sequence[float], read: ParsedSettings) -> Diagnostics:
+        """Compute the diagnostics with a plan."""
+        return plan.made.diagnostics(outputs)
 
     def _plan(
         self, read: ParsedSettings, problems: Diagnostics, form: PlanCache[DiagnosticsTemplate],
@@ -103,7 +107,7 @@ class Refusals:
 
         If no plan can be created, store the reason in `form` and return None.
         """
-        if self._compiled(read) != problems:  # MuJoCo or the writing of files has refused the settings
+        if self.whole(read) != problems:  # MuJoCo or the writing of files has refused the settings
             form.refused = "it is not refused by a compilation"
             return None
 
@@ -117,13 +121,8 @@ class Refusals:
             template = DiagnosticsTemplate(rehearsal)
             return template.numbers.outputs, template
 
-        def differs(plan: NumericPlan[DiagnosticsTemplate], sample: ParsedSettings, outputs: Sequence[float]) -> bool:
-            return plan.made.diagnostics(outputs) != (problems if sample is read else self._compiled(sample))
-
-        tracing = Tracing(
-            session=self._session, reader=self._reader, modes=self._modes, make=reported, refused=True, assets=lambda made: {},
-        )
-        return tracing.checked(tracing.plan_for(read, finish, form), read, form, differs, "diagnostics")
+        tracing = Tracing(session=self.session, reader=self.reader, modes=self.modes, make=reported, refused=True, assets=lambda made: {})
+        return self.checked(tracing.plan_for(read, finish, form), tracing.samples(read, form), form, problems)
 
 
 class DiagnosticsTemplate:
