@@ -8,6 +8,7 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from same.changes import KINDS, changed
@@ -117,6 +118,21 @@ def test_a_symmetric_robot_is_ambiguous_and_names_are_preserved(here: Path, caps
     assert {one.one: one.other for one in found.joints} == {"j_left": "j_left", "j_right": "j_right"}
 
 
+def test_a_coupling_decides_between_symmetric_fingers(here: Path) -> None:
+    def coupled(name: str, leader: str, follower: str, multiplier: float) -> Path:
+        path = gripper(here / name, "left", "right")
+        mimic = f'<mimic joint="j_{leader}" multiplier="{multiplier}"/></joint>'
+        head, _, tail = path.read_text().partition(f'<joint name="j_{follower}"')
+        path.write_text(f'{head}<joint name="j_{follower}"{tail.replace("</joint>", mimic, 1)}')
+        return path
+
+    one, other = mechanism(coupled("a.urdf", "left", "right", 1.0)), mechanism(coupled("b.urdf", "right", "left", 1.0))
+    found = compare_mechanisms(one, other)
+    assert found.same
+    assert {one.one: one.other for one in found.joints} == {"j_left": "j_right", "j_right": "j_left"}
+    assert [one.what for one in compare_mechanisms(one, mechanism(coupled("c.urdf", "left", "right", 0.9))).differences] == ["coupling"]
+
+
 def test_the_zero_of_a_wheel_follows_from_its_limits(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def cart(name: str, kind: str, lower: float, upper: float, pitch: float = 0.0) -> Path:
         (here / name).write_text(WHEEL.format(kind=kind, lower=lower, upper=upper, pitch=pitch))
@@ -216,3 +232,111 @@ def test_bad_input(here: Path, words: list[str], code: int, message: str, capsys
     assert main(["same", *words]) == code
     out, err = capsys.readouterr()
     assert message in out + err
+
+
+def test_a_reversed_wheel_has_reversed_limits(here: Path) -> None:
+    for name, axis, lower, upper in (("a.urdf", 1, -1.0, 0.5), ("b.urdf", -1, -0.3, 1.2)):
+        (here / name).write_text(WHEEL.format(kind="revolute", lower=lower, upper=upper, pitch=0).replace('"0 1 0"', f'"0 {axis} 0"'))
+    found = compare_mechanisms(mechanism(here / "a.urdf"), mechanism(here / "b.urdf"))
+    assert found.same and found.limits == ()
+    assert (found.joints[0].sign, found.joints[0].zero) == (-1, pytest.approx(0.2))
+
+
+def test_the_place_where_a_loop_closes_is_compared(robots: dict[str, Subject], here: Path) -> None:
+    (here / "moved.xml").write_text(FIVE_BAR.replace('name="pd" pos="0.16 0 0"', 'name="pd" pos="0.1601 0 0"'))
+    found = compare_mechanisms(robots["five_bar.xml"].original, mechanism(here / "moved.xml"))
+    assert [(one.what, one.by) for one in found.differences] == [("axis position", pytest.approx(1e-4))]
+
+
+LOOP = """
+thingc: assembly/1
+name: four_bar
+components:
+  ground:
+    frame: true
+    mass: {value: 1 kg, source: measured}
+    inertia: {ixx: 1e-2 kg*m^2, iyy: 1.1e-2 kg*m^2, izz: 5e-3 kg*m^2}
+    mounts: {a: {xyz: 0 0 0 mm}, d: {xyz: 100 0 0 mm}}
+  crank:
+    frame: true
+    mass: {value: 100 g, source: measured}
+    com: 20 3 0 mm
+    inertia: {ixx: 1e-5 kg*m^2, iyy: 4e-5 kg*m^2, izz: 4.5e-5 kg*m^2}
+    mounts: {a: {xyz: 0 0 0 mm}, b: {xyz: 40 0 0 mm}}
+  rod:
+    frame: true
+    mass: {value: 110 g, source: measured}
+    com: 40 2 0 mm
+    inertia: {ixx: 1e-5 kg*m^2, iyy: 4e-5 kg*m^2, izz: 4.5e-5 kg*m^2}
+    mounts: {b: {xyz: 0 0 0 mm}, c: {xyz: 80 0 0 mm}}
+  rocker:
+    frame: true
+    mass: {value: 120 g, source: measured}
+    com: 30 1 0 mm
+    inertia: {ixx: 1e-5 kg*m^2, iyy: 4e-5 kg*m^2, izz: 4.5e-5 kg*m^2}
+    mounts: {d: {xyz: 0 0 0 mm}, c: {xyz: 70 0 0 mm}}
+joints:
+  qa: {type: continuous, parent: ground.a, child: crank.a}
+  qb: {type: continuous, parent: crank.b, child: rod.b}
+  qd: {type: continuous, parent: ground.d, child: rocker.d}
+  qc: {type: continuous, parent: rod.c, child: rocker.c, loop: true}
+modes:
+  stand: {root: ground, base: fixed}
+"""
+
+
+def test_a_loop_can_be_cut_at_another_joint(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    other = LOOP.replace("child: rod.b}", "child: rod.b, loop: true}").replace("child: rocker.c, loop: true}", "child: rocker.c}")
+    other = other.replace("parent: rod.c, child: rocker.c}", "parent: rocker.c, child: rod.c}")
+    (here / "a.yaml").write_text(LOOP)
+    (here / "b.yaml").write_text(other)
+    (here / "c.yaml").write_text(other.replace("c: {xyz: 70 0 0 mm}", "c: {xyz: 70 0 0.1 mm}"))
+    assert main(["same", "a.yaml", "b.yaml", "--store", shared_store, "--format", "json"]) == 0
+    joints = json.loads(capsys.readouterr().out)["comparisons"][0]["joints"]
+    # exchanging parent and child reverses the axis, because mated z axes are opposite, and the motion
+    assert {one["one"]: (one["other"], one["sign"], round(one["zero"], 9)) for one in joints} == {
+        name: (name, 1, 0.0) for name in ("qa", "qb", "qc", "qd")
+    }
+    assert main(["build", "a.yaml", "--emit", "mjcf", "--store", shared_store]) == 0
+    assert main(["same", "a.yaml", "build/four_bar", "--store", shared_store]) == 0
+    assert main(["same", "b.yaml", "build/four_bar", "--store", shared_store]) == 0
+    assert main(["same", "a.yaml", "c.yaml", "--store", shared_store]) == 1
+
+
+def test_links_that_a_loop_fixes_are_one_link(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    rod = LOOP[LOOP.index("  rod:") : LOOP.index("  rocker:")]
+    halves = """
+  left:
+    frame: true
+    mass: {value: 60 g, source: measured}
+    com: 20 2 0 mm
+    inertia: {ixx: 1e-5 kg*m^2, iyy: 2e-5 kg*m^2, izz: 2.5e-5 kg*m^2}
+    mounts: {b: {xyz: 0 0 0 mm}, m: {xyz: 80 0 0 mm}}
+  right:
+    frame: true
+    mass: {value: 50 g, source: measured}
+    com: -20 3 1 mm
+    inertia: {ixx: 1e-5 kg*m^2, iyy: 2e-5 kg*m^2, izz: 2.5e-5 kg*m^2}
+    mounts: {m: {rpy: 180 0 -90 deg}, c: {xyz: 0 0 0 mm}}
+"""
+    masses, centres = np.array([0.06, 0.05]), np.array([[0.02, 0.002, 0.0], [0.06, 0.003, 0.001]])
+    centre = masses @ centres / masses.sum()
+    total = 2.0 * np.diag([1e-5, 2e-5, 2.5e-5])
+    for mass, away in zip(masses, centres - centre, strict=True):
+        total += mass * (away @ away * np.eye(3) - np.outer(away, away))
+    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    entries = zip(names, ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), strict=True)
+    inertia = ", ".join(f"{name}: {float(total[entry])!r} kg*m^2" for name, entry in entries)
+    whole = f"""
+  rod:
+    frame: true
+    mass: {{value: 110 g, source: measured}}
+    com: {" ".join(repr(1000.0 * float(x)) for x in centre)} mm
+    inertia: {{{inertia}}}
+    mounts: {{b: {{xyz: 0 0 0 mm}}, c: {{xyz: 80 0 0 mm}}}}
+"""
+    (here / "whole.yaml").write_text(LOOP.replace(rod, whole.lstrip("\n")))
+    joints = LOOP.replace(rod, halves.lstrip("\n")).replace("child: rod.b", "child: left.b")
+    joints = joints.replace("parent: rod.c, child: rocker.c, loop: true}", "parent: rocker.c, child: right.c}")
+    (here / "halves.yaml").write_text(joints.replace("modes:", "  m: {type: fixed, parent: left.m, child: right.m, loop: true}\nmodes:"))
+    assert main(["same", "whole.yaml", "halves.yaml", "--store", shared_store]) == 0, capsys.readouterr()

@@ -93,10 +93,10 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
 
     If `explain` is false, the differences of mechanisms that are not the same are not searched for.
     """
-    maps = find_maps(one, other, Tolerances(tolerance, tolerance, tolerance))
+    maps = find_maps(one, other, Tolerances(tolerance, tolerance, masses=True))
     exact = bool(maps)
     for step in (tolerance, *STEPS) if explain else ():
-        maps = maps or find_maps(one, other, Tolerances(max(step, tolerance), None, tolerance))
+        maps = maps or find_maps(one, other, Tolerances(tolerance, max(step, tolerance), masses=False))
     if not maps:
         return MechanismComparison(one=one.name, other=other.name, same=False, differences=tuple(_counts(one, other)))
     maps = [found for found in maps if not any(_couplings(one, other, found, tolerance))] or maps
@@ -105,7 +105,7 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
     best = min(maps, key=lambda found: _worst(one, other, found, tolerance) > EXACT * tolerance)  # the first of those that fit exactly
     differences = [*_differences(one, other, best, tolerance), *_couplings(one, other, best, tolerance)]
     apart = residual(one, other, best)
-    if exact and not differences and max(apart) > REACH * tolerance * (len(one.joints) + 1):
+    if not differences and (not exact or max(apart) > REACH * tolerance * (len(one.joints) + 1)):
         differences.append(MechanismDifference(what="pose", by=max(apart)))
     return MechanismComparison(
         one=one.name, other=other.name, same=exact and not differences,
@@ -158,10 +158,12 @@ def _differences(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: fl
             yield MechanismDifference(what="inertia", one=link.one, other=link.other, by=link.inertia)
     for joint in sorted(best.joints):
         p, q = one.joints[joint.one], other.joints[joint.other]
-        near = p.child if joint.ends[0] else p.parent
-        found = axis_differences(motion_of(p, joint.ends[0]), motion_of(q, joint.ends[1]), best.links[near][1])
+        ends = [
+            axis_differences(motion_of(p, end), motion_of(q, end ^ joint.ends[0] ^ joint.ends[1]), best.links[link][1])
+            for end, link in enumerate((p.parent, p.child))
+        ]
         names: tuple[Difference, ...] = ("axis angle", "axis position", "lead")
-        for what, by in zip(names, found, strict=True):
+        for what, by in zip(names, map(max, *ends), strict=True):
             if by > tolerance:
                 yield MechanismDifference(what=what, one=p.name, other=q.name, by=by)
 

@@ -29,6 +29,8 @@ MOST = 64
 """Maximum number of maps that are searched for. A robot with more maps is reported as having at least this number."""
 FEW = 4
 """Maximum number of maps of each part of a robot if masses may differ."""
+CLOSED = 3.0
+"""Factor of the tolerance up to which the two ends of a loop may differ, because errors of several joints add up."""
 OF_MASS = ("centre of mass", "principal axis 0", "principal axis 1", "principal axis 2")
 """The tags of the features that depend on the mass distribution of a link."""
 
@@ -67,15 +69,14 @@ class RobotMap(NamedTuple):
 
 
 class Tolerances(NamedTuple):
-    """The differences up to which a link or joint can be another: of axes [m and rad], and of masses and inertias as a fraction.
+    """The differences up to which values are equal (`exact`: [m], [rad], or a fraction of masses), and axes may differ (`geometry`).
 
-    If `mass` is None, masses, centres of mass and inertias may differ by any amount. `exact` is the difference from which a value counts
-    as different.
+    If `masses` is false, masses, centres of mass and inertias may differ by any amount.
     """
 
-    geometry: float
-    mass: float | None
     exact: float
+    geometry: float
+    masses: bool
 
 
 def find_maps(one: Mechanism, other: Mechanism, tolerances: Tolerances) -> list[RobotMap]:
@@ -93,26 +94,22 @@ class _Search:
         self.links = tuple(rigid_links(robot, tolerances.exact) for robot in (one, other))
         self.tolerances = tolerances
         self.tree: set[int] = set()
-        self.exact = tolerances.mass is not None
-        self.most = MOST if self.exact else FEW
+        self.most = MOST if tolerances.masses else FEW
+        self.likeness = [[_likeness(a, b, tolerances.exact) for b in self.links[1]] for a in self.links[0]]
+        self.least = 2 if tolerances.masses else 1
 
     def maps(self) -> list[RobotMap]:
         """Return all maps, the best first. If masses may differ, stop at a map with at most one difference."""
-        colours = [[self._alike(a, b) for b in self.links[1]] for a in self.links[0]]
-        if not all(map(any, colours)) or not all(map(any, zip(*colours, strict=True))):
+        if any(max(line) < self.least for line in (*self.likeness, *zip(*self.likeness, strict=True))):
             return []
-        equal = [
-            [ok and _same_mass(a, b, self.tolerances.exact) for b, ok in zip(self.links[1], row, strict=True)]
-            for a, row in zip(self.links[0], colours, strict=True)
-        ]
-        counts = [sum(row) or len(row) + 1 for row in equal]
+        counts = [row.count(2) or len(row) + 1 for row in self.likeness]
         start = min(range(len(counts)), key=lambda n: (counts[n], self.links[0][n].mass == 0.0, -len(self.links[0][n].ports)))
         self.tree = self._spanning_tree(start)
         found: list[RobotMap] = []
-        for b in sorted(range(len(counts)), key=lambda n: not equal[start][n]):
-            for T in self._starts(self.links[0][start], self.links[1][b]) if colours[start][b] else ():
+        for b in sorted(range(len(counts)), key=lambda n: -self.likeness[start][n]):
+            for T in self._starts(self.links[0][start], self.links[1][b]) if self.likeness[start][b] >= self.least else ():
                 found += [whole for part in self._placed(start, b, T, None, None) if (whole := self._closed(part)) is not None]
-                if not self.exact and any(one.misfits <= 1 for one in found):
+                if not self.tolerances.masses and any(one.misfits <= 1 for one in found):
                     break
         return _distinct(sorted(found, key=self.rank))[: self.most]
 
@@ -135,12 +132,6 @@ class _Search:
 
     # --- one link ----------------------------------------------------------------------------------------------------
 
-    def _alike(self, a: RigidLink, b: RigidLink) -> bool:
-        """Return whether two links have the same kinds of joints and, if masses must be equal, the same mass and principal moments."""
-        if sorted(port.motion.kind for port in a.ports) != sorted(port.motion.kind for port in b.ports):
-            return False
-        return self.tolerances.mass is None or _same_mass(a, b, self.tolerances.mass)
-
     def _starts(self, a: RigidLink, b: RigidLink, centre: tuple[Array, Array] | None = None) -> Iterator[Array]:
         """Yield poses of `a` in `b` that may move all features of `a` to those of `b`.
 
@@ -148,7 +139,7 @@ class _Search:
         """
         both = [features_of(a), features_of(b)]
         sets = [both]
-        if not self.exact:  # also without the features of masses, which may differ
+        if not self.tolerances.masses:  # also without the features of masses, which may differ
             sets.append([[one for one in found if one.tag not in OF_MASS] for found in both])
         for ones, others in sets:
             if centre is not None:
@@ -183,7 +174,7 @@ class _Search:
         """Return the maps of link `a` and of all links behind it, if `a` is link `b` at the pose `T`."""
         one, other = self.links[0][a], self.links[1][b]
         misfits = int(np.sum(mass_differences(one, other, T) > self.tolerances.exact))
-        if not self._alike(one, other) or misfits and self.exact:
+        if self.likeness[a][b] < self.least or misfits and self.tolerances.masses:
             return []
         ports = [port for port in one.ports if entry_a is None or port.joint != entry_a.joint or port.far != entry_a.far]
         targets = [port for port in other.ports if entry_b is None or port.joint != entry_b.joint or port.far != entry_b.far]
@@ -219,7 +210,7 @@ class _Search:
             for part in self._placed(port.other, target.other, at, back_a, back_b):
                 joint = JointMap(port.joint, target.joint, sign, zero, free, (port.far, target.far))
                 maps.append(RobotMap(part.links, (joint, *part.joints), part.cuts, part.misfits + misfits))
-            if not self.exact and any(part.misfits == 0 for part in maps):
+            if not self.tolerances.masses and any(part.misfits == 0 for part in maps):
                 break
         return sorted(maps, key=self.rank)[: self.most]
 
@@ -238,7 +229,7 @@ class _Search:
         values = joint_values(b, placed, there, self.tolerances.exact)
         A, B = self.mechanisms[0].joints[port.joint], self.mechanisms[1].joints[target.joint]
         wanted = _zero_of_limits(A, B, sign)
-        if values is not None and not self.exact:  # each feature may be one that differs
+        if values is not None and not self.tolerances.masses:  # each feature may be one that differs
             values += [*chain(*(joint_values(b, [one], there, self.tolerances.exact) or () for one in placed)), wanted or 0.0]
         for value in [wanted or 0.0] if values is None else values:
             zero = _unwound(b, value, wanted)
@@ -278,7 +269,7 @@ class _Search:
         X = _aligned(a.motion, b.motion, T_near, sign) @ T_near @ a.motion.X
         move = X @ np.linalg.inv(b.motion.X @ T_far)
         zero = _unwound(b.motion, _value_of(b.motion, move), _zero_of_limits(A, B, sign))
-        if np.abs(b.motion.exponential(zero) - move).max() > 10.0 * self.tolerances.geometry:
+        if np.abs(b.motion.exponential(zero) - move).max() > CLOSED * self.tolerances.geometry:
             return None
         return JointMap(number, other, sign, zero, False, ends)
 
@@ -294,10 +285,12 @@ def _other_end(link: RigidLink, port: Port) -> Port:
     return next(back for back in link.ports if back.joint == port.joint and back.far != port.far)
 
 
-def _same_mass(a: RigidLink, b: RigidLink, limit: float) -> bool:
-    """Return whether two links have the same mass and principal moments, up to the fraction `limit`."""
+def _likeness(a: RigidLink, b: RigidLink, limit: float) -> int:
+    """Return 2 if two links have the same kinds of joints, mass and principal moments, 1 for the same kinds of joints only, otherwise 0."""
+    if Counter(port.motion.kind for port in a.ports) != Counter(port.motion.kind for port in b.ports):
+        return 0
     scale = max(a.moments[2], b.moments[2])
-    return abs(a.mass - b.mass) <= limit * max(a.mass, b.mass) and bool(np.all(abs(a.moments - b.moments) <= limit * scale))
+    return 2 if abs(a.mass - b.mass) <= limit * max(a.mass, b.mass) and np.all(abs(a.moments - b.moments) <= limit * scale) else 1
 
 
 def mass_differences(a: RigidLink, b: RigidLink, T: Array) -> Array:
