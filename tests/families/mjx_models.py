@@ -106,11 +106,12 @@ def test_children_of_a_held_base_move_with_it(lever: thingc.RobotFamily) -> None
     [
         ("everything.yaml", ["load"], "standing", {},
          "MJX does not support a feature of mode `standing`: .*mjTRN_BODY.* with `compat=\"mjx\"`"),
-        ("strung.yaml", ["lever"], None, {}, "MJX fixes `wrap_prm` when it converts a model, and it depends on lever: fix them with `at`"),
+        ("strung.yaml", ["lever"], None, {},
+         "MJX fixes `wrap_prm` when it converts a model, and it depends on lever: set the values with `at`"),
         ("crane.yaml", ["stiff"], "standing", {"drive: {kind: position, kp: =stiff}": "drive: {kind: position, kp: =stiff, effort: 5 N*m}"},
          "MJX integrates the damping of `lift` with `implicitfast` even at its greatest force"),
         ("crane.yaml", ["radius"], "standing", {"axis: [0, 0, 1]": "axis: [0, =radius / (1 m), 1]"},
-         "MuJoCo uses `joint.axis` at compile time, and it depends on radius: fix them with `at`, or use `models`"),
+         "MuJoCo uses `joint.axis` at compile time, and it depends on radius: set the values with `at`, or use `models`"),
     ],
 )
 def test_what_mjx_cannot_do_is_explained(
@@ -125,7 +126,7 @@ def test_what_mjx_cannot_do_is_explained(
 
 
 def test_precisions_and_shapes_are_checked(crane: thingc.RobotFamily) -> None:
-    with pytest.raises(FamilyError, match="MJX computes with 64-bit numbers if JAX has them: leave out `dtype`"):
+    with pytest.raises(FamilyError, match="MJX uses 64-bit numbers if they are enabled in JAX: omit `dtype`"):
         crane.mjx(["stiff"], dtype="float32")
     with pytest.raises(FamilyError, match=r"expected an array of shape \(k, 1\) for stiff, found \(1,\)"):
         crane.mjx(["stiff"]).batch([40.0])

@@ -104,7 +104,7 @@ def test_each_keeps_what_it_has_changed(lamp: Path, capsys: Said) -> None:
     assert "\nmounts:" not in text and "  tip: {root: tip, base: held}\n" in text, "--root is as it was"
     told = capsys.readouterr().out
     assert "merged: " in told and "  components.upper_arm.mass: 500 g -> 600 g\n" in told and "  joints.lift.limit.lower: " in told
-    assert "your edits, preserved: 2\n  components.foot.mass\n  modes.flying\n" in told
+    assert "preserved edits: 2\n  components.foot.mass\n  modes.flying\n" in told
     assert set(mine.splitlines()) - set(text.splitlines()) < set(mine.splitlines())
     assert main(["check", str(lamp)]) == 0
     assert main(["import", "lamp.urdf", "--update"]) == 0 and "no changes in the source" in capsys.readouterr().out
@@ -147,7 +147,7 @@ def test_meshes_are_merged_by_file(lamp: Path, capsys: Said) -> None:
     mesh = lamp.parent / "meshes" / "arm.stl"
     mesh.write_text(MESH.format(5))
     assert main(["import", "lamp.urdf", "--update"]) == 0
-    assert "your edits, preserved: 1\n  meshes/arm.stl\n" in capsys.readouterr().out and mesh.read_text() == MESH.format(5)
+    assert "preserved edits: 1\n  meshes/arm.stl\n" in capsys.readouterr().out and mesh.read_text() == MESH.format(5)
     Path("arm.stl").write_text(MESH.format(2))
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr()

@@ -307,7 +307,7 @@ def test_info_says_what_is_held_and_how_well_it_closes(worm: Built) -> None:
     text = "\n".join(info.as_text(assembly, worm.compilation.robots))
     bridge = text.partition("mode bridge:")[2].partition("\nmode ")[0]
     assert "\n  rear is held at rear/sole\n" in bridge
-    (closes,) = re.findall(r"^  pose arched closes to (\S+) m and (\S+) rad$", bridge, re.MULTILINE)
+    (closes,) = re.findall(r"^  pose arched closes with an error of (\S+) m and (\S+) rad$", bridge, re.MULTILINE)
     assert all(float(value) < EXACT for value in closes)
     assert "\n  pose straight does not close: no keyframe" in bridge
     assert "held at" not in text.partition("mode front:")[2].partition("\nmode ")[0]

@@ -121,7 +121,7 @@ def test_lock_check_says_what_changed(workspace: Path, shared_store: str) -> Non
     lock.write_text(json.dumps(held, indent=1))
     done = thingc_here("lock", "--check", store=shared_store, cwd=workspace)
     assert done.code == 1
-    assert "the part `arm:PenDummy` is not in it" in done.out
+    assert "the part `arm:PenDummy` is missing" in done.out
     assert "there is no part `arm:Ghost` any more" in done.out
     assert "`parameters.size.maximum` of `arm:BasePlate` has changed" in done.out
     assert "`volume` of `arm:BasePlate` has changed" in done.out and "`centre`" not in done.out

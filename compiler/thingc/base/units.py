@@ -399,7 +399,7 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
     if text[end:].strip():
         product = meant_unit(text[at:], wanted)
         raise UnitError(
-            f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`", offset=end, end=len(text),
+            f"unexpected `{shortened(text[end:].strip())}` after `{text[:end].strip()}`", offset=end, end=len(text),
             help=f"write `{number} {product}`" if product else "an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None,
         )
     return Quantity(converted(number, unit), unit[2])

@@ -36,7 +36,7 @@ def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantit
         unit, end = scan_unit(text, at, wanted=wanted)
         if text[end:].strip():
             raise UnitError(
-                f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`",
+                f"unexpected `{shortened(text[end:].strip())}` after `{text[:end].strip()}`",
                 offset=end, end=len(text), help=how,
             )
     x, y, z = (Quantity(converted(number, unit), unit[2]) for number in numbers)

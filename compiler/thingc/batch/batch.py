@@ -388,7 +388,7 @@ class _Batch:
                 self._submit(engine, job, _Chunk(left[k : k + size], chunk.attempts), streaming)
             return
         for variant in left:
-            message = f"the executor lost it {ATTEMPTS} times: {type(fault).__name__}: {' '.join(str(fault).split())}"
+            message = f"the executor lost the variant {ATTEMPTS} times: {type(fault).__name__}: {' '.join(str(fault).split())}"
             self._take(journal, {
                 "index": variant.index, "id": variant.id, "status": "failed", "code": Code.VARIANT_DIED.code, "message": message,
             })

@@ -317,7 +317,7 @@ class FamilyFunction:
         same = all(np.all(np.abs(one - sides[0][0]) <= SAME * np.abs(one) + tolerance) for pair in sides for one in pair)
         if not sides or not same:
             raise NotDifferentiable(
-                f"the results are not differentiable by `{self.names[place]}` at {self._shown(x)}: they, or their derivatives, jump there",
+                f"the results are not differentiable by `{self.names[place]}` at {self._shown(x)}: a result or a derivative jumps there",
                 f"choose another value of `{self.names[place]}`"
             )
         if len(sides) == 1 and np.all(np.abs(own - sides[0][0]) <= SAME * np.abs(own) + tolerance):

@@ -51,12 +51,12 @@ class FamilyMjx:
 
     def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str) -> None:
         if dtype == "float32" and jax.config.jax_enable_x64:  # type: ignore[attr-defined]
-            raise FamilyError("MJX computes with 64-bit numbers if JAX has them", "leave out `dtype`, or disable `jax_enable_x64`")
+            raise FamilyError("MJX uses 64-bit numbers if they are enabled in JAX", "omit `dtype`, or disable `jax_enable_x64`")
         settings, read = function._item(function.start)
         plan, why = models.template_at(read)
         lost = [name for name in function.names if plan is None or plan.free.count(read.names.index(name)) == 0]
         if plan is None or lost:
-            raise FamilyError(f"MJX cannot have {', '.join(lost)} as a number: {why}", "fix it with `at`, or use `models`")
+            raise FamilyError(f"MJX cannot vary {', '.join(lost)}: {why}", "set the value with `at`, or use `models`")
         self.names, self.start, self.units, self.bounds = function.names, function.start, function.units, function.bounds
         by = [plan.free.index(read.names.index(name)) for name in self.names]
         self._run = jax_function(plan.program, by, [read.values[at] for at in plan.free], dtype, "models")
@@ -155,7 +155,7 @@ class FamilyMjx:
         return [] if write is None else sorted(set((write.at // getattr(self.mj_model, name).shape[1]).tolist()))
 
     def _fixed(self, why: str) -> FamilyError:
-        return FamilyError(f"{why}, and it depends on {', '.join(self.names)}", "fix them with `at`, or use `models`")
+        return FamilyError(f"{why}, and it depends on {', '.join(self.names)}", "set the values with `at`, or use `models`")
 
     def _put_base(self, mode: str) -> mjx.Model:
         """Convert the MuJoCo model for `start` to an MJX model in which the fields that depend on numbers can be replaced."""

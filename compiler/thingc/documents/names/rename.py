@@ -174,7 +174,7 @@ def _compare(before: WorkspaceIndex, after: WorkspaceIndex, name: Name, new: str
         astray = old.tree.span if now is None else next(_differing(old.tree, now.document.tree, spans), None)
         if astray is not None:
             where = f"{before.relative(path)}:{astray.line}"
-            raise RenameRefused(f"`{name.text}` at {where} is written in an unusual form: rename it by hand")
+            raise RenameRefused(f"`{name.text}` at {where} has a form that thingc cannot edit: rename it by hand")
     along = {place.name for place in before.index.places if place.role == "declared" and place.span in spans}
     section = {"component": "components", "joint": "joints"}.get(name.what, "")
 

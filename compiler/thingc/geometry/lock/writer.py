@@ -122,7 +122,7 @@ def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[
         old, new = held.get(section, {}), made.get(section, {})
         for name in sorted({*old, *new}):
             if name not in old:
-                differing.append((name, f"the {what} `{name}` is not in it"))
+                differing.append((name, f"the {what} `{name}` is missing"))
             elif name not in new:
                 differing.append((name, f"there is no {what} `{name}` any more, or no document uses it"))
             else:
@@ -137,7 +137,7 @@ def _thing_differences(name: str, old: Mapping[str, Any], new: Mapping[str, Any]
     old_records, new_records = _records(old), _records(new)
     missing = sorted(set(new_records) - set(old_records))
     gone = sorted(set(old_records) - set(new_records))
-    phrases += [f"`{text}`, which a document uses, is not in it" for text in missing]
+    phrases += [f"`{text}`, which a document uses, is missing" for text in missing]
     phrases += [f"no document uses `{text}` any more" for text in gone]
     for text in sorted(set(old_records) & set(new_records)):
         path = _first_difference(old_records[text], new_records[text], "")

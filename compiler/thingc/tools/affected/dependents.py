@@ -208,5 +208,5 @@ def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False)
         raise NotARepository("git is not installed here") from fault
     if done.returncode != 0:
         said = os.fsdecode(done.stderr).strip().splitlines()
-        raise NotARepository(said[0] if said else f"git {words[0]} found nothing in common with it")
+        raise NotARepository(said[0] if said else f"git {words[0]} failed without a message")
     return done.stdout

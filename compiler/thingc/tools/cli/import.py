@@ -136,7 +136,7 @@ def _merged(now: Update, *, disputed: bool) -> list[str]:
     said = [f"merged: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []
     if not taken and not disputed:
         said = ["no changes in the source"]
-    return said + ([f"your edits, preserved: {len(kept)}", *_some(kept)] if kept else [])
+    return said + ([f"preserved edits: {len(kept)}", *_some(kept)] if kept else [])
 
 
 def _became(old: str, new: str) -> str:

@@ -145,7 +145,7 @@ def _loops(robot: Robot) -> list[str]:
             lines += [line for loop in loops if loop.cut == closure.path for line in _why_cut(loop, robot)]
     for frame in robot.keyframes:
         if frame.residual is not None:
-            lines.append(f"  pose {frame.name} closes to {frame.residual[0]:.1e} m and {frame.residual[1]:.1e} rad")
+            lines.append(f"  pose {frame.name} closes with an error of {frame.residual[0]:.1e} m and {frame.residual[1]:.1e} rad")
     lines += [f"  pose {one.name} does not close: no keyframe" for one in robot.unclosed]
     return lines
 

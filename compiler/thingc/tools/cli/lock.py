@@ -99,7 +99,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
         held = stream.read()
     lines = held.split("\n")
     for key, words in differences(json.loads(held), made.values):
-        report.add(Code.LOCK_STALE, f"`{LOCK_FILE}` is stale: {words}", _line(path, lines, key), help="run `thingc lock`")
+        report.add(Code.LOCK_STALE, f"`{LOCK_FILE}` is out of date: {words}", _line(path, lines, key), help="run `thingc lock`")
     return None if report.failed else f"{shown}: current"
 
 

@@ -63,7 +63,7 @@ def asked(words: Sequence[str], documents: Sequence[str], models: tuple[str, ...
         words = ["HEAD"]
     sides = [side for word in words for side in _sides(word, models)]
     if len(sides) > 2:
-        raise UnknownComparison(f"`{' '.join(words)}` are more than two states", "write `OLD..NEW`, or two arguments")
+        raise UnknownComparison(f"expected two states, found `{' '.join(words)}`", "write `OLD..NEW`, or two arguments")
     if len(sides) == 1 and sides[0].kind == "document" and not documents:
         return _asked([_revision("HEAD"), sides[0]], ())
     if len(sides) == 1:

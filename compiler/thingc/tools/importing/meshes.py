@@ -65,7 +65,7 @@ def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping
         if size > LARGE and size > SUSPECT * reach > 0.0:
             report.warn(
                 Code.SOURCE_DOUBT, f"`{shape.mesh}` reaches {size:.3g} m, but no joint is more than {reach:.3g} m from the previous one",
-                shape.where, help='its numbers are probably millimetres: write scale="0.001 0.001 0.001"',
+                shape.where, help='the numbers in the file are probably in millimetres: write scale="0.001 0.001 0.001"',
             )
             return
 

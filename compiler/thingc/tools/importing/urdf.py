@@ -95,7 +95,7 @@ class _Urdf:
             self.losses.note("`name` of `<robot>`", f"it is missing; the name of the file, `{name}`, is used", self.root.where)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
         hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
-        unknown = "they are read as unknown; the joint has a drive only if the file defines one elsewhere"
+        unknown = "both values are treated as unknown; the joint has a drive only if the file defines a drive elsewhere"
         for limit in self.unlimited:
             self.losses.note("`effort` and `velocity` of a joint, both 0", unknown, limit.where)
         for limit in self.unlimited[:1]:

@@ -304,7 +304,7 @@ def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[P
             return None, (PartWarning(message=f"`{stated}` is not a colour: use a CSS name or `#rrggbb`"),)
     if len(of_shapes) > 1:
         several = ", ".join(f"`{color}`" for color in sorted(of_shapes))
-        return None, (PartWarning(message=f"its solids have {len(of_shapes)} colours, {several}: it is drawn in that of its material"),)
+        return None, (PartWarning(message=f"its solids have {len(of_shapes)} colours, {several}: the colour of its material is used"),)
     return next(iter(of_shapes), None), ()
 
 
