@@ -204,6 +204,22 @@ def test_documents_builds_and_revisions(here: Path, shared_store: str, capsys: p
     assert "mass of boom: 0.3 -> 0.301 kg (differs by 0.332 %)" in capsys.readouterr().out
 
 
+def test_the_zero_of_a_screw_moves_along_its_axis(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    screw = DOCUMENT.replace("type: universal,", "type: screw, lead: 36 mm, limit: {lower: -1 rad, upper: 1 rad},")
+    (here / "a.yaml").write_text(screw)
+    # a turn by 30 deg, with and without the travel of 3 mm that belongs to it
+    (here / "b.yaml").write_text(screw.replace("head: {xyz: 0 0 500 mm, rpy: 90 0 0 deg}", "head: {xyz: 0 3 500 mm, rpy: 90 30 0 deg}"))
+    (here / "c.yaml").write_text(screw.replace("head: {xyz: 0 0 500 mm, rpy: 90 0 0 deg}", "head: {xyz: 0 0 500 mm, rpy: 90 30 0 deg}"))
+    (here / "d.yaml").write_text(screw.replace("lead: 36 mm", "lead: 37 mm"))
+    assert main(["same", "a.yaml", "b.yaml", "--store", shared_store]) == 0
+    assert "zeros: luff +30 deg" in capsys.readouterr().out
+    assert main(["same", "a.yaml", "c.yaml", "--store", shared_store]) == 1
+    assert main(["same", "a.yaml", "d.yaml", "--store", shared_store]) == 1
+    assert "lead of luff: differs by 0.159 mm" in capsys.readouterr().out
+    assert main(["build", "a.yaml", "--emit", "mjcf", "--store", shared_store]) == 0
+    assert main(["same", "b.yaml", "build/crane", "--store", shared_store]) == 0
+
+
 def test_a_diff_of_zeros_begins_with_the_mechanism(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     revolute = DOCUMENT.replace("type: universal", "type: continuous")
     (here / "a.yaml").write_text(revolute)
