@@ -148,7 +148,17 @@ def test_the_zero_of_a_wheel_follows_from_its_limits(here: Path, capsys: pytest.
     free = compare_mechanisms(one, mechanism(cart("d.urdf", "continuous", 0.0, 0.0, pitch=0.5)))
     assert free.same and free.joints[0].zero == 0.0
     assert main(["same", "a.urdf", "c.urdf"]) == 0
-    assert "limits of spin: [-1, 1] -> [-1.5, 1.5]" in capsys.readouterr().out
+    assert "limits of spin: -57.3 deg, 57.3 deg -> -85.94 deg, 85.94 deg" in capsys.readouterr().out
+
+
+def test_other_numbers_and_arrangements(robots: dict[str, Subject], here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "a.xml").write_text(FIVE_BAR)
+    (here / "b.xml").write_text(FIVE_BAR[: FIVE_BAR.index("<equality>")] + "</mujoco>")
+    (here / "c.xml").write_text(FIVE_BAR.replace('<body name="b" pos="0.2 0 0">', '<body name="b" pos="0.2 0 0.5" euler="1 0 0">'))
+    lines = {"b.xml": "joints: 1 ball, 4 rotation -> 4 rotation", "c.xml": "arrangement: no assignment of links and joints fits"}
+    for name, line in lines.items():
+        assert main(["same", "a.xml", name]) == 1
+        assert capsys.readouterr().out.splitlines()[1:] == [f"  {line}"]
 
 
 def test_a_mirror_image_is_another_robot(robots: dict[str, Subject], here: Path) -> None:
@@ -201,7 +211,7 @@ def test_documents_builds_and_revisions(here: Path, shared_store: str, capsys: p
     assert [one["other"] for one in found["comparisons"][0]["links"]][:2] == ["mast", "jib"]
     document.write_text(DOCUMENT.replace("300 g", "301 g"))
     assert main(["same", "HEAD", "crane.yaml", "--store", shared_store]) == 1
-    assert "mass of boom: 0.3 -> 0.301 kg (differs by 0.332 %)" in capsys.readouterr().out
+    assert "mass of boom: 0.3 kg -> 0.301 kg (differs by 0.332 %)" in capsys.readouterr().out
 
 
 def test_the_zero_of_a_screw_moves_along_its_axis(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.tools.same.features import Array, motion_of, rigid_links
-from thingc.tools.same.matching import JointMap, RobotMap, Tolerances, axis_differences, find_maps, mass_differences
+from thingc.tools.same.features import Array, RigidLink, motion_of, rigid_links
+from thingc.tools.same.matching import MOST, JointMap, RobotMap, Tolerances, axis_differences, find_maps, mass_differences
 from thingc.tools.same.mechanism import Mechanism, MechanismJoint
 
 TOLERANCE = 1e-5
@@ -26,14 +26,16 @@ REACH = 10.0
 STEPS = (1e-3, 1e-2, 0.1)
 """Tolerances [m and rad] with which a map is searched for to explain differences."""
 
-Difference = Literal["mass", "centre", "inertia", "axis angle", "axis position", "lead", "limits", "coupling", "pose", "links", "joints"]
+Difference = Literal[
+    "mass", "centre", "inertia", "axis angle", "axis position", "lead", "limits", "coupling", "pose", "links", "joints", "arrangement",
+]
 
 
 class MechanismDifference(FrozenStruct):
     """A difference between a link or joint `one` of A and `other` of B, which are names.
 
     `old` and `new` are the values in A and B, limits in the coordinate of B. `by` is the difference: a fraction for masses and inertias, a
-    distance [m] for positions, an angle [rad] for axes. A difference in the numbers of links or joints has no names.
+    distance [m] for positions, an angle [rad] for axes. Differences in the numbers or the arrangement of links and joints have no names.
     """
 
     what: Difference
@@ -72,8 +74,9 @@ class MechanismComparison(OneLineRepr, FrozenStruct):
     """The result of a comparison of two mechanisms.
 
     `same` is true if they differ only in root, names, link frames, joint zeros, joint signs and limits. `maps` is the number of maps that
-    fit best, at most 64, and `assignments` the number of different assignments of links and joints among them. `links` and `joints` are the
-    best map. `residual` is the largest difference [m, rad] between poses of links in random configurations.
+    fit best, and `assignments` the number of different assignments of links and joints among them. If `complete` is false, there can be
+    more. `links` and `joints` are the best map. `residual` is the largest difference [m, rad] between poses of links in random
+    configurations.
     """
 
     one: str
@@ -81,6 +84,7 @@ class MechanismComparison(OneLineRepr, FrozenStruct):
     same: bool
     maps: int = 0
     assignments: int = 0
+    complete: bool = True
     links: tuple[LinkMatch, ...] = ()
     joints: tuple[JointMatch, ...] = ()
     differences: tuple[MechanismDifference, ...] = ()
@@ -94,7 +98,7 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
     If `explain` is false, the differences of mechanisms that are not the same are not searched for.
     """
     maps = find_maps(one, other, Tolerances(tolerance, tolerance, masses=True))
-    exact = bool(maps)
+    exact, complete = bool(maps), len(maps) < MOST
     for step in (tolerance, *STEPS) if explain else ():
         maps = maps or find_maps(one, other, Tolerances(tolerance, max(step, tolerance), masses=False))
     if not maps:
@@ -102,22 +106,27 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
     maps = [found for found in maps if not any(_couplings(one, other, found, tolerance))] or maps
     limits = [len(list(_limits(one, other, found, tolerance))) for found in maps]
     maps = [found for found, count in zip(maps, limits, strict=True) if count == min(limits)]
-    best = min(maps, key=lambda found: _worst(one, other, found, tolerance) > EXACT * tolerance)  # the first of those that fit exactly
-    differences = [*_differences(one, other, best, tolerance), *_couplings(one, other, best, tolerance)]
+    rigid = rigid_links(one, tolerance), rigid_links(other, tolerance)
+    best = min(maps, key=lambda found: _worst(_links(*rigid, found)) > EXACT * tolerance)  # the first of those that fit exactly
+    links = tuple(_links(*rigid, best))
+    differences = [
+        *_mass_differences(one, other, links, best, tolerance), *_axis_differences(one, other, best, tolerance),
+        *_couplings(one, other, best, tolerance),
+    ]
     apart = residual(one, other, best)
     if not differences and (not exact or max(apart) > REACH * tolerance * (len(one.joints) + 1)):
         differences.append(MechanismDifference(what="pose", by=max(apart)))
     return MechanismComparison(
         one=one.name, other=other.name, same=exact and not differences,
         maps=len(maps) if exact else 0, assignments=len({_assignment(found) for found in maps}) if exact else 0,
-        links=tuple(_links(one, other, best, tolerance)), joints=tuple(_joints(one, other, best)), differences=tuple(differences),
+        complete=complete, links=links, joints=tuple(_joints(one, other, best)), differences=tuple(differences),
         limits=tuple(_limits(one, other, best, tolerance)), residual=apart,
     )
 
 
-def _worst(one: Mechanism, other: Mechanism, found: RobotMap, tolerance: float) -> float:
+def _worst(links: Iterable[LinkMatch]) -> float:
     """Return the largest difference of masses, centres of mass and inertias."""
-    return max(max(link.mass, link.centre, link.inertia) for link in _links(one, other, found, tolerance))
+    return max(max(link.mass, link.centre, link.inertia) for link in links)
 
 
 def _assignment(found: RobotMap) -> tuple[object, ...]:
@@ -126,15 +135,17 @@ def _assignment(found: RobotMap) -> tuple[object, ...]:
 
 def _counts(one: Mechanism, other: Mechanism) -> Iterator[MechanismDifference]:
     """Yield the differences in the numbers of links and joints, or one difference if only their arrangement differs."""
+    kinds = [Counter[str](joint.kind for joint in robot.joints) for robot in (one, other)]
     if len(one.links) != len(other.links):
         yield MechanismDifference(what="links", old=len(one.links), new=len(other.links))
-    kinds = [Counter[str](joint.kind for joint in robot.joints) for robot in (one, other)]
-    if kinds[0] != kinds[1] or len(one.links) == len(other.links):
-        yield MechanismDifference(what="joints", old=dict(kinds[0]), new=dict(kinds[1]))
+    if kinds[0] != kinds[1]:
+        old, new = (", ".join(f"{count} {kind}" for kind, count in sorted(found.items())) or "none" for found in kinds)
+        yield MechanismDifference(what="joints", old=old, new=new)
+    elif len(one.links) == len(other.links):
+        yield MechanismDifference(what="arrangement")
 
 
-def _links(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[LinkMatch]:
-    A, B = (rigid_links(robot, tolerance) for robot in (one, other))
+def _links(A: Sequence[RigidLink], B: Sequence[RigidLink], best: RobotMap) -> Iterator[LinkMatch]:
     for a, (b, T) in sorted(best.links.items()):
         mass, centre, inertia = map(float, mass_differences(A[a], B[b], T))
         yield LinkMatch(one=A[a].name, other=B[b].name, mass=mass, centre=centre, inertia=inertia)
@@ -146,9 +157,11 @@ def _joints(one: Mechanism, other: Mechanism, best: RobotMap) -> Iterator[JointM
         yield JointMatch(one=a.name, other=b.name, kind=a.kind, sign=joint.sign, zero=joint.zero, determined=not joint.free)
 
 
-def _differences(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
-    """Yield the differences of masses, centres of mass, inertias and axes."""
-    for link, (a, (b, _)) in zip(_links(one, other, best, tolerance), sorted(best.links.items()), strict=True):
+def _mass_differences(
+    one: Mechanism, other: Mechanism, links: Sequence[LinkMatch], best: RobotMap, tolerance: float,
+) -> Iterator[MechanismDifference]:
+    """Yield the differences of masses, centres of mass and inertias. `links` are in the order of the links of `one`."""
+    for link, (a, (b, _)) in zip(links, sorted(best.links.items()), strict=True):
         A, B = one.links[a].properties, other.links[b].properties
         if link.mass > tolerance:
             yield MechanismDifference(what="mass", one=link.one, other=link.other, old=A.mass, new=B.mass, by=link.mass)
@@ -156,6 +169,10 @@ def _differences(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: fl
             yield MechanismDifference(what="centre", one=link.one, other=link.other, by=link.centre)
         if link.inertia > tolerance:
             yield MechanismDifference(what="inertia", one=link.one, other=link.other, by=link.inertia)
+
+
+def _axis_differences(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
+    """Yield the differences of axes of joints, at both ends of each joint."""
     for joint in sorted(best.joints):
         p, q = one.joints[joint.one], other.joints[joint.other]
         ends = [

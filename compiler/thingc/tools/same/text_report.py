@@ -7,16 +7,15 @@ from collections.abc import Iterator
 from thingc.base.numeric import degrees
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import some
-from thingc.tools.same.comparison import TOLERANCE, JointMatch, MechanismComparison, MechanismDifference
-from thingc.tools.same.matching import MOST
+from thingc.tools.same.comparison import TOLERANCE, MechanismComparison, MechanismDifference
 
 SHOWN = 12
 """Maximum number of joints in a list of zeros."""
 ROUNDING = 1e-6
 """Difference [%, mm or deg] below which values are shown as equal."""
 PHYSICAL = {
-    "mass": "mass", "centre": "centre of mass", "inertia": "inertia", "axis angle": "direction of the axis",
-    "axis position": "position of the axis", "lead": "lead", "pose": "poses of links", "coupling": "coupling", "limits": "limits",
+    "centre": "centre of mass", "inertia": "inertia", "axis angle": "direction of the axis", "axis position": "position of the axis",
+    "lead": "lead", "pose": "poses of links",
 }
 
 
@@ -35,10 +34,11 @@ def as_text(result: MechanismComparison) -> Iterator[str]:
     free = [one.other for one in result.joints if not one.determined]
     if free:
         yield f"  zeros that neither axes nor masses determine: {some(free, SHOWN)}"
+    least = "" if result.complete else "at least "
     if result.assignments > 1:
-        yield f"  ambiguous: {_at_least(result.assignments)} assignments of links and joints fit; this one preserves the most names"
+        yield f"  ambiguous: {least}{result.assignments} assignments of links and joints fit; this one preserves the most names"
     elif result.maps > 1:
-        yield f"  ambiguous: {_at_least(result.maps)} choices of zeros and signs fit; this one changes the fewest"
+        yield f"  ambiguous: {least}{result.maps} choices of zeros and signs fit; this one changes the fewest"
     mass, centre, inertia = (max(getattr(one, key) for one in result.links) for key in ("mass", "centre", "inertia"))
     yield (
         f"  agreement of {counted(len(result.links), 'link')}: mass {_within(100.0 * mass, '%')}, "
@@ -49,7 +49,10 @@ def as_text(result: MechanismComparison) -> Iterator[str]:
             f"  agreement of poses in random configurations: position {_within(1000.0 * result.residual[0], 'mm')}, "
             f"rotation {_within(degrees(result.residual[1]), 'deg')}"
         )
-    yield from (f"  {line}" for line in _differences(result.limits))
+    kinds = {one.other: one.kind for one in result.joints}
+    for limit in result.limits:
+        old, new = (", ".join(_value(kinds[limit.other], end) for end in ends) for ends in (limit.old, limit.new))
+        yield f"  limits of {_named(limit)}: {old} -> {new}"
 
 
 def summary(result: MechanismComparison) -> str:
@@ -60,37 +63,40 @@ def summary(result: MechanismComparison) -> str:
 
 def zeros_of(result: MechanismComparison) -> str:
     """Return the joint zeros and signs that differ, such as `zeros: shoulder_lift +90 deg`."""
-    zeros = [f"{one.other} {_value(one, one.zero, plus=True)}" for one in result.joints if abs(one.zero) > TOLERANCE]
+    zeros = [f"{one.other} {_value(one.kind, one.zero, plus='+')}" for one in result.joints if abs(one.zero) > TOLERANCE]
     signs = [one.other for one in result.joints if one.sign < 0]
     found = [f"zeros: {some(zeros, SHOWN)}"] if zeros else []
     return "; ".join([*found, *([f"reversed: {some(signs, SHOWN)}"] if signs else [])])
 
 
-def _value(joint: JointMatch, value: float, *, plus: bool = False) -> str:
-    sign = "+" if plus else ""
-    if joint.kind == "translation":
-        return f"{1000.0 * value:{sign}.4g} mm"
-    return f"{degrees(value):{sign}.4g} deg"
+def _value(kind: str, value: float | None, *, plus: str = "") -> str:
+    """Format a coordinate of a joint with its unit. `plus` is the sign of positive values."""
+    if value is None:
+        return "none"
+    return f"{1000.0 * value:{plus}.4g} mm" if kind == "translation" else f"{degrees(value):{plus}.4g} deg"
 
 
 def _within(value: float, unit: str) -> str:
     return "equal" if value < ROUNDING else f"within {value:.1g} {unit}"
 
 
-def _at_least(number: int) -> str:
-    return f"at least {number}" if number >= MOST else str(number)
-
-
 def _differences(differences: tuple[MechanismDifference, ...]) -> Iterator[str]:
     for one in differences:
-        if one.what in ("links", "joints"):
-            yield f"{one.what}: {_counts(one.old)} -> {_counts(one.new)}"
-            continue
-        name = one.one if one.one == one.other else f"{one.one} = {one.other}"
-        value = f"{_listed(one.old)} -> {_listed(one.new)}" if one.old is not None or one.new is not None else ""
-        value += " kg" if one.what == "mass" else ""
-        by = "" if one.by is None else _distance(one)
-        yield f"{PHYSICAL[one.what]}{' of ' if name else ''}{name}: {value}{' (' + by + ')' if value and by else by}"
+        match one.what:
+            case "arrangement":
+                yield "arrangement: no assignment of links and joints fits"
+            case "links" | "joints":
+                yield f"{one.what}: {one.old} -> {one.new}"
+            case "mass":
+                yield f"mass of {_named(one)}: {one.old:.6g} kg -> {one.new:.6g} kg ({_distance(one)})"
+            case "coupling":
+                yield f"coupling of {_named(one)}: {_coupling(one.old)} -> {_coupling(one.new)}"
+            case _:
+                yield f"{PHYSICAL[one.what]}{' of ' if one.one else ''}{_named(one)}: {_distance(one)}"
+
+
+def _named(one: MechanismDifference) -> str:
+    return one.one if one.one == one.other else f"{one.one} = {one.other}"
 
 
 def _distance(one: MechanismDifference) -> str:
@@ -102,13 +108,5 @@ def _distance(one: MechanismDifference) -> str:
     return f"differs by {1000.0 * one.by:.3g} mm"
 
 
-def _counts(value: object) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{count} {kind}" for kind, count in sorted(value.items())) or "none"
-    return str(value)
-
-
-def _listed(value: object) -> str:
-    if isinstance(value, (tuple, list)):
-        return "[" + ", ".join(_listed(one) for one in value) + "]"
-    return f"{value:.6g}" if isinstance(value, float) else "none" if value is None else str(value)
+def _coupling(coupling: tuple[str, *tuple[float, ...]] | None) -> str:
+    return "none" if coupling is None else f"{coupling[0]} [{', '.join(f'{one:.6g}' for one in coupling[1:])}]"
