@@ -146,8 +146,9 @@ def test_pieces_of_equal_mass_are_one_row_again(workspace: Path) -> None:
         assert build is not None and json.loads(build.files()["bom.json"])[1]["quantity"] == 1  # type: ignore[arg-type]
         alike = Settings(parameters={"one": "15 g", "other": "15 g"})
         assert own.planned(alike) is None
-        files, _ = own.passed(alike)
-        assert [row["quantity"] for row in json.loads(files["bom.json"])] == [1, 2, 1]  # type: ignore[arg-type]
+        build, _ = own._passed(alike)
+        assert build is not None
+        assert [row["quantity"] for row in json.loads(build.files()["bom.json"])] == [1, 2, 1]  # type: ignore[arg-type]
 
 
 def test_one_plan_measures_whatever_reaches_out_farthest(workspace: Path) -> None:
@@ -169,8 +170,8 @@ def test_what_a_plan_is_not_of_goes_through_every_pass(session: Session) -> None
         own.planned(given(k))
     assert own.planned(Settings(parameters={"load": "30 kg"}, choices={})) is None
     assert own.planned(Settings(parameters={**given(3).parameters, "load": "30 kg"}, choices=given(3).choices)) is None
-    files, problems = own.passed(Settings(parameters={"load": "30 kg"}))
-    assert files == {} and "must be at most 20 kg" in problems[0].message
+    build, problems = own._passed(Settings(parameters={"load": "30 kg"}))
+    assert build is None and "must be at most 20 kg" in problems[0].message
     assert made(session, targets=("mjcf", "hag")).planned(given(0)) is None
 
 

@@ -127,7 +127,7 @@ class Resolution(Evaluation):
     """
 
     def __init__(self, session: Session, reader: SettingsReader, drawn: Container[int]) -> None:
-        super().__init__(session, reader, "", None, Refusals(session, reader, (), verify=None), verify=None)
+        super().__init__(session, reader, "", None, Refusals(session, reader, (), verify=None), verify=None, judged=False)
         self.parts: dict[str, PartDefinition] = {}
         self._drawn = drawn
         self._required: set[ParsedSettings] = set()

@@ -12,14 +12,16 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.memo import Memo
+from thingc.base.units import Quantity
 from thingc.batch.families.results import Evaluated
 from thingc.batch.measurements import Results, UnknownMount, measure, measure_tests
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, TracedResults, Tracing
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
+from thingc.batch.plans.row_paths import FEW, compute_rows
 from thingc.batch.plans.searches import SearchMemo
-from thingc.batch.plans.tape import Tape
+from thingc.batch.plans.tape import Number, Tape
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult
 from thingc.batch.rules import unkept
 from thingc.documents.expressions.evaluation import ExpressionValue
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
 
 Item = tuple[Mapping[str, Any], ParsedSettings]
 Planned = tuple[NumericPlan["ResultsShape"], Sequence[float]]
+Verdict = tuple["str | None", tuple[Diagnostic, ...]]
+"""The first rule that a robot violates, or None, and the errors of rules that cannot be evaluated."""
 Measured = tuple[Results, tuple[Diagnostic, ...]]
 """The results of a compilation and its diagnostics."""
 
@@ -42,8 +46,6 @@ TOGETHER = 4096
 """Maximum number of settings that are read ahead and evaluated together."""
 AHEAD = 32
 """Number of settings whose parts are built together."""
-FEW = 8
-"""Minimum number of settings that are evaluated together, with one array for each number."""
 
 
 class Evaluation(Planner["ResultsShape", Measured]):
@@ -52,29 +54,30 @@ class Evaluation(Planner["ResultsShape", Measured]):
     `sites` contains references to mounts whose positions are also results. If `torques` is False, the torque margin is not computed.
     `tests` contains names of document tests. If `tests` is given, only the values that these tests measure are computed.
 
-    The variants document `plan`, if any, specifies the pose, the mounts for the result `reach`, and the rules. `verify` has the same
+    The variants document `plan`, if any, specifies the pose, the mounts for the result `reach`, and the rules, which apply if `judged` is
+    True. `verify` has the same
     meaning as in the class `Planner`.
     """
 
     def __init__(
         self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, refusals: Refusals, *, verify: int | None,
-        sites: tuple[str, ...] = (), torques: bool = True, tests: tuple[str, ...] = (),
+        judged: bool, sites: tuple[str, ...] = (), torques: bool = True, tests: tuple[str, ...] = (),
     ) -> None:
         super().__init__(session, reader, (mode,), verify=verify, is_refused=refusals.applies)
         self.refusals = refusals
         self.mode = mode
-        self.measure = partial(measure, sites=sites, torques=torques)
+        pose, reach = (None, None) if plan is None else (plan.pose, plan.reach)
+        self.measure = partial(measure, pose=pose, reach=reach, sites=sites, torques=torques)
         self.tests = tests
-        self.pose = plan.pose if plan is not None else None
-        self.reach = plan.reach if plan is not None else None
-        self.rules = tuple(plan.rules) if plan is not None else ()
-        self.values: Any = plan.values if plan is not None else dict
+        self.rules = plan.rules if plan is not None and judged else ()
+        self.variants: Any = plan
 
     def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
         """Yield the results of each set of settings, in order. With `tests`, also run the tests of the document."""
         source = iter(many)
         while chunk := list(islice(source, 1 if tests else TOGETHER)):
             ready: dict[int, Planned] = {}
+            verdicts: dict[int, Verdict] = {}
             used: set[int] = set()  # plans that have been run for the whole chunk
             for place, (settings, read) in enumerate(chunk):
                 planned = ready.pop(place, None)
@@ -84,7 +87,9 @@ class Evaluation(Planner["ResultsShape", Measured]):
                         id(planned[0]) not in used or (place % AHEAD == 0 and planned[0].exchange is not None)
                     ):
                         used.add(id(planned[0]))
-                        ready.update(self._together(planned[0], chunk, place, ready))
+                        together = self._together(planned[0], chunk, place, ready)
+                        ready.update(together)
+                        verdicts.update(self._verdicts(planned[0], chunk, together))
                 if planned is not None and planned[0].is_due(self.verify) and not self.agrees(*planned, read):
                     ready.clear()
                     planned = None
@@ -92,7 +97,8 @@ class Evaluation(Planner["ResultsShape", Measured]):
                     yield self._passed(settings, read, tests)
                 else:
                     plan, outputs = planned
-                    yield self._judged(settings, read, plan.made.of(outputs), plan.made.problems)
+                    results = plan.made.of(outputs)
+                    yield self._judged(settings, read, results, plan.made.problems, verdict=verdicts.get(place))
 
     def agrees(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> bool:
         """Return whether a plan has given the same results as a compilation. Otherwise, stop using plans for such settings."""
@@ -135,7 +141,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
         common. Return None if no plan exists for these settings. The callback `item` converts a row to settings. The callback `restricted`
         returns a plan that computes only the required outputs.
         """
-        if len(rows) < FEW or self.rules:
+        if len(rows) < FEW:
             return None
         read = item(rows[0])[1]
         plan, _ = self.plan_at(read)
@@ -190,7 +196,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
         if self.tests:
             request = pipeline.request_of(self.session.environment, compilation)
             return measure_tests(replace(request, memo=memo or request.memo), self.tests)
-        return self.measure(compilation.robots[0], self.pose, self.reach, memo=memo)
+        return self.measure(compilation.robots[0], memo=memo)
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 
@@ -232,23 +238,45 @@ class Evaluation(Planner["ResultsShape", Measured]):
 
     def _judged(
         self, settings: Mapping[str, Any], read: ParsedSettings, results: Results, problems: tuple[Diagnostic, ...],
-        tests: tuple[Any, ...] = (),
+        tests: tuple[Any, ...] = (), verdict: Verdict | None = None,
     ) -> Evaluated:
         broken = None
         if results and self.rules:
-            broken, more = self._broken(read, results)
+            broken, more = verdict or self._broken(read, results)
             problems = (*problems, *more)
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
-    def _broken(self, read: ParsedSettings, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
+    def _verdicts(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], together: Mapping[int, Planned]) -> dict[int, Verdict]:
+        """Evaluate the rules for all results of a plan at once.
+
+        Return a mapping from the index of settings to the verdict. Settings for which a rule cannot be evaluated are omitted.
+        """
+        reads = [chunk[place][1] for place in together]
+        if not (self.rules and reads) or self._has_texts(reads[0]):
+            return {}
+        names, kinds = reads[0].names, [one.dimension for one in self.reader.quantities(reads[0]).values()]
+
+        def judge(numbers: Sequence[Number]) -> tuple[Verdict, Sequence[Number]] | None:
+            given = {name: Quantity(number, kind) for name, kind, number in zip(names, kinds, numbers)}
+            values, results = self.variants.values(given), plan.made.of(numbers[len(names) :])
+            rule, wrong = next(unkept(self.rules, values, results, self.mode), (None, None))
+            return None if wrong is not None else ((None if rule is None else rule.text, ()), ())
+
+        rows = np.array([(*read.values, *outputs) for read, (_, outputs) in zip(reads, together.values(), strict=True)])
+        return {place: one[0] for place, one in zip(together, compute_rows(judge, rows), strict=True) if one is not None}
+
+    def _has_texts(self, read: ParsedSettings) -> bool:
+        """Return whether some parameters are not numbers, but flags, texts or expressions."""
+        return any(name in self.reader.parameters for name, _ in read.texts)
+
+    def _broken(self, read: ParsedSettings, results: Results) -> Verdict:
         """Return the first rule that the results violate, or None if all rules are satisfied.
 
         Also return the errors of rules that cannot be evaluated.
         """
-        has_texts = any(name in self.reader.parameters for name, _ in read.texts)  # not only numbers: flags, texts or expressions
-        given: Mapping[str, ExpressionValue] = self.reader.values(read) if has_texts else self.reader.quantities(read)
+        given: Mapping[str, ExpressionValue] = self.reader.values(read) if self._has_texts(read) else self.reader.quantities(read)
         undecided: list[Diagnostic] = []
-        for rule, wrong in unkept(self.rules, self.values(given), results, self.mode):
+        for rule, wrong in unkept(self.rules, self.variants.values(given), results, self.mode):
             if wrong is None:
                 return rule.text, ()
             undecided.append(wrong)

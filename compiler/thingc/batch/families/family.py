@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.source import ScalarNode
@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from thingc.batch.planning import Plan
     from thingc.model.resolve.resolver import Sources
     from thingc.modes import Modes
+
+T = TypeVar("T")
 
 
 class ModeNames(tuple[str, ...]):
@@ -115,11 +117,7 @@ class RobotFamily:
         self.modes = ModeNames(names)
         self.modes.of = self._switching
         self.mode = self.modes[0] if mode is None else self._known(mode)
-        self._models: dict[tuple[str, bool, bool], ModelsOfMode] = {}
-        self._builds: dict[tuple[str, ...], Builds] = {}
-        self._switches: dict[tuple[str, ...], Builds] = {}
-        self._refusals: dict[str, Refusals] = {}
-        self._evaluations: dict[tuple[Any, ...], Evaluation] = {}
+        self._planners: dict[tuple[Any, ...], Any] = {}
 
     def __enter__(self) -> RobotFamily:
         return self
@@ -230,11 +228,8 @@ class RobotFamily:
         if read.report is not None:
             return NoModel(settings=given, problems=tuple(read.report.ordered()))
         chosen = tuple(map(self._known, modes or self.modes))
-        if chosen not in self._switches:
-            self._switches[chosen] = Builds(
-                self._session, self._reader, modes=chosen, targets=("mjcf",), verify=self._verify, emit=alone, patience=2,
-            )
-        files, problems = self._switches[chosen].made(self._reader.settings(read))
+        builds = self._planner(Builds, modes=chosen, targets=("mjcf",), emit=alone, patience=2)
+        files, problems = builds.made(self._reader.settings(read))
         described = files.get("modes.json")
         return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=given, problems=problems)
 
@@ -273,7 +268,7 @@ class RobotFamily:
         sites = tuple(dict.fromkeys(name[len(SITE):] for name in wanted if name.startswith(SITE)))
         tests = tuple(dict.fromkeys(name.split(".")[1] for name in wanted if name.startswith(TEST)))
         self._check_tests(tests, alone=all(name.startswith(TEST) for name in wanted))
-        evaluation = self._evaluation_of(self.mode if mode is None else self._known(mode), sites, TORQUES in wanted, tests)
+        evaluation = self._evaluation_of(self.mode if mode is None else self._known(mode), sites, TORQUES in wanted, tests, judged=False)
         limits = of_parameters(self._spec, self._reader.parameters, self._bound)
         again = partial(self.function, names, outputs, mode=mode, at=at)
         return FamilyFunction(evaluation, self._reader, limits, as_names(names=names), wanted, {} if at is None else at, again)
@@ -389,25 +384,24 @@ class RobotFamily:
         return mode
 
     def _of(self, mode: str | None, visual: bool, floor: bool = False) -> ModelsOfMode:
-        key = (self.mode if mode is None else self._known(mode), visual, floor)
-        if key not in self._models:
-            refusals = self._refusals_of(key[0])
-            self._models[key] = ModelsOfMode(self._session, self._reader, key[0], refusals, visual=visual, floor=floor, verify=self._verify)
-        return self._models[key]
+        mode = self.mode if mode is None else self._known(mode)
+        return self._planner(ModelsOfMode, mode=mode, refusals=self._refusals_of(mode), visual=visual, floor=floor)
 
     def _refusals_of(self, mode: str) -> Refusals:
-        if mode not in self._refusals:
-            self._refusals[mode] = Refusals(self._session, self._reader, (mode,), verify=self._verify)
-        return self._refusals[mode]
+        return self._planner(Refusals, modes=(mode,))
 
-    def _evaluation_of(self, mode: str, sites: tuple[str, ...] = (), torques: bool = True, tests: tuple[str, ...] = ()) -> Evaluation:
-        key = (mode, sites, torques, tests)
-        if key not in self._evaluations:
-            self._evaluations[key] = Evaluation(
-                self._session, self._reader, mode, self._plan, self._refusals_of(mode), verify=self._verify, sites=sites, torques=torques,
-                tests=tests,
-            )
-        return self._evaluations[key]
+    def _planner(self, kind: Callable[..., T], **options: Any) -> T:
+        """Return an object of the class `kind` with the given options. The object is cached."""
+        key = (kind, *(value for value in options.values() if value is not self._plan))
+        known: T = self._planners.get(key) or kind(self._session, self._reader, verify=self._verify, **options)
+        self._planners[key] = known
+        return known
+
+    def _evaluation_of(
+        self, mode: str, sites: tuple[str, ...] = (), torques: bool = True, tests: tuple[str, ...] = (), *, judged: bool = True,
+    ) -> Evaluation:
+        options = {"sites": sites, "torques": torques, "tests": tests, "judged": judged}
+        return self._planner(Evaluation, mode=mode, plan=self._plan, refusals=self._refusals_of(mode), **options)
 
     def _check_tests(self, names: Sequence[str], *, alone: bool) -> None:
         """Raise `FamilyError` if a name refers to a test whose result is not differentiable.
@@ -426,14 +420,10 @@ class RobotFamily:
         from thingc.targets.registry import chosen, unknown
 
         plan = self._plan
-        if targets not in self._builds:
-            for _, message, hint in unknown(targets):
-                raise UnknownChoice(message, hint)
-            self._builds[targets] = Builds(
-                self._session, self._reader, modes=plan.chosen_modes if plan is not None else (), verify=self._verify,
-                targets=plan.emit if plan is not None and not targets else chosen(targets),
-            )
-        return self._builds[targets]
+        for _, message, hint in unknown(targets):
+            raise UnknownChoice(message, hint)
+        written = plan.emit if plan is not None and not targets else tuple(chosen(targets))
+        return self._planner(Builds, modes=plan.chosen_modes if plan is not None else (), targets=written)
 
     @property
     def _spec(self) -> AssemblySpec:

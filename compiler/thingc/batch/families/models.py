@@ -141,13 +141,9 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
             plan = tracing.plan_for(read, finish, form) if text else tracing.plan(read, finish, form)
             if plan is None:
                 return None
-            wrong = self.compared(plan, tracing.samples(read, form), first)
-            if not wrong:
-                return plan
-            if isinstance(plan.made, ModelTemplate):
-                form.refused = f"a plan gave {wrong}"
-                return None
-            slower = f"a plan by arrays gave {wrong}"
+            if self.checked(plan, tracing.samples(read, form), form, first) is not None or isinstance(plan.made, ModelTemplate):
+                return plan if form.refused is None else None
+            slower, form.refused = f"with arrays, {form.refused}", None
 
     def whole(self, read: ParsedSettings) -> mujoco.MjModel | None:
         """Compile the model of the given settings. Return None if the settings are refused."""

@@ -343,10 +343,4 @@ def _update(condition: Any, compute: Callable[[], Any], old: Any) -> Any:
 
     Unlike a condition for each robot, for which `vmap` computes both cases, nothing is computed if the condition is false for all robots.
     """
-    return jax.lax.cond(_is_any(condition), lambda: _chosen(condition, compute(), old), lambda: old)
-
-
-def _chosen(condition: Any, one: Any, other: Any) -> Any:
-    """Return the state `one` if the condition is true, otherwise return the state `other`. The condition can be a traced value of JAX."""
-    return jax.tree_util.tree_map(lambda a, b: jnp.where(condition, a, b), one, other)
-
+    return jax.lax.cond(_is_any(condition), lambda: jax.tree_util.tree_map(partial(jnp.where, condition), compute(), old), lambda: old)

@@ -148,17 +148,9 @@ class Builds(Planner["_Template", Build]):
         refused = self.refused(settings)
         if refused is not None:
             return {}, refused[0]
-        files, problems = self.passed(settings)
-        if not files:
-            self.learn(settings, problems)
-        return files, problems
-
-    def passed(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
-        """Compile the given settings, check all models with MuJoCo, and return the build files and all diagnostics.
-
-        For refused settings, do not create any files.
-        """
         build, problems = self._passed(settings)
+        if build is None:
+            self.learn(settings, problems)
         return build.files() if build is not None else {}, problems
 
     def _passed(self, settings: Settings, verify: int = 1) -> tuple[Build | None, tuple[Diagnostic, ...]]:

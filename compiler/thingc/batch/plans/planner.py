@@ -69,11 +69,15 @@ class Planner(Generic[Made, Whole]):
         form.add(plan)
         return form.plan_for(read)
 
-    def compared(self, plan: NumericPlan[Made], samples: Sequence[ParsedSettings], first: Whole) -> str:
-        """Compare a new plan with compilations of `samples`. Return a description of the first difference, or an empty string.
+    def checked(
+        self, plan: NumericPlan[Made] | None, samples: Sequence[ParsedSettings], form: PlanCache[Made], first: Whole,
+    ) -> NumericPlan[Made] | None:
+        """Compare a new plan with compilations of `samples`. If an object differs, do not create further plans, and return None.
 
         `first` is the result of a compilation of the first sample.
         """
+        if plan is None:
+            return None
         for sample in samples:
             outputs = plan.outputs(sample.values)
             whole = None if outputs is None else first if sample is samples[0] else self.whole(sample)
@@ -81,19 +85,12 @@ class Planner(Generic[Made, Whole]):
                 continue
             try:
                 made = self.compute(plan, outputs, sample)
+                wrong = "" if made is None else self.difference(made, whole)
             except ValueError as fault:
-                return f"{self.wrong}: {' '.join(str(fault).split())}"
-            if made is not None and (wrong := self.difference(made, whole)):
-                return wrong
-        return ""
-
-    def checked(
-        self, plan: NumericPlan[Made] | None, samples: Sequence[ParsedSettings], form: PlanCache[Made], first: Whole,
-    ) -> NumericPlan[Made] | None:
-        """Compare a new plan with compilations, as `compared` does. If an object differs, do not create further plans and return None."""
-        if plan is not None and (wrong := self.compared(plan, samples, first)):
-            form.refused = f"a plan gave {wrong}"
-            return None
+                wrong = f"{self.wrong}: {' '.join(str(fault).split())}"
+            if wrong:
+                form.refused = f"a plan gave {wrong}"
+                return None
         return plan
 
     def confirms(self, made: Whole, whole: Whole | None, read: ParsedSettings, form: PlanCache[Made]) -> bool:
