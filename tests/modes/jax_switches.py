@@ -57,7 +57,7 @@ def states(mode: Mode, seed: int = 1) -> State:
 
 
 CASES = [
-    ("minchw", "front_foot", "rear_foot", "impact"),
+    ("minchw", "front_foot", "rear_foot", "drop"),
     ("minchw", "rear_foot", "bridge", "drop"),
     ("mimics", "free_0", "held_5", "impact"), ("chain", "float", "bridge", "impact"), ("chain", "near", "pinned", "impact"),
     ("bars", "ground_free", "crank_held", "impact"), ("balls", "loose", "last", "impact"), ("balls", "first", "loose", "drop"),

@@ -110,9 +110,11 @@ def code(path: Path) -> Iterator[Text]:
     tree = ast.parse(path.read_text())
     place = path.relative_to(ROOT).as_posix()
     room = place.removeprefix("compiler/thingc/").partition("/")[0].removesuffix(".py")
-    docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and len(node.value.split()) >= 3:
+    docs: set[int] = set()
+    for node in ast.walk(tree):  # an expression comes before its constant
+        if isinstance(node, ast.Expr):
+            docs.add(id(node.value))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and len(node.value.split()) >= 3:
             kind = "docstrings" if id(node) in docs else "messages"
             yield Text(f"{room} {kind}", f"{place}:{node.lineno}", " ".join(node.value.split()))
 
