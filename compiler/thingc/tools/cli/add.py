@@ -25,7 +25,7 @@ from thingc.tools.cli import console, signals
 from thingc.tools.cli.add_templates import BASES, STUBS, DocumentEdit
 
 EPILOG = """\
-Adds a stub for you to edit. If the document would have errors, nothing is written.
+Adds a stub that you then edit. If the document would then have errors, nothing is written.
 
   thingc add part Bracket --to rover.yaml --on base.top       add the class Bracket in parts/bracket.py, and a component
   thingc add part links:Bracket                               add only the class, in parts/links.py

@@ -8,7 +8,7 @@ from thingc.tools.cli import console
 from thingc.tools.reporting.explain import as_page, find, near, sections
 
 EPILOG = """\
-Without CODE, all codes are listed.
+Without CODE, the command lists all codes.
 
   thingc explain TC302
   thingc explain 302

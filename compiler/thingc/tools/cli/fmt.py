@@ -18,7 +18,7 @@ from thingc.tools.cli import console
 
 EPILOG = """\
 Sorts keys as in the language reference (your own names keep their order), indents by two spaces, and separates top-level blocks by
-one empty line. Comments stay in place. The meaning of a document never changes.
+one empty line. Comments and values never change.
 
   thingc fmt assemblies                  format every document in a folder
   thingc fmt --check --diff assemblies   show what would change; exit code 1 for CI

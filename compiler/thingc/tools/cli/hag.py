@@ -10,8 +10,8 @@ from thingc.driver.pipeline import compile
 from thingc.tools.cli import console
 
 EPILOG = """\
-Nodes are definitions: a part or a document with its parameters. A definition that is used twice is one node. Edges mean
-"is a subcomponent of", labelled with the mated mounts and the joint, if any.
+Each node is a definition: a part or a document with its parameters. A definition that is used twice is one node. Each edge connects
+an assembly with a component. The label of an edge shows the mated mounts, and the joint, if any.
 
   thingc hag assemblies/arm.yaml
   thingc hag assemblies/arm.yaml --format mermaid >> README.md

@@ -23,8 +23,7 @@ from thingc.tools.importing.update_import import PreviousImport, Update, earlier
 MOST_SAID = 20
 """Maximum number of changes to print. `git diff` shows all changes."""
 EPILOG = """\
-Writes a document that you can edit, and `import.json`, which lists names of the source and everything that the document cannot express,
-with lines of the source.
+Writes a document that you can edit, and `import.json`. This file lists the names and the losses, each with its line in the source file.
 
   thingc import robot.urdf                       write to a folder with the name of the robot
   thingc import robot.urdf -o robots/arm

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from thingc.targets.networkx_export import Loop
 
 EPILOG = """\
-Masses are exact integrals of the geometry times density, or values of the document or the part. The source of each one is shown:
+Masses are exact integrals of the geometry times density, or values of the document or the part. The source of each mass is shown:
 `derived`, `estimated (layers)` for prints with an infill, `measured`, `vendor` or `stated`.
 
   thingc info assemblies/arm.yaml
-  thingc info assemblies/arm.yaml --mates                 show which mounts and axes coincide
+  thingc info assemblies/arm.yaml --mates                 show mated mounts and the directions of their axes
   thingc info assemblies/arm.yaml -p 'reach=120 mm' --format json | jq .mass
 """
 

@@ -33,7 +33,7 @@ from thingc.tools.cli.parts import unreadable
 EPILOG = """\
 Writes parts.lock.json at the root of the workspace: parameters with units, defaults and bounds, mounts, volumes, masses and a hash of
 the code, for every Thing in the part folders and every part that a document uses. Commit the file with the documents. This command
-runs the code of parts in a worker process; `thingc check --no-code` then needs neither that code nor a CAD kernel.
+runs the code of parts in a worker process; `thingc check --no-code` then needs neither this code nor a CAD kernel.
 
   thingc lock
   thingc lock --check          check that the file is up to date, in a pipeline that trusts the code
