@@ -271,7 +271,7 @@ def test_two_links_of_one_name() -> None:
     assert said(report) == [
         (
             "DUPLICATE_LINK",
-            "`cap` names two links: this one and the link of component `cap`",
+            "`cap` names two links: this link and the link of component `cap`",
             "choose another name, or also name the link of `cap` under `links:`",
             110,
         )
@@ -317,13 +317,13 @@ def test_a_pose_outside_the_limits() -> None:
         (
             "POSE_LIMITS",
             "pose `home` puts `yaw` at 150 deg, outside its limits -57.2958 deg to 114.592 deg",
-            "write a value within the limits, or widen them",
+            "write a value within the limits, or widen the limits",
             301,
         ),
         (
             "POSE_LIMITS",
             "pose `home` puts `slide` at -1 mm, outside its limits 0 mm to 20 mm",
-            "write a value within the limits, or widen them",
+            "write a value within the limits, or widen the limits",
             302,
         ),
     ]

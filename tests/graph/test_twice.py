@@ -91,7 +91,8 @@ def heads(said: str) -> list[str]:
 def test_parts_that_follow_a_set_are_named_and_nothing_is_written(build: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
     code, said = build("Plain", "Hashed", "Holes", "Fails", options=("--twice",))
     hashed, holes, fails = heads(said)
-    volumes = re.fullmatch(r"two builds of `odd:Hashed` differ: its volume is 0\.(\d) cm\^3, then 0\.(\d) cm\^3", hashed)
+    differ = r"two builds of `odd:Hashed` differ: its volume is 0\.(\d) cm\^3 in the first build and 0\.(\d) cm\^3 in the second"
+    volumes = re.fullmatch(differ, hashed)
     assert volumes is not None and volumes[1] != volumes[2]
     assert holes.startswith("two builds of `odd:Holes` differ: its mounts change order: `hole_")
     assert fails == "two builds of `odd:Fails` differ: the second build failed: ValueError: not this time"
@@ -109,7 +110,8 @@ def test_a_part_that_the_store_has_from_something_else_is_named(build: Callable[
     assert (code, "is up to date" in said) == (0, True)
     before = {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
     code, said = build("Plain", "Asks", options=("--twice",))
-    assert (code, heads(said)) == (1, ["two builds of `odd:Asks` differ: its volume is 0.3 cm^3, then 0.4 cm^3"])
+    differ = "two builds of `odd:Asks` differ: its volume is 0.3 cm^3 in the first build and 0.4 cm^3 in the second"
+    assert (code, heads(said)) == (1, [differ])
     assert before == {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
     (tmp_path / "height.txt").write_text("3")
     code, said = build("Plain", "Asks", options=("--twice",))
@@ -120,18 +122,20 @@ def test_a_part_that_the_store_has_from_something_else_is_named(build: Callable[
 A_MESH = Mesh(sha256="0" * 64, size=84, vertices=4, faces=4, closed=True, flat=False)
 TURNED = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 OTHERS: dict[str, tuple[Any, str]] = {
-    "material": ("steel", "its material is nothing, then `steel`"),
-    "color": ("#ff0000", "its colour is nothing, then `#ff0000`"),
-    "volume": (1.5e-6 * (1.0 + 1e-9), "its volume is 1.5 cm^3, then 1.5000000015 cm^3"),
-    "area": (2e-4, "its surface is 1 cm^2, then 2 cm^2"),
-    "centre": ((0.0, 0.0, 0.002), "its centre is [0, 0, 0] mm, then [0, 0, 2] mm"),
+    "material": ("steel", "its material is nothing in the first build and `steel` in the second"),
+    "color": ("#ff0000", "its colour is nothing in the first build and `#ff0000` in the second"),
+    "volume": (1.5e-6 * (1.0 + 1e-9), "its volume is 1.5 cm^3 in the first build and 1.5000000015 cm^3 in the second"),
+    "area": (2e-4, "its surface is 1 cm^2 in the first build and 2 cm^2 in the second"),
+    "centre": ((0.0, 0.0, 0.002), "its centre is [0, 0, 0] mm in the first build and [0, 0, 2] mm in the second"),
     "inertia": (TURNED, "its inertia differs"),
-    "box": (((0.0, 0.0, 0.0), (0.01, 0.01, 0.03)), "its bounding box is nothing, then [0, 0, 0] mm to [10, 10, 30] mm"),
-    "mass": (DeclaredValue(value=0.09), "its stated mass is 0.08 kg, then 0.09 kg"),
+    "box": (((0.0, 0.0, 0.0), (0.01, 0.01, 0.03)),
+            "its bounding box is nothing in the first build and [0, 0, 0] mm to [10, 10, 30] mm in the second"),
+    "mass": (DeclaredValue(value=0.09), "its stated mass is 0.08 kg in the first build and 0.09 kg in the second"),
     "com": (DeclaredValue(value=(0.0, 0.0, 0.0)), "its stated centre of mass differs"),
     "matrix": (DeclaredValue(value=TURNED), "its stated inertia differs"),
     "density": (DeclaredValue(value=7850.0), "its stated density differs"),
-    "mounts": (dict.fromkeys("ba", MountRecord(pose=NO_POSE)), "its mounts change order: `a`, `b`, then `b`, `a`"),
+    "mounts": (dict.fromkeys("ba", MountRecord(pose=NO_POSE)),
+               "its mounts change order: `a`, `b` in the first build and `b`, `a` in the second"),
     "expectations": (
         (MountExpectation(mount="a", text="t", label="t", child_mount="b"),), "its expected parts of mounts differs"
     ),

@@ -201,7 +201,7 @@ def test_a_save_is_shown(tmp_path: Path, shared_store: str) -> None:
         wrong = news.next()
         found = wrong["findings"][0]
         assert (wrong["build"], found["code"], found["file"], found["line"]) == (1, "TC601", "robot.yaml", 23)
-        assert found["help"] == "write a value within the limits, or widen them"
+        assert found["help"] == "write a value within the limits, or widen the limits"
         shown.document.write_text(ROBOT.replace("120 deg", "125 deg"))
         right = news.next()
         assert (right["build"], right["findings"]) == (2, [])

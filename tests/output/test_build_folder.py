@@ -241,7 +241,7 @@ class TestStrangers:
     def test_a_file_where_the_folder_should_be(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         (tmp_path / "arm").write_text("mine")
-        with pytest.raises(OutputError, match="^`arm` is a file, but the build needs a folder there$"):
+        with pytest.raises(OutputError, match="^`arm` is a file, but the build requires a folder at this path$"):
             build(tmp_path, FIRST, store)
         assert (tmp_path / "arm").read_text() == "mine"
 

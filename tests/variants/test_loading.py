@@ -178,7 +178,7 @@ def test_what_is_not_there_is_said_in_words(some: Path, tmp_path: Path, shared_s
         (lambda: family.filter({"name": (1, 2)}), r"expected a string for the column `name`, such as `some_"),
         (lambda: next(family.models(["some_01"], "flying")), "expected variants, found `some_01`"),
         (lambda: family[1.5], "has no variant `1.5`: use its index, its id or its name"),
-        (lambda: load(some.parent), "is not the folder of a batch; in it there are: `some`: run `thingc batch` to create one"),
+        (lambda: load(some.parent), "is not the folder of a batch; it contains the batches: `some`: run `thingc batch` to create one"),
         (lambda: load(tmp_path / "none"), "none` is not the folder of a batch: run `thingc batch` to create one"),
     ):
         with pytest.raises(FamilyError, match=words):

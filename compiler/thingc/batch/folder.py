@@ -162,7 +162,7 @@ def begin(folder: str, document: str, assembly: str) -> None:
         os.makedirs(folder)
     elif not os.path.isdir(folder):
         raise BatchFault(
-            Code.UNEXPECTED, f"`{shown_path(folder)}` is a file, but the batch needs a folder there",
+            Code.UNEXPECTED, f"`{shown_path(folder)}` is a file, but the batch requires a folder at this path",
             "move the file, or use another folder with -o",
         )
     elif os.listdir(folder):

@@ -390,7 +390,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     described = read_batch(place)
     if described is None:
         within = [name for name in listing(place) if read_batch(os.path.join(place, name))]
-        hint = f"; in it there are: {', '.join(f'`{name}`' for name in within)}" if within else ""
+        hint = f"; it contains the batches: {', '.join(f'`{name}`' for name in within)}" if within else ""
         raise FamilyError(f"`{shown_path(place)}` is not the folder of a batch{hint}", "run `thingc batch` to create one")
     whole(place, described)
     records = BuildRecords(place)

@@ -353,7 +353,7 @@ def _refuse_unexpected(folder: str, document: str, also: Collection[str], known:
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
-        message = f"`{shown_path(folder)}` is a file, but the build needs a folder there"
+        message = f"`{shown_path(folder)}` is a file, but the build requires a folder at this path"
         raise OutputError(message, "move the file, or build into another folder with -o")
     unexpected = unexpected_files(folder, document, also=also, known=known)
     if unexpected.names and not (force and unexpected.owner == document):

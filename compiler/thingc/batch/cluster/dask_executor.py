@@ -210,7 +210,7 @@ class DaskCluster(FileTransferExecutor):
     def _lost(self, words: str) -> BatchFault:
         return BatchFault(
             Code.CLUSTER, f"the scheduler at `{self.address}` has disappeared: {words}",
-            "continue with --resume, there or without --cluster on this machine; built variants remain",
+            "continue with --resume, on the cluster or (without --cluster) on this machine; built variants remain",
         )
 
 

@@ -78,14 +78,15 @@ class _Field(FrozenStruct, kw_only=False):
             one, other = ("nothing" if value is None else self.show(value, digits) for value in (first, second))
             if one != other:
                 break
-        return RecordDifference(self.name, f"its {self.name} is {one}, then {other}")
+        return RecordDifference(self.name, f"its {self.name} is {one} in the first build and {other} in the second")
 
     def _of_names(self, first: Mapping[str, Any], second: Mapping[str, Any]) -> RecordDifference | None:
         names = [name for name in dict.fromkeys((*first, *second)) if first.get(name) != second.get(name)]
         if names:
             return RecordDifference(self.name, f"its {self.name} differ: {_listed(names)}")
         if list(first) != list(second):
-            return RecordDifference(self.name, f"its {self.name} change order: {_listed(first)}, then {_listed(second)}")
+            orders = f"{_listed(first)} in the first build and {_listed(second)} in the second"
+            return RecordDifference(self.name, f"its {self.name} change order: {orders}")
         return None
 
 

@@ -290,7 +290,8 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     if joint.path in pose.values:
         findings.error(
             Code.POSE_LIMITS, f"pose `{pose.name}` puts `{joint.name}` at {twist.shown(q)}, outside {limits}",
-            pose.origins.get(joint.path, pose.origin), path=pose.name, help="write a value within the limits, or widen them", notes=notes,
+            pose.origins.get(joint.path, pose.origin), path=pose.name, notes=notes,
+            help="write a value within the limits, or widen the limits",
         )
     elif joint.mimic is not None:
         findings.error(
