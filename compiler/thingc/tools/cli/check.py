@@ -15,7 +15,8 @@ from thingc.base.one_line_repr import counted
 from thingc.driver import pipeline, up_to_date
 from thingc.driver.environment import Environment, Options, attempted, store_of
 from thingc.driver.pipeline import Compilation
-from thingc.tools.cli import console
+from thingc.tools.cli import console, robot_files
+from thingc.tools.importing.source_options import SourceOptions
 
 EPILOG = """\
 Checks every key, name, unit, reference, limit and mass of a document and of the documents that it uses, in every mode.
@@ -23,6 +24,7 @@ Parts are read from the store; missing parts are modelled first, in a worker pro
 
   thingc check                                           check every document below the working folder
   thingc check assemblies                                check every document below a folder
+  thingc check robot.urdf                                check a robot file of another format
   thingc check robot.yaml --fix                          fix misspelt names, units and similar errors
   thingc check robot.yaml --format json | jq '.diagnostics[].message'
   thingc check assemblies/*.yaml --format github         annotate a pull request
@@ -38,13 +40,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "document", metavar="DOC", nargs="*",
-        help="an assembly, materials or variants document (YAML or TOML), or a folder of documents (default: the working folder)",
+        help="an assembly, materials or variants document (YAML or TOML), a robot of another format (.urdf, .xacro, .sdf, .xml), or a "
+        "folder of documents (default: the working folder)",
     )
     add("--touched", action="store_true", help="treat the arguments as changed files and check the documents that they affect")
     add("--no-code", action="store_true", help="run no code of the workspace; read parts from parts.lock.json (see `thingc lock`)")
     add("--time-limit", metavar="TIME", default="5 s", help="with --no-code: limit of CPU time for each document (default: %(default)s)")
     add("--fix", action="store_true", help="apply unambiguous fixes, then report the rest")
     add("--diff", action="store_true", help="with --fix: show the fixes, write nothing")
+    robot_files.configure(parser)
     console.add_format(parser, console.FINDINGS)
     console.add_compiling(parser)
 
@@ -53,12 +57,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc check`, and return the exit code, which is 0 if no document has errors."""
     diagnostics: list[Diagnostic] = []
     try:
-        options = console.options_of(arguments)
+        options, source = console.options_of(arguments), robot_files.source_options(arguments)
         if not arguments.document and arguments.touched:
             raise console.WrongCommandLine("missing: files that have changed", "pass the output of `git diff --name-only main...`")
         arguments.document = arguments.document or ["."]
         trusted = arguments.touched and not arguments.no_code
-        documents = arguments.document
+        robots = (robot_files.changed_robots if arguments.touched else robot_files.select_robot_files)(arguments.document)
+        documents = [word for word in arguments.document if arguments.touched or word not in robots]
         if trusted:
             from thingc.tools.cli.touched import documents as touched
 
@@ -71,17 +76,24 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.fix or arguments.diff:
         from thingc.tools.cli.autofix import run_fix
 
-        return run_fix(arguments, documents, options, report_of)
+        return run_fix(arguments, documents if arguments.touched else [*documents, *robots], options, report_of)
+    of = len(documents) + len(robots) if folders else None
+    remarks: list[str] = []
     if arguments.no_code:
-        return _answer(arguments, *_untrusted(arguments, documents, options), of=len(documents) if folders else None)
+        return _answer(arguments, *_untrusted(arguments, documents, robots, options, source, remarks), of=of, remarks=remarks)
     found = {document: check(document, options, strict=arguments.strict) for document in console.present(documents, diagnostics)}
-    return _answer(arguments, *_merged(found, diagnostics), of=len(documents) if folders else None)
+    work = partial(robot_files.check_robot, options=options, source=source, strict=arguments.strict)
+    found |= robot_files.check_robots(robots, work, remarks)
+    return _answer(arguments, *_merged(found, diagnostics), of=of, remarks=remarks)
 
 
-def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> tuple[list[Diagnostic], list[str]]:
-    """Check each document of an untrusted workspace in a sandboxed process.
+def _untrusted(
+    arguments: argparse.Namespace, documents: Sequence[str], robots: Sequence[str], options: Options, source: SourceOptions,
+    remarks: list[str],
+) -> tuple[list[Diagnostic], list[str]]:
+    """Check each document and each robot file of an untrusted workspace in a sandboxed process.
 
-    Return the diagnostics, and the paths of the documents without diagnostics.
+    Return the diagnostics, and the paths of the documents and robot files without diagnostics. Remarks are added to `remarks`.
     """
     from thingc.tools.cli.sandboxed_check import confined
 
@@ -100,6 +112,8 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
     for document in console.present(documents, diagnostics):
         answer = confined(partial(_packed, document, options, arguments.strict), seconds)
         found[document] = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else list(map(up_to_date.unpacked, answer))
+    work = partial(robot_files.check_confined, options=options, source=source, strict=arguments.strict, seconds=seconds)
+    found |= robot_files.check_robots(robots, work, remarks)
     return _merged(found, diagnostics)
 
 
@@ -146,15 +160,18 @@ def _packed(document: str, options: Options, strict: bool) -> list[dict[str, obj
     return [up_to_date.packed(d) for d in without_code(document, options, strict=strict)]
 
 
-def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
+def _answer(
+    arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None, remarks: Sequence[str] = (),
+) -> int:
     """Print the diagnostics in the requested format, and return the exit code.
 
-    If the command line contains folders, `of` is the number of checked documents.
+    If the command line contains folders, `of` is the number of checked documents. `remarks` are further lines of the text output.
     """
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
         for document in good:
             console.say(f"{document}: ok")
+        console.say(*remarks)
         if of is not None:
             console.say(f"{counted(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
     return console.exit_code(diagnostics)

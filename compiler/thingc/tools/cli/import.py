@@ -15,7 +15,7 @@ from thingc.base.source import dotted
 from thingc.driver.edit_document import checked
 from thingc.driver.environment import Options
 from thingc.driver.output import OutputError, write_new
-from thingc.tools.cli import console, signals
+from thingc.tools.cli import console, robot_files, signals
 from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.three_way_merge import NOTHING
 from thingc.tools.importing.update_import import PreviousImport, Update, earlier_import, update
@@ -39,16 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("file", metavar="FILE", help="the robot: .urdf, .xacro, .sdf or .xml (MJCF)")
     add("-o", "--output", metavar="DIR", help="output folder (default: the name of the robot)")
-    add(
-        "--package", metavar="NAME=DIR", action="append", default=[],
-        help="folder of `package://NAME/...` (may be repeated; default: folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
-    )
-    add(
-        "--mesh-root", metavar="DIR", action="append", default=[],
-        help="additional folder with mesh files; a mesh is found by the end of its path (may be repeated)",
-    )
-    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="argument of a xacro file, `$(arg NAME)` (may be repeated)")
-    add("--no-meshes", action="store_true", help="omit meshes, and list them as losses")
+    robot_files.configure(parser)
     add("--check", action="store_true", help="write nothing; list imported elements, repairs and losses")
     add(
         "--repair", metavar="inertia=HOW", type=_repair,
@@ -64,11 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
     line.
     """
     report = Report()
-    packages = dict(_package(word) for word in arguments.package)
-    given = dict(_argument(word) for word in arguments.arg)
+    source = robot_files.source_options(arguments)
     imported = import_robot(
-        arguments.file, report, roots=arguments.root, repair=arguments.repair, packages=packages, arguments=given,
-        meshes=not arguments.no_meshes, mesh_roots=[_folder(word) for word in arguments.mesh_root],
+        arguments.file, report, roots=arguments.root, repair=arguments.repair, packages=source.packages, arguments=source.arguments,
+        meshes=source.meshes, mesh_roots=source.mesh_roots,
         earlier=lambda name: earlier_import(arguments.output or name), update=arguments.update,
     )
     texts: dict[str, str] = {}
@@ -155,30 +145,6 @@ def _repair(text: str) -> str:
     if what != "inertia" or how not in ("nearest", "shapes"):
         raise argparse.ArgumentTypeError(f"expected `inertia=nearest` or `inertia=shapes`, found `{text}`")
     return how
-
-
-def _package(word: str) -> tuple[str, str]:
-    """Parse a value of the option `--package NAME=DIR`. Raises `WrongCommandLine`."""
-    name, _, folder = word.partition("=")
-    if not name or not os.path.isdir(folder):
-        message = f"--package: expected NAME=DIR with a folder, found `{word}`"
-        raise console.WrongCommandLine(message, "write --package my_robot=../my_robot")
-    return name, folder
-
-
-def _folder(word: str) -> str:
-    """Return the absolute path of a folder. Raises `WrongCommandLine` if the folder does not exist."""
-    if not os.path.isdir(word):
-        raise console.WrongCommandLine(f"--mesh-root: expected a folder, found `{word}`", "write --mesh-root ../meshes")
-    return os.path.abspath(word)
-
-
-def _argument(word: str) -> tuple[str, str]:
-    """Parse a value of the option `--arg NAME=VALUE`. Raises `WrongCommandLine`."""
-    name, equals, value = word.partition("=")
-    if not name or not equals:
-        raise console.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")
-    return name, value
 
 
 def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:

@@ -12,7 +12,7 @@ from thingc.tools.affected.dependents import NotARepository
 from thingc.tools.cli import console
 from thingc.tools.diff.arguments import UnknownComparison, asked
 from thingc.tools.diff.checkouts import BrokenSide, laid_out
-from thingc.tools.importing.importing import ENDINGS
+from thingc.tools.importing.source_options import ENDINGS
 from thingc.tools.same.comparison import TOLERANCE, MechanismComparison, compare_mechanisms
 from thingc.tools.same.sides import mechanisms
 from thingc.tools.same.text_report import as_text

@@ -19,6 +19,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT, MassProperties
 from thingc.base.primitives import FARTHEST
 from thingc.base.safe_text import escape_control
+from thingc.base.source import Path, Span
 from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.document_names import plain_name
 from thingc.tools.importing.inertias import Repair, RepairedLink, repaired, warn_of_mirror_pairs
@@ -27,6 +28,7 @@ from thingc.tools.importing.mjcf.reader import read_mjcf
 from thingc.tools.importing.packages import Packages
 from thingc.tools.importing.sdf import read_sdf
 from thingc.tools.importing.source_model import SourceLoss, SourceRobot
+from thingc.tools.importing.source_options import ENDINGS
 from thingc.tools.importing.tree import warn_of_depth
 from thingc.tools.importing.update_import import RECORD, PreviousImport
 from thingc.tools.importing.urdf import expanded, read_urdf
@@ -64,13 +66,11 @@ def refuse_endless(robot: SourceRobot, report: Report) -> None:
             report.add(Code.SOURCE_VALUE, message, one.where, help=_METRES)
 
 
-ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
-
-
 class Imported(FrozenStruct):
     """An imported robot, and the contents of the workspace files that the import writes.
 
-    `files` maps paths to contents. `document` is the path of the generated document. `earlier` is the previous import, if any.
+    `files` maps paths to contents. `document` is the path of the generated document, and `places` maps its key paths to the source.
+    `earlier` is the previous import, if any.
     """
 
     name: str
@@ -80,6 +80,7 @@ class Imported(FrozenStruct):
     losses: tuple[SourceLoss, ...]
     renamed: Mapping[str, str]
     repaired: tuple[RepairedLink, ...]
+    places: Mapping[Path, Span]
     earlier: PreviousImport | None = None
 
 
@@ -131,7 +132,8 @@ def import_robot(
     renamed = {name: word for kind in ("links", "frames", "joints") for name, word in written.names[kind].items() if name != word}
     imported = Imported(
         name=written.name, document=document, robot=robot, files={**files, document: written.text.encode()},
-        losses=(*robot.losses, *left_out), renamed=renamed, repaired=mended, earlier=before,
+        losses=(*robot.losses, *left_out), renamed=renamed, repaired=mended, places=written.places,
+        earlier=before,
     )
     asked = {"roots": roots, "repair": repair, "meshes": meshes}
     return replace(imported, files={**imported.files, RECORD: _record(imported, written, asked, path, data)})

@@ -16,12 +16,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import MATE, NO_POSE, Pose, Vector, along, shifted
+from thingc.base.source import Path, Span
 from thingc.documents.format.formatting import format_document
 from thingc.tools.importing.document_names import DocumentNaming
 from thingc.tools.importing.modes import drive_words, dynamics_words, mode_lines, sensor_lines, tendon_lines
 from thingc.tools.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, shape_words, was
 from thingc.tools.importing.raw import name_lines, quoted, raw_lines
 from thingc.tools.importing.source_model import Attachment, SourceJoint, SourceLink, SourceRobot, SourceShape
+from thingc.tools.importing.source_places import places_of
 from thingc.tools.importing.update_import import PreviousImport
 
 _ALIGNED = 1e-12
@@ -39,11 +41,13 @@ class WrittenDocument(FrozenStruct):
     """A document that was generated for an imported robot.
 
     `names` maps the kind and the source name of each element to the name in the document.
+    `places` maps key paths of the document to elements of the source.
     """
 
     name: str
     text: str
     names: Mapping[str, Mapping[str, str]]
+    places: Mapping[Path, Span]
 
 
 class DocumentWriter(DocumentNaming):
@@ -71,7 +75,7 @@ class DocumentWriter(DocumentNaming):
         formatted = format_document(f"{self.name}.yaml", text.encode(), report)
         assert formatted is not None, report.diagnostics
         names = {"links": self.links, "frames": self.frames, "joints": self.joints, **self.others()}
-        return WrittenDocument(name=self.name, text=formatted.decode(), names=names)
+        return WrittenDocument(name=self.name, text=formatted.decode(), names=names, places=places_of(self))
 
     def _components(self) -> Iterator[str]:
         yield "components:"

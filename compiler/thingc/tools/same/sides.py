@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import os
 
-from msgspec.structs import replace
-
 from thingc.base.diagnostics import Report, Severity
-from thingc.driver import pipeline
-from thingc.driver.environment import Environment, Options
+from thingc.driver.environment import Options
 from thingc.modes.errors import ModesError
 from thingc.modes.modes_file import load_modes
 from thingc.tools.diff.arguments import UnknownComparison
 from thingc.tools.diff.cached_snapshots import BrokenDocument
 from thingc.tools.diff.checkouts import BrokenSide, Checkout, DocumentPair, broken_side, subject
-from thingc.tools.importing.importing import import_robot
+from thingc.tools.importing.imported_document import imported_document
+from thingc.tools.importing.source_options import SourceOptions
 from thingc.tools.same.mechanism import Mechanism, mechanism_of_assembly, mechanism_of_mode
 
 
@@ -55,12 +53,8 @@ def read_side(laid: Checkout, options: Options) -> Mechanism:
 def _imported(path: str, options: Options) -> Mechanism:
     """Import a robot without its meshes, and compile the document. Raises `BrokenDocument`."""
     report = Report()
-    imported = import_robot(path, report, meshes=False)
-    if imported is None or report.failed:
+    with imported_document(path, options, report, SourceOptions(meshes=False)) as document:
+        compilation = None if document is None else document.compile(report)
+    if compilation is None or compilation.assembly is None:
         raise BrokenDocument([one for one in report.ordered() if one.severity is Severity.ERROR])
-    document = os.path.join(os.path.dirname(os.path.abspath(path)), imported.document)
-    with Environment(document, replace(options, texts={document: imported.files[imported.document]})) as environment:
-        compilation = pipeline.compile(environment)
-    if compilation.assembly is None:
-        raise BrokenDocument([one for one in compilation.report.ordered() if one.severity is Severity.ERROR])
     return mechanism_of_assembly(compilation.assembly)

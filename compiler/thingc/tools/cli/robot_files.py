@@ -1,0 +1,153 @@
+"""Check robot files of other formats, such as URDF, without converting them, and define the options for reading these files."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shlex
+from collections.abc import Callable, Iterable
+
+from msgspec.structs import replace
+
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.base.filesystem import beginning
+from thingc.base.one_line_repr import counted
+from thingc.base.source import line_of
+from thingc.driver.environment import Options
+from thingc.driver.up_to_date import packed, unpacked
+from thingc.tools.cli import console
+from thingc.tools.importing.source_options import ENDINGS, SourceOptions
+
+Result = tuple[list[Diagnostic], "str | None"]
+"""The diagnostics of a robot file, and a remark about information that was not checked."""
+_HIDDEN = re.compile(rb"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>]*>", re.DOTALL)
+_ROOT = re.compile(rb"<([\w:.-]+)([^>]*)>")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options for reading robot files to a parser."""
+    add = parser.add_argument
+    add(
+        "--package", metavar="NAME=DIR", action="append", default=[],
+        help="folder of `package://NAME/...` (may be repeated; default: folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+    )
+    add(
+        "--mesh-root", metavar="DIR", action="append", default=[],
+        help="additional folder with mesh files; a mesh is found by the end of its path (may be repeated)",
+    )
+    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="argument of a xacro file, `$(arg NAME)` (may be repeated)")
+    add("--no-meshes", action="store_true", help="omit meshes, and list them as losses")
+
+
+def source_options(arguments: argparse.Namespace) -> SourceOptions:
+    """Convert the command-line arguments to options for reading robot files. Raises `WrongCommandLine` for an invalid value."""
+    return SourceOptions(
+        packages=dict(map(_package, arguments.package)), arguments=dict(map(_argument, arguments.arg)), meshes=not arguments.no_meshes,
+        mesh_roots=tuple(map(_folder, arguments.mesh_root)),
+    )
+
+
+def _package(word: str) -> tuple[str, str]:
+    """Parse a value of the option `--package NAME=DIR`. Raises `WrongCommandLine`."""
+    name, _, folder = word.partition("=")
+    if not name or not os.path.isdir(folder):
+        message = f"--package: expected NAME=DIR with a folder, found `{word}`"
+        raise console.WrongCommandLine(message, "write --package my_robot=../my_robot")
+    return name, folder
+
+
+def _folder(word: str) -> str:
+    """Return the absolute path of a folder. Raises `WrongCommandLine` if the folder does not exist."""
+    if not os.path.isdir(word):
+        raise console.WrongCommandLine(f"--mesh-root: expected a folder, found `{word}`", "write --mesh-root ../meshes")
+    return os.path.abspath(word)
+
+
+def _argument(word: str) -> tuple[str, str]:
+    """Parse a value of the option `--arg NAME=VALUE`. Raises `WrongCommandLine`."""
+    name, equals, value = word.partition("=")
+    if not name or not equals:
+        raise console.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")
+    return name, value
+
+
+def select_robot_files(files: Iterable[str]) -> list[str]:
+    """Return the paths that have the suffix of a robot file of another format, without folders."""
+    return [file for file in files if file.lower().endswith(ENDINGS) and not os.path.isdir(file)]
+
+
+def changed_robots(files: Iterable[str]) -> list[str]:
+    """Return the robot files among changed files.
+
+    Deleted files, XML files of other kinds, and files that only other robot files include are omitted.
+    """
+    return [file for file in select_robot_files(files) if os.path.isfile(file) and _is_whole(file)]
+
+
+def _is_whole(path: str) -> bool:
+    """Return whether a file contains a robot: a named URDF or xacro robot, an SDF file, or a MuJoCo model with a world.
+
+    A `.urdf` or `.sdf` file that cannot be read also counts, because the check reports the error.
+    """
+    from thingc.tools.importing.xml_source import MOST_BYTES
+
+    try:
+        data = _HIDDEN.sub(b"", beginning(path, MOST_BYTES))
+    except OSError:
+        return True
+    root = _ROOT.search(data)
+    tag, attributes = (root[1], root[2]) if root is not None else (b"", b"")
+    if tag == b"robot":
+        return re.search(rb"\sname\s*=", attributes) is not None
+    return tag == b"mujoco" and b"<worldbody" in data or path.lower().endswith((".urdf", ".sdf"))
+
+
+def check_robot(path: str, options: Options, source: SourceOptions, *, strict: bool) -> Result:
+    """Check a robot file without converting it. Return its diagnostics, and a remark about information that was not checked, or None."""
+    from thingc.tools.importing.imported_document import imported_document
+
+    report = Report()
+    with imported_document(path, options, report, source) as document:
+        if document is None:
+            return console.final(report, strict=strict), None
+        document.compile(report)
+        return console.final(report, strict=strict), _remark(path, source, len(document.imported.losses))
+
+
+def _remark(path: str, source: SourceOptions, losses: int) -> str | None:
+    if not losses:
+        return None
+    words = [("--package", f"{name}={folder}") for name, folder in source.packages.items()]
+    words += [("--mesh-root", folder) for folder in source.mesh_roots]
+    words += [("--arg", f"{name}={value}") for name, value in source.arguments.items()]
+    options = [*(text for pair in words for text in pair), *([] if source.meshes else ["--no-meshes"])]
+    command = shlex.join(["thingc", "import", path, *options, "--check"])
+    return f"{path}: {counted(losses, 'element')} not checked, listed by `{command}`"
+
+
+def check_robots(paths: Iterable[str], check: Callable[[str], Result], remarks: list[str]) -> dict[str, list[Diagnostic]]:
+    """Call the function `check` for each robot file, and return the diagnostics by path. Remarks are added to `remarks`."""
+    results = {path: check(path) for path in paths}
+    remarks.extend(remark for _, remark in results.values() if remark is not None)
+    return {path: diagnostics for path, (diagnostics, _) in results.items()}
+
+
+def check_confined(path: str, options: Options, source: SourceOptions, *, strict: bool, seconds: float) -> Result:
+    """Check an untrusted robot file in a sandboxed process, without reading its meshes. A xacro file is not checked, because it is code."""
+    from thingc.tools.cli.sandboxed_check import confined
+
+    if path.lower().endswith(".xacro"):
+        report, message = Report(), "the file was not checked, because xacro evaluates Python expressions"
+        help = "expand it with `xacro` and check the URDF file, or omit `--no-code`"
+        report.add(Code.SOURCE_XML, message, line_of(os.path.abspath(path)), help=help, severity=Severity.WARNING)
+        return console.final(report, strict=strict), None
+    if path.lower().endswith(".xml"):
+        import mujoco  # noqa: F401  (the sandbox cannot load libraries)
+
+    def work() -> object:
+        diagnostics, remark = check_robot(path, options, replace(source, meshes=False), strict=strict)
+        return list(map(packed, diagnostics)), remark
+
+    answer = confined(work, seconds)
+    return ([replace(answer, path=path)], None) if isinstance(answer, Diagnostic) else (list(map(unpacked, answer[0])), answer[1])

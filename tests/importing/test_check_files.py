@@ -1,0 +1,167 @@
+"""`thingc check` of robot files: wrong values are reported at the element of the file that contains them, and nothing is written."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from thingc.tools.cli.main import main
+
+HERE = Path(__file__).parent
+ROBOTS = HERE / "robots"
+# a file, the text to replace, a wrong value, the code, and the start of the element at which the value must be reported
+SLIPS = {
+    "degrees": ("constructs.urdf", 'upper="1.5707963267948966"', 'upper="90"', "TC515", '<joint name="shoulder"'),
+    "friction": ("constructs.urdf", 'friction="0.2"', 'friction="200"', "TC521", '<joint name="shoulder"'),
+    "damping": ("constructs.urdf", 'damping="0.01"', 'damping="10"', "TC521", '<joint name="spin"'),
+    "mass": ("shapes.urdf", '<mass value="2"/>', '<mass value="2000"/>', "TC792", '<inertial><mass value="2000"'),
+    "negative mass": ("shapes.urdf", '<mass value="2"/>', '<mass value="-2"/>', "TC952", '-2"'),
+    "fixed joint": ("shapes.urdf", 'xyz="0 0 0.6"', 'xyz="0 0 600"', "TC517", '<joint name="stuck"'),
+    "moving joint": ("shapes.urdf", 'xyz="0 0 0.2"', 'xyz="0 0 200"', "TC517", '<joint name="turn"'),
+    "point mass": ("shapes.urdf", 'xyz="0.01 0.02 0"', 'xyz="10 20 0"', "TC522", '<inertial><origin xyz="10 20 0"'),
+    "size": ("shapes.urdf", 'radius="0.05"', 'radius="50"', "TC416", 'lead">'),
+    "sdf limit": ("constructs.sdf", "<upper>1.5</upper>", "<upper>90</upper>", "TC515", '<joint name="shoulder"'),
+    "sdf friction": ("constructs.sdf", "<friction>0.2<", "<friction>200<", "TC521", '<joint name="shoulder"'),
+    "mjcf limit": ("constructs.xml", 'range="0 120"', 'range="0 2000"', "TC515", '<joint name="elbow"'),
+    "mjcf travel": ("constructs.xml", 'range="-0.01 0.02"', 'range="-10 20"', "TC517", '<joint name="left"'),
+    "mjcf step": ("constructs.xml", 'timestep="0.004"', 'timestep="0.04"', "TC523", 'constructs">'),
+    "mjcf pose": ("floating.xml", '<key qpos="1 0 0.1', '<key name="low" qpos="1 0 0.1', "TC618", '<key name="low"'),
+}
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with the robots, in which a command must neither write nor leave temporary files."""
+    shutil.copytree(ROBOTS, tmp_path / "robots")
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    monkeypatch.chdir(tmp_path / "robots")
+    yield tmp_path / "robots"
+    assert not [*(tmp_path / "temporary").iterdir()]
+
+
+def spoil(file: Path, old: str, new: str) -> str:
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new, 1))
+    return file.read_text()
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_a_wrong_value_is_reported_at_its_element(here: Path, slip: str, capsys: pytest.CaptureFixture[str]) -> None:
+    name, old, new, code, start = SLIPS[slip]
+    text = spoil(here / name, old, new)
+    before = {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
+    main(["check", name, "--format", "json"])
+    found = json.loads(capsys.readouterr().out)["diagnostics"]
+    at = text.index(start)
+    place = (name, text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at))
+    assert (code, *place) in [(one["code"], one["file"], one["line"], one["column"]) for one in found]
+    assert all(one["file"] == name and "allow:" not in (one["help"] or "") for one in found)
+    assert before == {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("name", ["constructs.urdf", "constructs.sdf", "constructs.xml", "cranks.xml", "fixed.urdf"])
+def test_a_good_robot_is_ok(here: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", name, "--strict"]) == 0
+    assert capsys.readouterr().out.startswith(f"{name}: ok\n")
+
+
+def test_losses_are_counted_in_one_line(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "shapes.urdf"]) == 0
+    said = capsys.readouterr().out
+    assert said == "shapes.urdf: ok\nshapes.urdf: 1 element not checked, listed by `thingc import shapes.urdf --check`\n"
+    assert main(["import", "shapes.urdf", "--check"]) == 0
+    assert capsys.readouterr().out.count(": lost: ") == 1
+
+
+@pytest.mark.parametrize("name", ["shapes.urdf", "constructs.sdf", "tendons.xml"])
+def test_the_codes_are_those_of_the_imported_document(here: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (here / name).read_text()
+    for digit in ("0.02", "0.05", "1.5"):
+        text = text.replace(digit, f"{digit}e3", 1)
+    (here / name).write_text(text)
+    main(["check", name, "--format", "json"])
+    direct = [one["code"] for one in json.loads(capsys.readouterr().out)["diagnostics"]]
+    assert main(["import", name, "-o", "../imported"]) in (0, 1)
+    capsys.readouterr()
+    if (here.parent / "imported").exists():
+        (document,) = (here.parent / "imported").glob("*.yaml")
+        main(["check", str(document), "--format", "json"])
+        assert sorted(direct) == sorted(one["code"] for one in json.loads(capsys.readouterr().out)["diagnostics"]) != []
+
+
+def test_names_are_those_of_the_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (here / "constructs.urdf").read_text().replace("shoulder", "shoulder-1").replace('upper="1.5707963267948966"', 'upper="90"')
+    (here / "constructs.urdf").write_text(text)
+    main(["check", "constructs.urdf"])
+    assert "joint `shoulder-1` is 14.3 turns" in capsys.readouterr().out
+
+
+def test_formats_and_exit_codes(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = spoil(here / "constructs.urdf", 'upper="1.5707963267948966"', 'upper="90"')
+    line = text[: text.index('<joint name="shoulder"')].count("\n") + 1
+    assert main(["check", "constructs.urdf"]) == 0
+    assert f"--> constructs.urdf:{line}:3\n" in capsys.readouterr().out
+    assert main(["check", "constructs.urdf", "--strict", "--format", "github"]) == 1
+    assert f"file=constructs.urdf,line={line},col=3" in capsys.readouterr().out
+    assert main(["check", "constructs.urdf", "fixed.urdf", "--format", "sarif"]) == 0
+    (result,) = json.loads(capsys.readouterr().out)["runs"][0]["results"]
+    region = result["locations"][0]["physicalLocation"]["region"]
+    assert (result["ruleId"], region["startLine"], region["startColumn"]) == ("TC515", line, 3)
+
+
+@pytest.mark.parametrize(("name", "text", "code", "words"), [
+    ("missing.urdf", None, 2, "cannot read `missing.urdf`: no such file or directory"),
+    ("cut.urdf", '<robot name="r">\n  <link name="a"', 1, "--> cut.urdf:2:3\n"),
+    ("other.xml", "<html/>", 1, "but this one starts with `<html>`\n   --> other.xml:1:1\n"),
+    ("broken.urdf.xacro", '<robot name="r" xmlns:xacro="http://wiki.ros.org/xacro">\n  <link name="${none}"/></robot>', 1,
+     "--> broken.urdf.xacro:2:1\n"),
+    ("mesh.urdf", '<robot name="r"><link name="a">\n<visual><geometry><mesh filename="no.stl"/></geometry></visual></link></robot>', 1,
+     "--> mesh.urdf:2:"),
+])
+def test_what_cannot_be_read(here: Path, name: str, text: str | None, code: int, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    if text is not None:
+        (here / name).write_text(text)
+    assert main(["check", name, "fixed.urdf"]) == code
+    said = capsys.readouterr().out
+    assert words in said and "fixed.urdf: ok\n" in said and "Traceback" not in said
+
+
+def test_xacro_is_checked_at_its_own_lines(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(HERE / "xacro", here / "xacro")
+    arm = here / "xacro" / "bot" / "urdf" / "arm.xacro"
+    bot = "xacro/bot/urdf/bot.urdf.xacro"
+    assert main(["check", bot, "--no-meshes"]) == 0
+    assert f"`thingc import {bot} --no-meshes --check`" in capsys.readouterr().out
+    spoil(arm, 'type="continuous"', 'type="revolute"')
+    text = spoil(arm, "<calibration", '<limit lower="0" upper="90" effort="1" velocity="1"/><calibration')
+    main(["check", bot, "--no-meshes"])
+    line = text[: text.index("<joint")].count("\n") + 1
+    assert f"--> xacro/bot/urdf/arm.xacro:{line}:5\n" in capsys.readouterr().out
+
+
+def test_without_code(here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("thingc.tools.cli.console.refuse_modules_of_others", lambda: None)
+    spoil(here / "constructs.xml", 'range="0 120"', 'range="0 2000"')
+    (here / "robot.xacro").write_text('<robot name="r"/>')
+    assert main(["check", "--no-code", "constructs.xml", "constructs.sdf", "robot.xacro", "--time-limit", "20 s"]) == 0
+    said = capsys.readouterr().out
+    assert "warning[TC515]" in said and "--> constructs.xml:" in said and "constructs.sdf: ok\n" in said
+    assert "the file was not checked, because xacro evaluates Python expressions" in said
+
+
+def test_touched_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "package.xml").write_text("<package/>")
+    (here / "macros.xacro").write_text('<?xml version="1.0"?>\n<robot xmlns:xacro="http://wiki.ros.org/xacro"/>')
+    (here / "cut.urdf").write_text("<robot")
+    given = ["package.xml", "macros.xacro", "parts/classes.xml", "deleted.urdf", "fixed.urdf", "cranks.xml", "constructs.sdf"]
+    assert main(["check", "--touched", "--", *given]) == 0
+    assert capsys.readouterr().out == "fixed.urdf: ok\ncranks.xml: ok\nconstructs.sdf: ok\n"
+    assert main(["check", "--touched", "--", "cut.urdf"]) == 1
+    assert "--> cut.urdf:1:" in capsys.readouterr().out
