@@ -448,8 +448,7 @@ class _Planner:
         many = any(isinstance(raw, list) and len(raw) > 1 for raw in (*self.spec.parameters.values(), *self.spec.choices.values()))
         if not sample.ranges and not many and not any(not isinstance(raw, list) and hasattr(raw, "count")
                                                       for raw in self.spec.parameters.values()):
-            message = "`sample` has no values or ranges to draw from"
-            self.error(Code.VARIANT_VALUE, message, ("sample",), "add `ranges: {NAME: [smallest, largest]}`")
+            self.error(Code.VARIANT_VALUE, "`sample` has no values to draw from", ("sample",), "add `ranges: {NAME: [smallest, largest]}`")
         return sample.method, count or 0, seed or 0
 
     def grid_fits(self) -> bool:
