@@ -55,7 +55,7 @@ NESTED = {
 
 def numbers(family: thingc.RobotFamily) -> dict[str, float]:
     """Return the value of every number in the document in SI units. The keys are names of parameters or paths."""
-    tree = family._sources.documents.root.tree
+    tree = family._root.tree
     found: dict[str, float] = {}
     for section in SECTIONS:
         for path, _ in scalars(tree.entries.get(section), (section,)):

@@ -85,3 +85,17 @@ def test_verdicts_of_many_are_those_of_each(folder: Path, monkeypatch: pytest.Mo
                 assert one.broken == expected(settings), settings
         assert len({one.broken for one in found}) == 6 and any(not one.results for one in found)
         assert any(one.results and not one.sound for one in found)  # a rule divided by zero
+
+
+def test_numbers_of_many_are_those_of_each(folder: Path) -> None:
+    source = random.Random(4)
+    many = [{**drawn(source), **({"length": float("inf")} if k % 40 == 0 else {})} for k in range(400)]
+    with thingc.family(folder / "booms.yaml", verify=0) as family:
+        found = family.numbers(many)
+        assert found == [family.numbers(settings) for settings in many]
+        for settings, numbers in zip(many, found, strict=True):
+            length, turns = numbers["length"], settings.get("turns", 3.0)
+            assert numbers["load"] == settings["load"] and numbers.get("slim") == (1.0 if settings.get("slim") else None)
+            if length <= 1.0 and turns != 2.0:
+                assert numbers.get("share", 0.2) == length / (turns - 2)
+        assert len({tuple(one) for one in found}) > 4

@@ -13,6 +13,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.base.diagnostics import Code, Report
+from thingc.base.numeric import isfinite
 from thingc.base.source import SET, Document, MappingNode, Node, entries_of
 from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity
@@ -194,9 +195,11 @@ class SettingsReader:
 
         The result includes parameters whose expressions depend on other parameters. Values are numbers, booleans and expressions.
         """
-        settings = self.settings(read)
-        values = {**self._declared.given(settings.parameters), **self.quantities(read)}
-        stated = {path: _stated(text, values) for path, text in read.texts if path in settings.choices}
+        quantities, texts = self.quantities(read), dict(read.texts)
+        known = {name: one for name, one in quantities.items() if isfinite(one.value)}
+        given = {name: texts.get(name, "") for name in (*quantities, *texts) if "." not in name}
+        values = {**self._declared.given(given, known), **quantities}
+        stated = {path: _stated(text, values) for path, text in texts.items() if "." in path}
         return {**values, **{path: value for path, value in stated.items() if value is not None}}
 
     def as_given(self, settings: Mapping[str, Any]) -> dict[str, str]:

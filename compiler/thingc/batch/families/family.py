@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from thingc.base.diagnostics import Diagnostic, Report
-from thingc.base.source import ScalarNode
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
 from thingc.batch.families.batching import Batches, batched
+from thingc.batch.families.document_numbers import DocumentNumbers
 from thingc.batch.families.evaluation import Evaluation
 from thingc.batch.families.mjspec_recompile import ModelTemplate
 from thingc.batch.families.models import ModelsOfMode
 from thingc.batch.families.results import Evaluated, Explanation, NoModel
-from thingc.batch.families.search_space import SearchSpace, of_axes, of_parameters
+from thingc.batch.families.search_space import SearchSpace
 from thingc.batch.measurements import SITE, TEST, TESTED, TORQUES
 from thingc.batch.planning import Variant
 from thingc.batch.plans.build_templates import Builds
@@ -25,10 +25,8 @@ from thingc.batch.plans.refusals import Refusals
 from thingc.batch.results import FamilyError
 from thingc.batch.run_options import as_names, at_least, is_whole
 from thingc.batch.values import unit_in
-from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
-from thingc.documents.expressions.terms import Expression, ExpressionError
-from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
-from thingc.documents.spec.settable_values import stated_node
+from thingc.documents.expressions.evaluation import ExpressionValue
+from thingc.documents.spec.assembly import AssemblySpec
 from thingc.driver.api import CompileError
 from thingc.driver.environment import Options
 from thingc.driver.pipeline import UnknownChoice, chosen_consumers
@@ -43,7 +41,6 @@ if TYPE_CHECKING:
     from thingc.batch.families.mjx_family import FamilyMjx
     from thingc.batch.families.sensitivity import Sensitivity
     from thingc.batch.planning import Plan
-    from thingc.model.resolve.resolver import Sources
     from thingc.modes import Modes
 
 T = TypeVar("T")
@@ -103,11 +100,12 @@ class RobotFamily:
         if sources is None or report.failed or not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
             self.close()
             raise CompileError(report.ordered())
-        self._sources: Sources = sources
+        self._root = sources.documents.root
         self._verify = verify
         fixed = {} if self._plan is None else {**self._plan.fixed.parameters, **self._plan.fixed.choices}
         kinds = None if self._plan is None else self._plan.paths.kinds
         self._reader = SettingsReader(sources, {name: _given(value) for name, value in fixed.items()}, kinds)
+        self._numbers = DocumentNumbers(sources, self._reader, self._plan)
         first = self._session.compile(self._reader.settings(self._reader.read({})))
         if first.assembly is None:
             self.close()
@@ -204,7 +202,7 @@ class RobotFamily:
         given, read = self._read(settings)
         if read.report is not None:
             return tuple(read.report.ordered())
-        own = self._reader.settings(read, self._units, self._reader.as_given(given))
+        own = self._reader.settings(read, self._numbers.units, self._reader.as_given(given))
         named = emit if isinstance(emit, Iterable) and not isinstance(emit, str) else (emit,)
         builds = self._builds_of(tuple(map(str, named)))
         store = self._session.environment.store
@@ -214,7 +212,7 @@ class RobotFamily:
                 parent, name = os.path.split(os.path.abspath(os.fsdecode(folder)))
                 if not name or "\0" in name:
                     raise OutputError(f"`{os.fsdecode(folder)!r}` cannot be a build folder", "use a separate folder")
-                write_build(parent, name, files, store, self._sources.documents.root.relative)
+                write_build(parent, name, files, store, self._root.relative)
         except BlobMissing as fault:
             words = f"the cache `{store.root}` no longer has the meshes of parts"
             raise OutputError(words, "create the family again, which rebuilds missing parts") from fault
@@ -244,7 +242,8 @@ class RobotFamily:
         _, read = self._read(settings)
         if read.report is not None:
             return tuple(read.report.ordered())
-        own = self._reader.settings(read, self._units or {name: unit_in(node.text) for name, node in self._written(read.names).items()})
+        written = self._numbers.written(read.names)
+        own = self._reader.settings(read, self._numbers.units or {name: unit_in(node.text) for name, node in written.items()})
         given = {**own.parameters, **own.choices}
         environment = self._session.environment
         return write_values(environment.document, given, environment.options).found if given else ()
@@ -269,9 +268,9 @@ class RobotFamily:
         tests = tuple(dict.fromkeys(name.split(".")[1] for name in wanted if name.startswith(TEST)))
         self._check_tests(tests, alone=all(name.startswith(TEST) for name in wanted))
         evaluation = self._evaluation_of(self.mode if mode is None else self._known(mode), sites, TORQUES in wanted, tests, judged=False)
-        limits = of_parameters(self._spec, self._reader.parameters, self._bound)
         again = partial(self.function, names, outputs, mode=mode, at=at)
-        return FamilyFunction(evaluation, self._reader, limits, as_names(names=names), wanted, {} if at is None else at, again)
+        space, by = self._numbers.parameters, as_names(names=names)
+        return FamilyFunction(evaluation, self._reader, space, by, wanted, {} if at is None else at, again)
 
     def sensitivity(
         self, outputs: Sequence[str] | str = ("mass", "centre"), names: Sequence[str] | str = (), *, mode: str | None = None,
@@ -288,8 +287,8 @@ class RobotFamily:
 
         given = dict(at or {})
         numeric = [one.name for one in self.space if isinstance(one.value, float)]
-        by = as_names(names=names) or list(self._written(numeric))
-        kinds = {name: test.kind for name, test in self._spec.tests.items()}
+        by = as_names(names=names) or list(self._numbers.written(numeric))
+        kinds = {name: test.kind for name, test in self._numbers.spec.tests.items()}
         fixed = {name: value for name, value in given.items() if name not in by}
         x: dict[str, float] = {}
 
@@ -301,7 +300,7 @@ class RobotFamily:
             function = self.function(by, results, mode=mode, at=fixed)
             read = self._reader.read({**dict(zip(by, function.start.tolist(), strict=True)), **given})
             x.update(zip(read.names, read.values, strict=True))
-            found += sensitivities(function, x, kinds, self._written(by), alone)
+            found += sensitivities(function, x, kinds, self._numbers.written(by), alone)
         return found
 
     def mjx(
@@ -319,27 +318,23 @@ class RobotFamily:
 
         return FamilyMjx(self._of(mode, False, floor), self.function(names, (), mode=mode, at=at), dtype)
 
-    @cached_property
+    @property
     def space(self) -> SearchSpace:
         """The search space of the family: the axes of the variants document, or the parameters of the assembly document."""
-        if self._plan is not None:
-            return of_axes(self._plan.axes, {**self._plan.own, **self._plan.paths.own})
-        return of_parameters(self._spec, self._reader.parameters, self._bound)
+        return self._numbers.space
 
-    def numbers(self, settings: Mapping[str, Any] | Variant) -> dict[str, float]:
+    @overload
+    def numbers(self, settings: Mapping[str, Any] | Variant) -> dict[str, float]: ...
+    @overload
+    def numbers(self, settings: Iterable[Mapping[str, Any] | Variant]) -> list[dict[str, float]]: ...
+    def numbers(self, settings: Any) -> dict[str, float] | list[dict[str, float]]:
         """Return a mapping from the names of all numeric settings and flags to their values [SI]. The value of a flag is 0 or 1.
 
         The mapping includes fixed values of the family, and values that are computed from the settings. Settings that equal the values in
-        the documents are omitted.
+        the documents are omitted. For a list of settings, return a list of mappings.
         """
-        _, read = self._read(settings)
-        values, own = self._reader.values(read), self._reader.parameters
-        if self._plan is not None:  # this reads the values at the paths of the document
-            values.update((name, value) for name, value in self._plan.values(values).items() if "." in name)
-            own = {**own, **self._plan.paths.own}
-        given = {*read.names, *dict(read.texts)}
-        said = {name: value for name, value in values.items() if name in given or value != own.get(name)}
-        return {name: float(plain(value)) for name, value in said.items() if not isinstance(value, str)}
+        found = self._numbers.values([self._read(one)[1] for one in as_many(settings)])
+        return found[0] if is_single(settings) else found
 
     @property
     def variants(self) -> Iterator[Variant]:
@@ -353,14 +348,14 @@ class RobotFamily:
         the value in the document is used. Returns `NoModel` if the number cannot be set to `value`.
         """
         models = self._of(mode, False)
-        settings: dict[str, Any] = {one: self._stated(one) if value is None else value for one in self._reader.meant(str(name))}
+        settings: dict[str, Any] = {one: self._numbers.stated(one) if value is None else value for one in self._reader.meant(str(name))}
         read = self._reader.read(settings or {name: ""})
         form: PlanCache[Any] = PlanCache()
         plan = models.plan(read, form) if settings.keys() <= set(read.names) else None
         if plan is None:
             why = "; ".join(dict.fromkeys(form.why.values())) or form.refused
-            if not why and (problems := models.problems(read)):
-                return NoModel(settings=settings, problems=problems)
+            if not why and isinstance(refused := next(models.each([(settings, read)], share=False)), NoModel):
+                return refused
             return Explanation(name=name, mode=models.mode, way="passes", why=why or "it is not a number in the document")
         if isinstance(plan.made, ModelTemplate):
             return Explanation(name=name, mode=models.mode, way="text" if plan.exchange is None else "parts", why=plan.made.why)
@@ -372,11 +367,6 @@ class RobotFamily:
         if isinstance(settings, Variant):
             settings = {**settings.parameters, **settings.choices}
         return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)
-
-    def _stated(self, name: str) -> Any:
-        """Return the value of a number in the document [SI], or an empty string if the document does not contain this number."""
-        kind = self._reader.kind(name)
-        return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
 
     def _known(self, mode: str) -> str:
         if mode not in self.modes:
@@ -409,9 +399,9 @@ class RobotFamily:
         Unless `alone` is True, also raise `FamilyError` for any other test.
         """
         for name in names:
-            if name not in self._spec.tests:
-                raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._spec.tests, what="tests"))
-            if (kind := self._spec.tests[name].kind) not in TESTED:
+            if name not in self._numbers.spec.tests:
+                raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._numbers.spec.tests, what="tests"))
+            if (kind := self._numbers.spec.tests[name].kind) not in TESTED:
                 raise FamilyError(f"`{TEST}{name}` has no derivatives, because `{kind}` is not a smooth number", f"remove `{TEST}{name}`")
         if names and not alone:
             raise FamilyError(f"`{TEST}{names[0]}` cannot be computed with other results", "use a separate function for tests")
@@ -424,38 +414,6 @@ class RobotFamily:
             raise UnknownChoice(message, hint)
         written = plan.emit if plan is not None and not targets else tuple(chosen(targets))
         return self._planner(Builds, modes=plan.chosen_modes if plan is not None else (), targets=written)
-
-    @property
-    def _spec(self) -> AssemblySpec:
-        spec = self._sources.specs[self._sources.documents.root.relative]
-        assert isinstance(spec, AssemblySpec)
-        return spec
-
-    @cached_property
-    def _units(self) -> Mapping[str, str]:
-        return self._plan.written_in if self._plan is not None else {}
-
-    def _written(self, names: Iterable[str]) -> dict[str, ScalarNode]:
-        """Return a mapping from the names of numbers to the nodes of the document that contain these numbers.
-
-        Numbers that are missing or given by an expression are omitted.
-        """
-        from thingc.driver.edit_document import keys_of
-
-        root = self._sources.documents.root
-        nodes = {name: stated_node(root.tree, keys_of(root, name)) for name in names}
-        return {name: node for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
-
-    def _bound(self, name: str, key: str) -> float | None:
-        """Return the bound `key` of a parameter [SI], or None if the parameter does not have this bound."""
-        entry = self._spec.parameters[name]
-        raw: Any = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
-        if isinstance(raw, Expression):
-            try:
-                raw = evaluate(raw, self._reader.parameters)
-            except ExpressionError:
-                return None
-        return raw.value if isinstance(raw, Quantity) else None
 
 
 def _planned(path: str, options: Options) -> Plan | None:

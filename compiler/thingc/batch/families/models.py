@@ -266,14 +266,6 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
             self.session.emit(compilation, ["mjcf"])  # report the error with the reason
             return tuple(report.ordered())
 
-    def problems(self, read: ParsedSettings) -> tuple[Diagnostic, ...]:
-        """Return the diagnostics that explain why the given settings do not have a model.
-
-        Return an empty tuple if the settings have a model.
-        """
-        outcome = self._compiled(read)
-        return outcome if isinstance(outcome, tuple) else ()
-
     def source(self, read: ParsedSettings) -> ModelSource:
         """For valid settings, return the XML text of the model and the contents of its meshes."""
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))

@@ -168,12 +168,13 @@ class AssemblyParameters:
         self.name = spec.name
         self.values = declared(self._context, documents.root, spec).values
 
-    def given(self, texts: Mapping[str, str]) -> dict[str, ExpressionValue]:
+    def given(self, texts: Mapping[str, str], quantities: Mapping[str, Quantity]) -> dict[str, ExpressionValue]:
         """Return the values of all valid parameters.
 
-        `texts` maps names of parameters to strings such as `120 mm`, as in the option `-p`.
+        `texts` maps names of parameters to strings such as `120 mm`, as in the option `-p`. `quantities` contains parsed values, which
+        replace some of these strings.
         """
-        root, context = self._context.documents.root, replace(self._context, report=Report())
+        root, context = self._context.documents.root, replace(self._context, report=Report(), quantities=quantities)
         sound = from_command_line(context, root, self._spec, texts)
         values, _ = worked_out(root, self._spec, sound, Report(), context.doubts(root))
         return {name: value for name, value in values.items() if name in sound or name not in texts}

@@ -1,0 +1,103 @@
+"""The numbers in the document of a family: their values for given settings, their bounds, and their places in the document."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thingc.base.source import ScalarNode
+from thingc.base.units import Quantity
+from thingc.batch.families.search_space import SearchSpace, of_axes, of_parameters
+from thingc.batch.plans.row_paths import compute_rows
+from thingc.batch.plans.tape import Number
+from thingc.documents.expressions.evaluation import evaluate
+from thingc.documents.expressions.terms import Expression, ExpressionError
+from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.documents.spec.settable_values import stated_node
+from thingc.driver.settings import ParsedSettings, SettingsReader
+
+if TYPE_CHECKING:
+    from thingc.batch.planning import Plan
+    from thingc.model.resolve.resolver import Sources
+
+
+class DocumentNumbers:
+    """The numbers in the assembly document of a family. `plan` contains the variants of a variants document, if any."""
+
+    def __init__(self, sources: Sources, reader: SettingsReader, plan: Plan | None) -> None:
+        self._root = sources.documents.root
+        spec = sources.specs[self._root.relative]
+        assert isinstance(spec, AssemblySpec)
+        self.spec: AssemblySpec = spec
+        self.units: Mapping[str, str] = plan.written_in if plan is not None else {}
+        self._reader = reader
+        self._plan = plan
+
+    @cached_property
+    def parameters(self) -> SearchSpace:
+        """The search space of the parameters of the assembly document."""
+        return of_parameters(self.spec, self._reader.parameters, self._bound)
+
+    @cached_property
+    def space(self) -> SearchSpace:
+        """The search space of the axes of the variants document, or of the parameters of the assembly document."""
+        return self.parameters if self._plan is None else of_axes(self._plan.axes, {**self._plan.own, **self._plan.paths.own})
+
+    def values(self, many: Sequence[ParsedSettings]) -> list[dict[str, float]]:
+        """Return the mapping of `RobotFamily.numbers` for each set of settings. Many settings are computed together."""
+        forms: dict[Any, list[int]] = {}
+        for place, read in enumerate(many):
+            forms.setdefault((read.names, read.texts), []).append(place)
+        found: dict[int, dict[str, float]] = {}
+        for (names, texts), places in forms.items():
+            def compute(numbers: Sequence[Number]) -> tuple[Iterable[str], Sequence[Number]] | None:
+                values, whole = self._values(ParsedSettings(names=names, values=tuple(numbers), texts=texts))  # noqa: B023
+                return (tuple(values), tuple(values.values())) if whole else None
+
+            rows = compute_rows(compute, np.array([many[place].values for place in places]))
+            for place, one in zip(places, rows, strict=True):
+                found[place] = self._values(many[place])[0] if one is None else dict(zip(*one, strict=True))
+        return [found[place] for place in range(len(many))]
+
+    def _values(self, read: ParsedSettings) -> tuple[dict[str, float], bool]:
+        """Return the numbers of the document that settings change, and whether all values and expressions could be evaluated."""
+        values, own = self._reader.values(read), self._reader.parameters
+        whole = own.keys() <= values.keys() and not any(text.startswith("=") for _, text in read.texts)
+        if self._plan is not None:  # this reads the values at the paths of the document
+            more = self._plan.values(values)
+            whole = whole and len(more) == len(self._plan.kinds)
+            values.update((name, value) for name, value in more.items() if "." in name)
+            own = {**own, **self._plan.paths.own}
+        given = {*read.names, *dict(read.texts)}
+        said = {name: value for name, value in values.items() if name in given or value != own.get(name)}
+        numbers = {name: one.value + 0.0 if isinstance(one, Quantity) else one for name, one in said.items() if not isinstance(one, str)}
+        return {name: float(one) if isinstance(one, bool) else one for name, one in numbers.items()}, whole
+
+    def stated(self, name: str) -> Any:
+        """Return the value of a number in the document [SI], or an empty string if the document does not contain this number."""
+        kind = self._reader.kind(name)
+        return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
+
+    def written(self, names: Iterable[str]) -> dict[str, ScalarNode]:
+        """Return a mapping from the names of numbers to the nodes of the document that contain these numbers.
+
+        Numbers that are missing or given by an expression are omitted.
+        """
+        from thingc.driver.edit_document import keys_of
+
+        nodes = {name: stated_node(self._root.tree, keys_of(self._root, name)) for name in names}
+        return {name: node for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
+
+    def _bound(self, name: str, key: str) -> float | None:
+        """Return the bound `key` of a parameter [SI], or None if the parameter does not have this bound."""
+        entry = self.spec.parameters[name]
+        raw: Any = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
+        if isinstance(raw, Expression):
+            try:
+                raw = evaluate(raw, self._reader.parameters)
+            except ExpressionError:
+                return None
+        return raw.value if isinstance(raw, Quantity) else None
