@@ -332,18 +332,18 @@ def test_a_loop_can_be_cut_at_another_joint(here: Path, shared_store: str, capsy
 def test_links_that_a_loop_fixes_are_one_link(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     rod = LOOP[LOOP.index("  rod:") : LOOP.index("  rocker:")]
     halves = """
-  left:
-    frame: true
-    mass: {value: 60 g, source: measured}
-    com: 20 2 0 mm
-    inertia: {ixx: 1e-5 kg*m^2, iyy: 2e-5 kg*m^2, izz: 2.5e-5 kg*m^2}
-    mounts: {b: {xyz: 0 0 0 mm}, m: {xyz: 80 0 0 mm}}
   right:
     frame: true
     mass: {value: 50 g, source: measured}
     com: -20 3 1 mm
     inertia: {ixx: 1e-5 kg*m^2, iyy: 2e-5 kg*m^2, izz: 2.5e-5 kg*m^2}
     mounts: {m: {rpy: 180 0 -90 deg}, c: {xyz: 0 0 0 mm}}
+  left:
+    frame: true
+    mass: {value: 60 g, source: measured}
+    com: 20 2 0 mm
+    inertia: {ixx: 1e-5 kg*m^2, iyy: 2e-5 kg*m^2, izz: 2.5e-5 kg*m^2}
+    mounts: {b: {xyz: 0 0 0 mm}, m: {xyz: 80 0 0 mm}}
 """
     masses, centres = np.array([0.06, 0.05]), np.array([[0.02, 0.002, 0.0], [0.06, 0.003, 0.001]])
     centre = masses @ centres / masses.sum()
@@ -362,7 +362,9 @@ def test_links_that_a_loop_fixes_are_one_link(here: Path, shared_store: str, cap
     mounts: {{b: {{xyz: 0 0 0 mm}}, c: {{xyz: 80 0 0 mm}}}}
 """
     (here / "whole.yaml").write_text(LOOP.replace(rod, whole.lstrip("\n")))
-    joints = LOOP.replace(rod, halves.lstrip("\n")).replace("child: rod.b", "child: left.b")
+    joints = LOOP.replace(rod, halves.lstrip("\n"))
+    joints = joints.replace("parent: ground.a, child: crank.a", "parent: crank.a, child: ground.a")
+    joints = joints.replace("parent: crank.b, child: rod.b", "parent: left.b, child: crank.b")
     joints = joints.replace("parent: rod.c, child: rocker.c, loop: true}", "parent: rocker.c, child: right.c}")
     (here / "halves.yaml").write_text(joints.replace("modes:", "  m: {type: fixed, parent: left.m, child: right.m, loop: true}\nmodes:"))
     assert main(["same", "whole.yaml", "halves.yaml", "--store", shared_store]) == 0, capsys.readouterr()
