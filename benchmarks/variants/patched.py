@@ -127,7 +127,7 @@ def compared(document: str, count: int, store: str | None, visual: bool, parts: 
                 read = [family._read(one) for one in many]
                 whole = [models._compiled(one) for _, one in read]
                 for settings, one, model, other in zip(many, read, models.each(read, share=True), whole, strict=True):
-                    form = models.forms.kept.get((one[1].names, one[1].texts))
+                    form = models.forms.get((one[1].names, one[1].texts))
                     plan = form.plan_for(one[1]) if form is not None else None
                     way = "passes" if plan is None else "other parts" if plan[0].exchange is not None else type(plan[0].made).__name__
                     if isinstance(model, NoModel) or isinstance(other, tuple):

@@ -81,7 +81,7 @@ def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str)
     for one, model in zip(many, everything.models(many, mode=mode, share=True, visual=True), strict=True):
         assert isinstance(model, mujoco.MjModel)
         assert different_fields(model, compiled(everything, one, mode)) == []
-    form = everything._of(mode, True).forms.of(everything._reader.read(many[0]))
+    form = everything._of(mode, True).form_of(everything._reader.read(many[0]))
     assert form.refused is None and form.why == {} and len(form.plans) == 1
     assert form.plan_for(everything._reader.read(many[-1])) is not None
 
@@ -95,7 +95,7 @@ def test_tendons_and_springs_are_written_into_arrays(strung: thingc.RobotFamily,
     for one, model in zip(many, strung.models(many, mode=mode, share=True, visual=True), strict=True):
         whole = compiled(strung, one, mode)
         assert isinstance(model, mujoco.MjModel) and different_fields(model, whole) == []
-    plan = strung._of(mode, True).forms.of(strung._reader.read(many[-1])).plan_for(strung._reader.read(many[-1]))
+    plan = strung._of(mode, True).form_of(strung._reader.read(many[-1])).plan_for(strung._reader.read(many[-1]))
     assert plan is not None and type(plan[0].made).__name__ == "Arrays"
 
 
@@ -174,7 +174,7 @@ def test_what_a_borrower_writes_into_a_model_is_in_nobody_else_s(workspace: Path
         for lent in chain((next(family.models([one], share=True)) for _ in range(5)), family.models([one] * 5, share=True)):
             assert isinstance(lent, mujoco.MjModel)
             lent.opt.timestep, lent.opt.gravity[:], lent.body_mass[:], lent.dof_damping[:], lent.body_pos[:] = 0.5, 7.0, 77.0, 7.0, 7.0
-        assert all(form.refused is None for form in family._of(None, False).forms.kept.values())  # no plan is to blame
+        assert all(form.refused is None for form in family._of(None, False).forms.values())  # no plan is to blame
         assert different_fields(family.model(one, visual=False), honest) == []
         assert [different_fields(model, honest) for model in family.models([one, one])] == [[], []]
         (group,) = family.batched([one]).groups
@@ -292,7 +292,7 @@ def test_where_a_number_decides_otherwise_it_is_compiled(everything: thingc.Robo
     found = list(everything.models(many, mode="standing", visual=True))
     for one, model in zip(many, found, strict=True):
         assert isinstance(model, mujoco.MjModel) and different_fields(model, compiled(everything, one, "standing")) == []
-    form = everything._of("standing", True).forms.of(everything._reader.read(many[0]))
+    form = everything._of("standing", True).form_of(everything._reader.read(many[0]))
     assert form.plan_for(everything._reader.read(many[0])) is not None and form.missed == 3
 
 
@@ -322,7 +322,7 @@ def test_numbers_are_told_from_others_of_the_same_value(tmp_path: Path, more: di
     with thingc.family(tmp_path / "twins.yaml", verify=0) as twins:
         models = [model.body_mass.tolist() for model in twins.models(many)]
         results = [one["mass"] for one in twins.evaluate(many)]
-        (form,) = twins._of(None, False).forms.kept.values()
+        (form,) = twins._of(None, False).forms.values()
     assert models == [[0.0, 1.0, one["components.a.mass"], 1.0, 1.0] for one in many]
     assert results == pytest.approx([3.0 + one["components.a.mass"] for one in many], abs=1e-12)
     assert form.plans and form.refused is None
@@ -332,7 +332,7 @@ def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
     with thingc.family(workspace / "everything.yaml", verify=2) as family:
         many = settings(5, 5, {"load": 0.5})
         list(family.models(many, visual=True))
-        (form,) = family._of(None, True).forms.kept.values()
+        (form,) = family._of(None, True).forms.values()
         arrays = form.plans[0].made
         arrays._inertials[0][0] = 1.25  # the mass of a body
         arrays._traced[0, 0] = False
@@ -347,7 +347,7 @@ def test_each_plan_is_looked_at_however_many_models_others_gave(workspace: Path)
         list(family.models(settings(8, 5, {"load": 0.5})))
         many = settings(3, 5, {"components.crank.mass": 0.3})
         list(family.models(many[:2]))
-        _, form = family._of(None, False).forms.kept.values()
+        _, form = family._of(None, False).forms.values()
         form.plans[0].made._inertials[0][0] = 1.25  # the mass of a body
         form.plans[0].made._traced[0, 0] = False
         (model,) = family.models(many[2:])  # the second that this plan gives

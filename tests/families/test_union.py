@@ -66,7 +66,7 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatc
         exchanged, models = family.models(lengths, share=True), family._of(None, False)
         for (_, one), model in zip(read, exchanged, strict=True):
             assert isinstance(model, mujoco.MjModel) and different_fields(model, models._compiled(one)) == []
-        found = models.forms.of(read[0][1]).plan_for(read[0][1])
+        found = models.form_of(read[0][1]).plan_for(read[0][1])
         assert found is not None and found[0].exchange is not None
         assert all(found[0].outputs(one.values) is not None for _, one in read)
         assert isinstance(found[0].made, ModelTemplate) and models._specs[found[0].made] is not None  # for which no text is read
@@ -79,7 +79,7 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatc
             assert set(models._specs.values()) == {None}
         evaluation = family._evaluation_of(family.mode)
         assert [one.results for one in family.evaluate(lengths)] == [evaluation._compiled(one)[0] for _, one in read]
-        results = evaluation.forms.of(read[0][1]).plan_for(read[0][1])
+        results = evaluation.form_of(read[0][1]).plan_for(read[0][1])
         assert results is not None and results[0].exchange is not None
     assert explained == (
         "length is written into the text of one model with other parts, which MuJoCo compiles again: "

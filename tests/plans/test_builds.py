@@ -180,7 +180,7 @@ def test_a_plan_that_gives_other_files_is_given_up(session: Session, monkeypatch
     assert [own.planned(given(k)) is not None for k in range(4)] == [False, True, True, True]
     monkeypatch.setattr(build_templates._Template, "files", lambda self, numbers, settings: {MANIFEST: b"{}"})
     assert own.planned(given(4)) is None  # the first after three others: time to look
-    (form,) = own.forms.kept.values()
+    (form,) = own.forms.values()
     assert form.plans == [] and (form.refused or "").startswith("a plan gave different files for {'joints.lift.limit.upper': 1.29")
     monkeypatch.undo()
     assert own.planned(given(5)) is None
@@ -196,7 +196,7 @@ def test_no_number_of_a_file_is_infinite(session: Session) -> None:
     """One of many is enough; a result can be infinite, as a torque margin is."""
     own = made(session, measured=lambda compilation: {"mass": compilation.robots[0].assembly.links[1].properties.mass})
     assert [own.planned(given(k)) is not None for k in range(2)] == [False, True]
-    (form,) = own.forms.kept.values()
+    (form,) = own.forms.values()
     template, count = form.plans[0].made, len(form.plans[0].made.outputs)
     assert count > 10
     built = [template.build([math.inf if k == odd else 1.0 for k in range(count)], given(0)) is not None for odd in range(count)]

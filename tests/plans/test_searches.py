@@ -42,7 +42,7 @@ def test_one_plan_serves_other_sizes_of_a_linkage(everything: Path, mode: str) -
             model, whole = family.model(one, mode=mode), other._of(mode, True)._compiled(other._reader.read(one))
             assert not isinstance(model, NoModel) and not isinstance(whole, tuple)
             assert different_fields(model, whole) == []
-        form = family._of(mode, True).forms.of(family._reader.read(many[0]))
+        form = family._of(mode, True).form_of(family._reader.read(many[0]))
         assert not form.why and sum(form.plan_for(family._reader.read(one)) is not None for one in many) >= 6
         assert len(form.plans) <= 2
         results = family.evaluate(many)

@@ -102,7 +102,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
 
     def agrees(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> bool:
         """Return whether a plan has given the same results as a compilation. Otherwise, stop using plans for such settings."""
-        return self.confirms(self.compute(plan, outputs, read), self.whole(read), read, self.forms.of(read))
+        return self.confirms(self.compute(plan, outputs, read), self.whole(read), read, self.form_of(read))
 
     def whole(self, read: ParsedSettings) -> Measured | None:
         """Compile the document. Return the results and the diagnostics, or None if there are no results."""
@@ -128,7 +128,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
         if plan.exchange is not None or len(alike) < FEW:
             return {}
         outputs, ok = plan.columns(np.array([chunk[other][1].values for other in alike]))
-        self.forms.of(chunk[place][1]).met += int(ok.sum())
+        self.form_of(chunk[place][1]).met += int(ok.sum())
         return {other: (plan, row) for other, row, applies in zip(alike, outputs.tolist(), ok, strict=True) if applies}
 
     def columns(
@@ -163,7 +163,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
 
         If no plan can be created, return None and the reason.
         """
-        form = self.forms.of(read)
+        form = self.form_of(read)
         known = form.plan_for(read)
         plan = self.plan(read, form) if known is None and form.refused is None else None
         if plan is not None and (outputs := plan.outputs(read.values)) is not None:

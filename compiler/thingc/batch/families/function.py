@@ -243,7 +243,7 @@ class FamilyFunction:
                 self._plans.pop(next(iter(self._plans)))
             outputs = tuple(plan.made.argument(name, plan.program) for name in self.outputs)
             read = self._item(self.start)[1]
-            parts = {self.names.index(name) for name in self._evaluation.forms.of(read).modelled if name in self.names}
+            parts = {self.names.index(name) for name in self._evaluation.form_of(read).modelled if name in self.names}
             names = {self.names.index(name): place for place, name in enumerate(read.names) if name in self.names}
             free = {name: plan.free.index(place) for name, place in sorted(names.items()) if place in plan.free}
             self._plans[id(plan)] = RestrictedPlan(
@@ -286,7 +286,7 @@ class FamilyFunction:
 
     def _known(self, read: ParsedSettings) -> Iterator[tuple[RestrictedPlan, tuple[float, ...]]]:
         """Yield each existing plan that may apply to the given settings, together with the values of its variables."""
-        known = self._evaluation.forms.of(read).plans if read.report is None else ()
+        known = self._evaluation.form_of(read).plans if read.report is None else ()
         for one in self._plans.values():
             if any(one.plan is other for other in known) and (given := one.plan.given(read.values)) is not None:
                 yield one, given

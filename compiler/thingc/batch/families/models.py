@@ -82,7 +82,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
 
     def take_back(self) -> None:
         """Undo the changes of callers to shared models, so that later models do not contain these changes."""
-        for form in self.forms.kept.values():
+        for form in self.forms.values():
             for plan in form.plans:
                 if isinstance(plan.made, Arrays):
                     plan.made.take_back()
@@ -90,7 +90,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
 
     def _is_kept(self, read: ParsedSettings, share: bool) -> bool:
         """Return True if the compiled model of these settings is cached, and computing a model with a plan would not be faster."""
-        return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.forms.of(read).plans)
+        return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.form_of(read).plans)
 
     def template_at(self, read: ParsedSettings) -> tuple[NumericPlan[ModelTemplate] | None, str]:
         """Return a plan that computes the XML of the model for these settings.
@@ -213,7 +213,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
                     plan.made.take_back()
                 plan.made.put(prepared, index)
                 model = plan.made.lend() if share else plan.made.model
-            if is_due and not self.confirms(model, self.whole(item[1]), item[1], self.forms.of(item[1])):
+            if is_due and not self.confirms(model, self.whole(item[1]), item[1], self.form_of(item[1])):
                 for wrong, _, _ in waiting[index:]:
                     yield self._passed(wrong, share)
                 return

@@ -109,7 +109,7 @@ class Builds(Planner["_Template", Build]):
         made = plan.made.build(outputs, settings)
         if made is None:
             return None
-        right = not plan.is_due(self.verify) or self.confirms(made, self._passed(settings)[0], read, self.forms.of(read))
+        right = not plan.is_due(self.verify) or self.confirms(made, self._passed(settings)[0], read, self.form_of(read))
         return made if right else None
 
     def refused(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:

@@ -6,7 +6,7 @@ Before a new plan is used, its results are compared with the results of compilat
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -33,8 +33,6 @@ MOST = 32
 """Maximum number of plans for settings with the same names and texts. The least recently used plans are dropped."""
 PAYS = 32
 """Number of uses of existing plans after which another plan may be created, because creating a plan takes several compilations."""
-FORMS = 256
-"""Maximum number of caches, and maximum total number of plans in all caches. If this number is exceeded, all plans are dropped."""
 SIDES = (1.0, -1.0)
 """Directions in which settings are changed to get sample settings. A plan is checked at the samples before it is used.
 
@@ -181,26 +179,6 @@ class PlanCache(Generic[Made]):
         self.why.update((name, f"{self.modelled[name]}, and {why}" if name in self.modelled else why) for name in names)
         if not names:
             self.refused = why
-
-
-class PlanCaches(Generic[Made]):
-    """Contains a separate cache of plans for each combination of names of numbers and values of other settings.
-
-    The parameter `patience` has the same meaning as in the class `PlanCache`.
-    """
-
-    def __init__(self, patience: int = 2) -> None:
-        self._patience = patience
-        self.kept: dict[Hashable, PlanCache[Made]] = {}
-
-    def of(self, read: ParsedSettings) -> PlanCache[Made]:
-        """Return the cache of plans for settings with the same names of numbers and the same values of all other settings."""
-        key = (read.names, read.texts)
-        if key not in self.kept:
-            if len(self.kept) >= FORMS or sum(len(form.plans) for form in self.kept.values()) >= FORMS:
-                self.kept.clear()
-            self.kept[key] = PlanCache(self._patience)
-        return self.kept[key]
 
 
 class TracedResults:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any, Generic, TypeVar
 
-from thingc.batch.plans.numeric_plan import Made, NumericPlan, PlanCache, PlanCaches
+from thingc.batch.plans.numeric_plan import Made, NumericPlan, PlanCache
 from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
 
 Whole = TypeVar("Whole")
+
+FORMS = 256
+"""Maximum number of caches, and maximum total number of plans in all caches. If this number is exceeded, all plans are dropped."""
 
 
 class Planner(Generic[Made, Whole]):
@@ -31,7 +34,8 @@ class Planner(Generic[Made, Whole]):
         self.modes = tuple(modes)
         self.verify = verify
         self._is_refused = is_refused
-        self.forms: PlanCaches[Made] = PlanCaches(patience)
+        self.forms: dict[Hashable, PlanCache[Made]] = {}
+        self._patience = patience
 
     def whole(self, read: ParsedSettings) -> Whole | None:
         """Compile the document with the given settings. Return None if the settings are refused."""
@@ -52,6 +56,15 @@ class Planner(Generic[Made, Whole]):
         """Return a description of the difference between two objects, or an empty string if they are equal."""
         return "" if made == whole else self.wrong
 
+    def form_of(self, read: ParsedSettings) -> PlanCache[Made]:
+        """Return the cache of plans for settings with the same names of numbers and the same values of all other settings."""
+        key = (read.names, read.texts)
+        if key not in self.forms:
+            if len(self.forms) >= FORMS or sum(len(form.plans) for form in self.forms.values()) >= FORMS:
+                self.forms.clear()
+            self.forms[key] = PlanCache(self._patience)
+        return self.forms[key]
+
     def find_plan(self, read: ParsedSettings) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
         """Return the plan that applies to the settings, and the outputs of the plan. Return None if no plan applies.
 
@@ -59,7 +72,7 @@ class Planner(Generic[Made, Whole]):
         """
         if read.report is not None or not read.names:
             return None
-        form = self.forms.of(read)
+        form = self.form_of(read)
         known = form.plan_for(read)
         if known is not None or self._is_refused(read) or not form.worth_it(read):
             return known
