@@ -11,10 +11,15 @@ import copy
 import re
 from collections.abc import Iterable, Mapping
 
+from pydantic import BaseModel
+
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import quoted
 from thingc.base.units import ANGLE, LENGTH
+from thingc.documents.checks import kinds
+from thingc.documents.spec.annotation_types import model_keys
 from thingc.documents.spec.fields import REFERENCE_PATTERN
+from thingc.documents.spec.name_types import RefersTo
 from thingc.geometry.record import PartSchema
 from thingc.tools.schemas.document_facts import DocumentFacts, JointFacts, Names, WrittenComponent
 from thingc.tools.schemas.parameter_schemas import DocumentSymbols, Schema, documentation, one_of, parameters_schema, part_schema, quantity
@@ -281,21 +286,22 @@ class _Narrowing:
     def _tests(self) -> None:
         """Adapt the schema of the section `tests` to the names in the document.
 
-        References in lists, and references whose description starts with "A component", refer to components. Other references refer to
-        mounts. Keys for poses, modes and joints have the same names in all kinds of tests.
+        References in lists refer to components. The types of other references specify whether they refer to components or to mounts. Keys
+        for poses, modes and joints have the same names in all kinds of tests.
         """
         joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
         choices: dict[str, list[tuple[str, str]]] = {
             "pose": [*self.facts.poses.items(), ("all", "All keyframes of the mode.")], "mode": list(self.facts.modes.items()),
             "drive": [*joints, ("*", "All drives.")],
         }
+        models: dict[str, type[BaseModel]] = {kind.model.__name__: kind.model for kind in kinds().values()}
         self.definitions["shown"] = one_of({**self.facts.exports, **self.facts.mounts}.items(), title="Mount")
         for name in [name for name in self.definitions if name.endswith("Test") or name == "AllowSpec"]:
             fields = self.definitions[name]["properties"]
             for key, written in list(fields.items()):
                 if written.get("pattern") == REFERENCE_PATTERN:
-                    component = str(written.get("description", "")).startswith("A component")
-                    self._put(name, key, _ref("component" if component else "shown"))
+                    names = model_keys(models[name])[key][0].names
+                    self._put(name, key, _ref("component" if names == RefersTo("component") else "shown"))
                 elif written.get("items", {}).get("pattern") == REFERENCE_PATTERN:
                     written["items"] = _ref("component")
             for key in [key for key in choices if key in fields]:
