@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from thingc.base.diagnostics import Report
 from thingc.tools.cli.main import main
+from thingc.tools.importing.importing import import_robot
 
 HERE = Path(__file__).parent
 ROBOTS = HERE / "robots"
@@ -103,6 +108,62 @@ def test_names_are_those_of_the_file(here: Path, capsys: pytest.CaptureFixture[s
     assert "joint `shoulder-1` is 14.3 turns" in capsys.readouterr().out
 
 
+def test_places_of_shapes_and_mimics(here: Path) -> None:
+    starts = {}
+    for name in ("shapes.urdf", "constructs.urdf"):
+        imported, lines = import_robot(name, Report()), (here / name).read_text().splitlines()
+        assert imported is not None
+        starts |= {path: lines[where.line - 1][where.column - 1 :] for path, where in imported.places.items()}
+    assert starts["components", "base", "shapes", 1].startswith('<sphere radius="0.07"')
+    assert starts["components", "pole", "shapes", 0].startswith('<cylinder radius="0.03"')
+    assert starts["joints", "grip", "mimic"].startswith('elbow" multiplier="-0.4"')
+    assert starts["components", "wheel", "mounts", "spin"].startswith('<joint name="spin"')
+
+
+def test_a_workspace_around_a_robot_does_not_matter(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "thingc.toml").write_text("nonsense")
+    assert main(["check", "fixed.urdf"]) == 0
+    (here / "thingc.toml").unlink()
+    (here / "a.yaml").write_text("thingc: materials/1\nmaterials: {a: {density: 1 g/cm^3}}\n")
+    assert main(["check", "fixed.urdf", "."]) == 0
+    assert capsys.readouterr().out.endswith("fixed.urdf: ok\n2 documents checked, all ok\n")
+    assert main(["check", "fixed.urdf", "--fix"]) == 2
+    assert "`fixed.urdf` is not a document" in capsys.readouterr().out
+
+
+def test_info_shows_a_robot_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", "constructs.urdf", "--format", "json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    text = (here / "constructs.urdf").read_text()
+    assert data["mass"] == pytest.approx(sum(map(float, re.findall(r'<mass value="([^"]+)"', text))))
+    assert set(data["modes"]["source"]["joints"]) == set(re.findall(r'<joint name="(\w+)" type="(?!fixed)', text))
+    (here / "cut.urdf").write_text("<robot")
+    assert main(["info", "cut.urdf"]) == 1
+    assert "--> cut.urdf:1:" in capsys.readouterr().err
+
+
+def test_diff_of_two_robot_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copy(here / "constructs.xml", here / "new.xml")
+    new = spoil(here / "new.xml", 'mass="0.7"', 'mass="0.8"')
+    new = spoil(here / "new.xml", '<joint name="elbow" axis="0 1 0" range="0 120"', '<joint name="elbow" axis="0 1 0" range="0 110"')
+    old = spoil(here / "constructs.xml", '<site name="tip"', '<site name="extra"/>\n<site name="tip"')
+    assert main(["diff", "constructs.xml", "new.xml", "--fail-on", "mass", "--format", "json"]) == 1
+    changes = {(one["path"], one["field"]): one for one in json.loads(capsys.readouterr().out)["changes"]}
+    mass, limit = changes["upper_arm", "mass.value"], changes["elbow", "limit.upper"]
+    assert (mass["old"], mass["new"], mass["file"]) == (0.7, 0.8, "new.xml")
+    assert (limit["file"], limit["line"]) == ("new.xml", new[: new.index('<joint name="elbow"')].count("\n") + 1)
+    removed = [one for one in changes.values() if one["change"] == "removed" and one["what"] == "mount" and one["file"] is not None]
+    line = old[: old.index('<site name="extra"')].count("\n") + 1
+    assert ("constructs.xml", line) in [(one["file"], one["line"]) for one in removed]
+    assert main(["diff", "constructs.xml", "cut.xml"]) == 2
+    capsys.readouterr()
+    (here / "cut.xml").write_text("<mujoco>\n<worldbody")
+    assert main(["diff", "constructs.xml", "cut.xml"]) == 1
+    assert "--> cut.xml:2:" in capsys.readouterr().out
+    assert main(["diff", "fixed.urdf", "fixed.urdf"]) == 0
+    assert main(["diff", "fixed.urdf", "fixed.urdf", "--no-code"]) == 2
+
+
 def test_formats_and_exit_codes(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = spoil(here / "constructs.urdf", 'upper="1.5707963267948966"', 'upper="90"')
     line = text[: text.index('<joint name="shoulder"')].count("\n") + 1
@@ -156,11 +217,17 @@ def test_without_code(here: Path, capsys: pytest.CaptureFixture[str], monkeypatc
     assert "the file was not checked, because xacro evaluates Python expressions" in said
 
 
+def test_an_mjcf_file_without_code_in_a_new_process(here: Path) -> None:
+    done = subprocess.run([sys.executable, "-I", "-m", "thingc", "check", "--no-code", "cranks.xml"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "cranks.xml: ok\n"), done.stdout + done.stderr
+
+
 def test_touched_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "package.xml").write_text("<package/>")
-    (here / "macros.xacro").write_text('<?xml version="1.0"?>\n<robot xmlns:xacro="http://wiki.ros.org/xacro"/>')
+    (here / "macros.xacro").write_text('<?xml version="1.0"?>\n<!-- <robot name="r"/> -->\n<robot xmlns:xacro="http://wiki.ros.org/xacro"/>')
     (here / "cut.urdf").write_text("<robot")
-    given = ["package.xml", "macros.xacro", "parts/classes.xml", "deleted.urdf", "fixed.urdf", "cranks.xml", "constructs.sdf"]
+    (here / "scene.xml").write_text("<mujoco><default/></mujoco>")
+    given = ["package.xml", "macros.xacro", "scene.xml", "parts/classes.xml", "deleted.urdf", "fixed.urdf", "cranks.xml", "constructs.sdf"]
     assert main(["check", "--touched", "--", *given]) == 0
     assert capsys.readouterr().out == "fixed.urdf: ok\ncranks.xml: ok\nconstructs.sdf: ok\n"
     assert main(["check", "--touched", "--", "cut.urdf"]) == 1

@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.document = arguments.document or ["."]
         trusted = arguments.touched and not arguments.no_code
         robots = (robot_files.changed_robots if arguments.touched else robot_files.select_robot_files)(arguments.document)
-        documents = [word for word in arguments.document if arguments.touched or word not in robots]
+        documents = [word for word in arguments.document if word not in robots]
         if trusted:
             from thingc.tools.cli.touched import documents as touched
 
@@ -105,7 +105,7 @@ def _untrusted(
     except console.WrongCommandLine as fault:
         return [fault.diagnostic], []
     if arguments.touched:
-        names = confined(partial(_concerned_without_code, documents), seconds)
+        names = confined(partial(_concerned_without_code, arguments.document), seconds)
         if isinstance(names, Diagnostic):
             return [names], []
         documents = names

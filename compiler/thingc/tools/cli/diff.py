@@ -17,7 +17,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
 from thingc.targets.render.picture import NoGraphics, ready
 from thingc.tools.affected.dependents import NotARepository
-from thingc.tools.cli import console
+from thingc.tools.cli import console, robot_files
 from thingc.tools.cli.sandboxed_check import confined
 from thingc.tools.diff.arguments import ComparisonRequest, UnknownComparison, asked
 from thingc.tools.diff.checkouts import BrokenSide, DocumentPair, compared, laid_out
@@ -25,6 +25,7 @@ from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.results import DiffResult, answered, as_json, pack, unpack
 from thingc.tools.diff.snapshot import WHATS
 from thingc.tools.diff.text_report import as_html, as_markdown, as_text
+from thingc.tools.importing.source_options import ENDINGS
 
 EPILOG = """\
 Compares robots, not text: components, joints, mates, parameters, modes, poses, materials, tests, and the effects on masses, geometry,
@@ -34,6 +35,7 @@ mounts, the bill of materials and prints, each with its cause. Changes of layout
   thingc diff main..HEAD                            compare two revisions, without checking them out
   thingc diff main -- assemblies/arm.yaml           compare one document
   thingc diff old.yaml new.yaml                     compare two documents, build folders or parts.lock.json files
+  thingc diff old.urdf new.urdf                     compare two robot files of other formats (.urdf, .xacro, .sdf, .xml)
   thingc diff main..HEAD --format markdown > comment.md
   thingc diff main..HEAD --html change.html
   thingc diff main..HEAD --fail-on mass,joints,tests
@@ -48,8 +50,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "side", metavar="SIDE", nargs="*",
-        help="the old and the new state (default: the working tree): documents, build folders, lock files, or Git revisions (also "
-        "OLD..NEW); to compare only some documents, list them after --",
+        help="the old and the new state (default: the working tree): documents, robot files of other formats, build folders, lock "
+        "files, or Git revisions (also OLD..NEW); to compare only some documents, list them after --",
     )
     add(
         "--fail-on", metavar="WHAT", action="append", default=[],
@@ -60,6 +62,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--time-limit", metavar="TIME", default="20 s", help="with --no-code: limit of CPU time for each document (default: %(default)s)")
     add("--html", metavar="FILE", help="also write a page with pictures and a before/after slider")
     add("--pictures", metavar="FOLDER", help="also write pictures: before, after, and changes in colour")
+    robot_files.configure(parser)
     console.add_format(parser, FORMS)
     console.add_geometry(parser)
 
@@ -69,7 +72,9 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         watched = fail_on(arguments.fail_on)
         options = console.options_of(arguments)
-        wanted = asked(arguments.side, arguments.behind)
+        wanted = asked(arguments.side, arguments.behind, ENDINGS)
+        if arguments.no_code and "model" in (wanted.old.kind, wanted.new.kind):
+            raise UnknownComparison("--no-code cannot compare robot files of other formats", "omit --no-code")
         with ExitStack() as stack:
             answer = _answer(arguments, wanted, options, stack)
     except UnknownComparison as fault:
@@ -144,7 +149,9 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
     if draw and options.code:
         ready()  # call this before the tests import MuJoCo, because MuJoCo selects its graphics library at import
-    work: Callable[[DocumentPair], Comparison | BrokenSide] = partial(compared, options=options, tests=tests, names=names, draw=draw)
+    work: Callable[[DocumentPair], Comparison | BrokenSide] = partial(
+        compared, options=options, source=robot_files.source_options(arguments), tests=tests, names=names, draw=draw,
+    )
     if arguments.no_code:
         console.refuse_modules_of_others()
         work = partial(_apart, work, console.time_of("--time-limit", arguments.time_limit))

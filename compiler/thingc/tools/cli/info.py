@@ -12,7 +12,7 @@ from thingc.driver.environment import attempted
 from thingc.driver.pipeline import compile
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.robot.types import Robot
-from thingc.tools.cli import console
+from thingc.tools.cli import console, robot_files
 
 if TYPE_CHECKING:
     from thingc.targets.networkx_export import Loop
@@ -22,6 +22,7 @@ Masses are exact integrals of the geometry times density, or values of the docum
 `derived`, `estimated (layers)` for prints with an infill, `measured`, `vendor` or `stated`.
 
   thingc info assemblies/arm.yaml
+  thingc info robot.urdf                                  a robot file of another format
   thingc info assemblies/arm.yaml --mates                 show mated mounts and the directions of their axes
   thingc info assemblies/arm.yaml -p 'reach=120 mm' --format json | jq .mass
 """
@@ -30,7 +31,8 @@ Masses are exact integrals of the geometry times density, or values of the docum
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc info` to the parser."""
     parser.epilog = EPILOG
-    console.add_document(parser)
+    console.add_document(parser, what="an assembly document (YAML or TOML), or a robot of another format (.urdf, .xacro, .sdf, .xml)")
+    robot_files.configure(parser)
     parser.add_argument("--mates", action="store_true", help="also show mated mounts: which child axis lies along which parent axis")
     console.add_format(parser)
     console.add_compiling(parser)
@@ -38,8 +40,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc info`. With text output, diagnostics are printed to standard error."""
-    console.require_document(arguments.document)
-    compilation = attempted(arguments.document, console.options_of(arguments), compile)
+    options = console.options_of(arguments)
+    if robot_files.select_robot_files([arguments.document]):
+        compilation = robot_files.compile_robot(arguments.document, options, robot_files.source_options(arguments))
+    else:
+        console.require_document(arguments.document)
+        compilation = attempted(arguments.document, options, compile)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     code = console.exit_code(diagnostics)
     assembly = compilation.assembly if code == 0 else None

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Severity
 from thingc.base.one_line_repr import counted
+from thingc.base.source import Document
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
@@ -58,6 +59,12 @@ class Subject:
     def store(self) -> Store:
         """The cache of built parts and of test results."""
         return self._environment.store
+
+    @property
+    def document(self) -> Document:
+        """The compiled document."""
+        assert self._compilation.documents is not None
+        return self._compilation.documents.root
 
     @property
     def assembly(self) -> Assembly:

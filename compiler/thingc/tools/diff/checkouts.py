@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Diagnostic
+from thingc.base.diagnostics import Diagnostic, Report, Severity
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Span
@@ -22,6 +23,10 @@ from thingc.tools.diff.comparison import Comparison, compare
 from thingc.tools.diff.revisions import Repository, Revision
 from thingc.tools.diff.snapshot import Change, Snapshot
 from thingc.tools.diff.surface_distance import SurfaceDistances
+from thingc.tools.importing.source_options import SourceOptions
+
+SourceOf = Callable[[Span], "Span | None"]
+"""A function that maps a location in a compiled document to a location in a file of the user."""
 
 
 class Checkout(OneLineRepr, FrozenStruct):
@@ -129,19 +134,28 @@ def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequenc
     return sorted(documents)
 
 
-def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False) -> Comparison | BrokenSide:
+def compared(
+    both: DocumentPair, options: Options, source: SourceOptions, *, tests: bool, names: tuple[str, str], draw: bool = False,
+) -> Comparison | BrokenSide:
     """Compare the old and the new version of a document. If one side cannot be compiled, return the errors of this side.
 
-    If `tests` is true, compare test results. If `draw` is true, render pictures of the changes. Source locations refer to files in the
-    user's checkout. In the errors of a side that cannot be compiled, file names start with the name of the side. Raises
-    `UnknownComparison`.
+    `source` contains the options for reading robot files of other formats. If `tests` is true, compare test results. If `draw` is true,
+    render pictures of the changes. Source locations refer to files in the user's checkout. In the errors of a side that cannot be compiled,
+    file names start with the name of the side. Raises `UnknownComparison`.
     """
     assert both.old is not None and both.new is not None, "there is nothing to compare it with"
     with ExitStack() as stack:
         sides: list[Subject | Snapshot] = []
+        homes: list[SourceOf] = []
         for laid, name in ((both.old, names[0]), (both.new, names[1])):
             try:
-                sides.append(_snapshot(laid) if laid.kind != "document" else stack.enter_context(subject(laid, options)))
+                if laid.kind == "model":
+                    robot, home = _robot_file(laid, options, source, stack)
+                    sides.append(robot)
+                    homes.append(home)
+                else:
+                    sides.append(_snapshot(laid) if laid.kind != "document" else stack.enter_context(subject(laid, options)))
+                    homes.append(partial(_at_home, laid))
             except BrokenDocument as broken:
                 return broken_side(laid, name, broken)
         old, new = sides
@@ -152,7 +166,7 @@ def compared(both: DocumentPair, options: Options, *, tests: bool, names: tuple[
                 from thingc.tools.diff.pictures import pictures
 
                 answer = replace(answer, pictures=pictures(old.model(), new.model(), answer.changes))
-        return replace(answer, changes=tuple(_at_home(change, both) for change in answer.changes))
+        return replace(answer, changes=tuple(_with_home(change, homes[::-1]) for change in answer.changes))
 
 
 def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
@@ -209,14 +223,27 @@ def subject(laid: Checkout, options: Options) -> Subject:
     return Subject(laid.path, options)
 
 
-def _at_home(change: Change, both: DocumentPair) -> Change:
+def _robot_file(laid: Checkout, options: Options, source: SourceOptions, stack: ExitStack) -> tuple[Subject, SourceOf]:
+    """Compile a robot file of another format, and return a function that maps spans to this file. Raises `BrokenDocument`."""
+    from thingc.tools.importing.imported_document import imported_document
+
+    report = Report()
+    document = stack.enter_context(imported_document(laid.path, options, report, source))
+    if document is None:
+        raise BrokenDocument([one for one in report.ordered() if one.severity is Severity.ERROR])
+    robot = stack.enter_context(Subject(document.path, document.options))
+    return robot, partial(document.source_span, root=robot.document)
+
+
+def _at_home(laid: Checkout, span: Span) -> Span:
+    return replace(span, file=laid.home(span.file))
+
+
+def _with_home(change: Change, homes: Sequence[SourceOf]) -> Change:
+    """Move the location of a change to a file of the user."""
     span = change.span
-    if span is None:
-        return change
-    for laid in (both.new, both.old):
-        if laid is not None and (file := laid.home(span.file)) != span.file:
-            return replace(change, span=replace(span, file=file))
-    return change
+    moved = (home(span) for home in homes) if span is not None else ()
+    return replace(change, span=next((one for one in moved if one != span), span))
 
 
 def broken_side(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:

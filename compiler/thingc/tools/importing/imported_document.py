@@ -54,12 +54,12 @@ class ImportedDocument(FrozenStruct):
     def _at_source(self, one: Diagnostic, root: Document | None) -> Diagnostic:
         hint = allow_hint(one.code)  # a robot file cannot contain `allow`
         help = one.help.removesuffix(hint).removesuffix("; ") if one.help is not None else None
-        span = self._source_span(one.span, root)
-        notes = [(self._with_source_names(note.message), self._source_span(note.span, root)) for note in one.notes]
+        notes = [(self._with_source_names(note.message), self.source_span(note.span, root)) for note in one.notes]
+        path = self._with_source_names(f"`{one.path}`")[1:-1] if one.path else None
         return replace(
-            one, message=self._with_source_names(one.message), span=span, path=one.path and self._with_source_names(f"`{one.path}`")[1:-1],
+            one, message=self._with_source_names(one.message), span=self.source_span(one.span, root), path=path,
             help=self._with_source_names(help) if help else None, fixes=(),
-            notes=tuple(Note(message=words, span=where) for words, where in notes if where is None or where != span),
+            notes=tuple(Note(message=words, span=where) for words, where in notes),
         )
 
     def _with_source_names(self, text: str) -> str:
@@ -67,7 +67,7 @@ class ImportedDocument(FrozenStruct):
         sources = {word: name for name, word in self.imported.renamed.items()}
         return re.sub(r"`[^`]+`", lambda quoted: re.sub(r"\w+", lambda word: sources.get(word[0], word[0]), quoted[0]), text)
 
-    def _source_span(self, span: Span | None, root: Document | None) -> Span | None:
+    def source_span(self, span: Span | None, root: Document | None) -> Span | None:
         """Return the source location of the innermost element of the document that contains a span."""
         if span is None or span.file != self.path:
             return span
@@ -88,7 +88,7 @@ def imported_document(path: str, options: Options, report: Report, source: Sourc
     imported = import_robot(
         path, report, packages=source.packages, arguments=source.arguments, meshes=source.meshes, mesh_roots=source.mesh_roots,
     )
-    if imported is None or report.failed:
+    if imported is None:
         yield None
         return
     with ExitStack() as stack:
@@ -101,6 +101,6 @@ def imported_document(path: str, options: Options, report: Report, source: Sourc
             os.makedirs(os.path.dirname(file), exist_ok=True)
             with open(file, "wb") as stream:
                 stream.write(content)
-        document = os.path.join(folder, imported.document)
+        document = os.path.join(folder, f"{os.path.basename(path)}.yaml")  # two robots in a folder are different documents
         texts = {document: imported.files[imported.document], os.path.join(folder, OWN_FILE): _WORKSPACE}
         yield ImportedDocument(path=document, options=replace(options, texts=texts, code=True, lock=False), imported=imported)
