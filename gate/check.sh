@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Check the documents listed in the file LIST (terminated by NUL) and annotate their lines. CODE is `yes` if part code may run.
+# Check the documents and robot files listed in the files LIST and ROBOT_FILES (terminated by NUL), and annotate their lines. CODE is `yes` if part code may run.
 set -euo pipefail
 
-mapfile -d '' -t documents < "$LIST"
+mapfile -d '' -t documents < <(cat "$LIST" "$ROBOT_FILES")
 if (( ${#documents[@]} == 0 )); then
     echo "the change affects no document"
     exit 0

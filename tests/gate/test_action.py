@@ -168,6 +168,18 @@ def test_a_wrong_change_is_annotated_at_its_line(job: Job) -> None:
     assert "Build" not in job.printed, "what is wrong is not built"
 
 
+@pytest.mark.parametrize("head", ["us/robots", "stranger/robots"])
+def test_a_changed_robot_file_is_annotated_at_its_line(job: Job, head: str) -> None:
+    job.github["event.pull_request.head.repo.full_name"] = head
+    (job.folder / "robot.urdf").write_text('<robot name="r">\n<link name="a">\n<inertial><mass value="-1"/></inertial></link></robot>')
+    (job.folder / "package.xml").write_text("<package/>")
+    commit(job.folder, "add a robot")
+    job.run()
+    assert job.failed == ["Check"]
+    assert re.search(r"^::error file=robot\.urdf,line=3,.*TC952", job.printed["Check"], re.MULTILINE)
+    assert job.printed["Check"].count("::error") == 1
+
+
 def test_part_code_of_a_fork_is_not_run(job: Job, tmp_path: Path) -> None:
     subprocess.run([BIN / "thingc", "lock"], cwd=job.folder, env={**os.environ, "THINGC_STORE": job.store}, check=True)
     commit(job.folder, "lock")

@@ -230,5 +230,9 @@ def test_touched_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given = ["package.xml", "macros.xacro", "scene.xml", "parts/classes.xml", "deleted.urdf", "fixed.urdf", "cranks.xml", "constructs.sdf"]
     assert main(["check", "--touched", "--", *given]) == 0
     assert capsys.readouterr().out == "fixed.urdf: ok\ncranks.xml: ok\nconstructs.sdf: ok\n"
+    assert main(["touched", "--robot-files", *given]) == 0
+    assert capsys.readouterr().out == "fixed.urdf\ncranks.xml\nconstructs.sdf\n"
+    assert main(["touched", "--robot-files", "--all"]) == 2
+    capsys.readouterr()
     assert main(["check", "--touched", "--", "cut.urdf"]) == 1
     assert "--> cut.urdf:1:" in capsys.readouterr().out

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from thingc.base.diagnostics import shown_path
 from thingc.tools.cli import console
+from thingc.tools.cli.robot_files import changed_robots
 
 EPILOG = """\
 Lists the documents below the working folder that depend on the given files, directly or through nested documents, materials, part code
@@ -17,6 +18,7 @@ or part files. Runs no code of the workspace.
   thingc touched --since origin/main                    all changes of this branch
   thingc touched --since origin/main --roots            documents to build: assemblies with modes, or not nested in others
   thingc touched --since origin/main -0 | xargs -0r thingc check --
+  thingc touched --since origin/main --robot-files      changed URDF, xacro, MJCF and SDF files
 """
 
 
@@ -28,6 +30,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--all", action="store_true", help="list every document below the working folder")
     parser.add_argument("-0", "--null", action="store_true", help="print unescaped paths, each terminated by a NUL, for scripts")
     parser.add_argument("--roots", action="store_true", help="list only assemblies that have modes or are not nested in others")
+    parser.add_argument(
+        "--robot-files", action="store_true", help="list changed robot files of other formats (.urdf, .xacro, .sdf, .xml), not documents",
+    )
     parser.add_argument("--store", metavar="DIR", help="cache of built parts (default: THINGC_STORE, else the user's cache folder)")
     console.add_format(parser)
 
@@ -36,7 +41,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc touched`, and return the exit code, which is 0, or 2 if git cannot determine the changes."""
     if arguments.null and arguments.format == "json":
         raise console.WrongCommandLine("-0 cannot be combined with --format json", "use only one of the two options")
-    paths = documents(arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store)
+    if arguments.robot_files and (arguments.all or arguments.roots):
+        raise console.WrongCommandLine("--robot-files cannot be combined with --all or --roots", "use only one of the options")
+    paths: Sequence[str]
+    if arguments.robot_files:
+        paths = changed_robots(_changed(arguments.files, arguments.since))
+    else:
+        paths = documents(arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store)
     shown = [shown_path(path) for path in paths]
     if arguments.format == "json":
         console.print_json([], documents=shown)
@@ -55,9 +66,18 @@ def documents(
     Raises `WrongCommandLine` if neither files nor a revision are given, if an argument is a folder, or if git fails.
     """
     from thingc.driver.environment import Options, store_of
-    from thingc.tools.affected.dependents import NotARepository, changed_since, touched
+    from thingc.tools.affected.dependents import touched
 
-    if not files and since is None and not everything:
+    changed = _changed(files, since) if files or since is not None or not everything else []
+    affected = touched(None if everything else changed, os.getcwd(), store_of(Options(store=store)))
+    return affected.roots if roots else affected.documents
+
+
+def _changed(files: Sequence[str], since: str | None) -> list[str]:
+    """Return the absolute paths of `files`, and of the files changed since a git revision. Raises `WrongCommandLine`."""
+    from thingc.tools.affected.dependents import NotARepository, changed_since
+
+    if not files and since is None:
         raise console.WrongCommandLine("expected files that have changed, or --since", "write for example --since origin/main")
     for file in files:
         if os.path.isdir(file) and not os.path.islink(file):
@@ -70,5 +90,4 @@ def documents(
         except NotARepository as fault:
             hint = "use a branch, tag or commit of this repository; in a shallow clone, run `git fetch --unshallow`"
             raise console.WrongCommandLine(f"--since {since}: {fault}", hint) from fault
-    affected = touched(None if everything else changed, os.getcwd(), store_of(Options(store=store)))
-    return affected.roots if roots else affected.documents
+    return changed
