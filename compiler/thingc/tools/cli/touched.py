@@ -41,8 +41,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc touched`, and return the exit code, which is 0, or 2 if git cannot determine the changes."""
     if arguments.null and arguments.format == "json":
         raise console.WrongCommandLine("-0 cannot be combined with --format json", "use only one of the two options")
-    if arguments.robot_files and (arguments.all or arguments.roots):
-        raise console.WrongCommandLine("--robot-files cannot be combined with --all or --roots", "use only one of the options")
     paths: Sequence[str]
     if arguments.robot_files:
         paths = changed_robots(_changed(arguments.files, arguments.since))
