@@ -148,7 +148,7 @@ class FamilyFunction:
         self._plans: dict[int, RestrictedPlan] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Support copying and pickling of the function. A copied function opens the document again."""
+        """Support copying and pickling of the function. The copy opens the document itself."""
         return self._again, ()
 
     def __repr__(self) -> str:

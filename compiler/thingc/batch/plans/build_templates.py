@@ -58,7 +58,7 @@ Measured = Callable[[Compilation], "dict[str, Any] | None"]
 
 
 class Build(FrozenStruct):
-    """The files of a build for valid settings, and the results of the robot.
+    """The output files of a build and the measured results of the robot.
 
     `results` contains the results that the function `measured` returns, and `problems` contains all diagnostics. `losses` maps each kind of
     export loss to a count. `parts` is the number of part definitions of the robot. The method `files` returns a mapping from paths to the

@@ -1,4 +1,4 @@
-"""The shapes that a link lists, key by key. Field docstrings are the hover text of an editor."""
+"""Models of the shapes of a link in a document. Field docstrings are the hover text of an editor."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def refuse_on_assembly(node: ComponentScope) -> None:
         if key in node.spec.model_fields_set and getattr(node.spec, key) is not None:
             node.scope.error(
                 Code.OVERRIDE, f"`{key}` cannot be set on the nested assembly `{node.name}`", (*node.path, key), key=True,
-                help="set the key on a component of the nested document, for example to the value of a parameter of that document",
+                help="set the key on a component of the nested document; its value can be a parameter of that document",
                 notes=node.scope.beside(f"`{node.name}` is defined as an assembly here", (*node.path, "assembly"), (*node.path, key)),
             )
 

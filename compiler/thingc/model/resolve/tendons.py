@@ -71,7 +71,7 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
     for number, (kind, before, after) in enumerate(zip(kinds, ["pulley", *kinds], [*kinds[1:], "pulley"], strict=False)):
         if kind == "shape" and not before == after == "mount":
             fault = f"tendon `{name}` wraps around a shape that is not between two mounts"
-            help = "add a mount before the shape and a mount after the shape"
+            help = "add mounts to the path directly before and after the shape"
         elif kind == "mount" and before == after == "pulley":
             fault = f"tendon `{name}` has only one mount here"
             help = "a path, and each of its segments between pulleys, needs at least two mounts"

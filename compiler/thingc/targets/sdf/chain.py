@@ -31,7 +31,7 @@ needed because a component can have the same name as a joint.
 
 
 class SdfAxis(FrozenStruct):
-    """A coordinate of an SDF joint. The motion of the coordinate is a twist in the frame of the child link.
+    """A coordinate of an SDF joint, with the twist that describes its motion in the frame of the child link.
 
     The twist applies in the pose in which the file is written.
     """

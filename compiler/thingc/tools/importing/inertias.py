@@ -131,7 +131,7 @@ def _refuse(said: str, worst: Sequence[SourceLink], members: Sequence[SourceLink
     first = worst[0]
     where = first.where if first.weight is None else first.weight.where
     help = {
-        None: "correct it, or repair it with `--repair inertia=nearest` (the nearest physical inertia) or `inertia=shapes`",
+        None: "correct it, or import the robot with `--repair inertia=nearest` (the nearest physical inertia) or `--repair inertia=shapes`",
         "shapes": "it has no closed shapes to compute it from: use `--repair inertia=nearest`",
         "nearest": "write the mass and the inertia of these links into the file",
     }[how]

@@ -120,7 +120,7 @@ class Analysis(FrozenStruct, eq=False):
         return self.once(f"lines {path}", lambda: TextLines(self.text_of(path)))
 
     def uri(self, path: str) -> str:
-        """Return the URI of a file. For an open file, the result is the editor's URI."""
+        """Return the URI of a file. If the file is open, return the URI that the editor uses for it."""
         return self.open[path].uri if path in self.open else Path(path).as_uri()
 
     def once(self, name: str, make: Callable[[], T]) -> T:
