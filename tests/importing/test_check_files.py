@@ -227,7 +227,9 @@ def test_touched_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "macros.xacro").write_text('<?xml version="1.0"?>\n<!-- <robot name="r"/> -->\n<robot xmlns:xacro="http://wiki.ros.org/xacro"/>')
     (here / "cut.urdf").write_text("<robot")
     (here / "scene.xml").write_text("<mujoco><default/></mujoco>")
-    given = ["package.xml", "macros.xacro", "scene.xml", "parts/classes.xml", "deleted.urdf", "fixed.urdf", "cranks.xml", "constructs.sdf"]
+    (here / "floor.xml").write_text("<mujoco><worldbody><light/></worldbody></mujoco>")
+    given = ["package.xml", "macros.xacro", "scene.xml", "floor.xml", "parts/classes.xml", "deleted.urdf"]
+    given += ["fixed.urdf", "cranks.xml", "constructs.sdf"]
     assert main(["check", "--touched", "--", *given]) == 0
     assert capsys.readouterr().out == "fixed.urdf: ok\ncranks.xml: ok\nconstructs.sdf: ok\n"
     assert main(["touched", "--robot-files", *given]) == 0

@@ -103,6 +103,29 @@ def server() -> Iterator[Server]:
         yield made
 
 
+def test_a_robot_file_of_another_format_is_shown_and_followed(tmp_path: Path, shared_store: str) -> None:
+    file = tmp_path / "robot.urdf"
+    text = (Path(__file__).parents[1] / "importing/robots/constructs.urdf").read_text()
+    file.write_text(text)
+    seen = Viewing(file, shared_store)
+    try:
+        def robot() -> dict[str, Any]:
+            found: dict[str, Any] = json.loads(asked(f"{seen.address}robot.json")[2])["robot"]
+            return found
+
+        joints = {one["path"]: (one["file"], one["line"]) for one in robot()["joints"]}
+        assert joints["elbow"] == ("robot.urdf", text[: text.index('<joint name="elbow"')].count("\n") + 1)
+        mass = robot()["mass"]
+        file.write_text(text.replace('<mass value="1.25"/>', '<mass value="1.75"/>'))
+        assert wait_until(lambda: robot()["mass"] == pytest.approx(mass + 0.5), 20.0)
+        file.write_text(text.replace('<mass value="1.25"/>', '<mass value="-1"/>'))
+        assert wait_until(lambda: "error[TC952]" in seen.printed.read_text(), 20.0)
+        assert robot()["mass"] == pytest.approx(mass + 0.5), "the last good robot stays"
+        assert {one.name for one in tmp_path.iterdir()} == {"robot.urdf", "printed.txt", "cache"}
+    finally:
+        seen.end()
+
+
 def test_what_there_is(server: Server) -> None:
     assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{20,}/", server.address)
     status, headers, page = asked(server.address)

@@ -87,7 +87,7 @@ def changed_robots(files: Iterable[str]) -> list[str]:
 
 
 def _is_whole(path: str) -> bool:
-    """Return whether a file contains a robot: a named URDF or xacro robot, an SDF file, or a MuJoCo model with a world.
+    """Return whether a file contains a robot: a named URDF or xacro robot, an SDF file, or a MuJoCo model with bodies.
 
     A `.urdf` or `.sdf` file that cannot be read also counts, because the check reports the error.
     """
@@ -101,7 +101,8 @@ def _is_whole(path: str) -> bool:
     tag, attributes = (root[1], root[2]) if root is not None else (b"", b"")
     if tag == b"robot":
         return re.search(rb"\sname\s*=", attributes) is not None
-    return tag == b"mujoco" and b"<worldbody" in data or path.lower().endswith((".urdf", ".sdf"))
+    is_model = tag == b"mujoco" and b"<worldbody" in data and re.search(rb"<(?:body|include)\b", data) is not None
+    return is_model or path.lower().endswith((".urdf", ".sdf"))
 
 
 def check_robot(path: str, options: Options, source: SourceOptions, *, strict: bool) -> Result:

@@ -25,7 +25,7 @@ from thingc.driver.environment import Environment, Options, attempted
 from thingc.geometry.store.local import cache_root
 from thingc.targets.artifact import MANIFEST
 from thingc.targets.html.emit import Page, page_of
-from thingc.tools.cli import console
+from thingc.tools.cli import console, robot_files
 from thingc.tools.cli.watch import Lines, hopeless, until_interrupted
 from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 from thingc.tools.live.server import Server, findings_of
@@ -48,6 +48,7 @@ diagnostics of `thingc check`. Nothing is written. An existing build folder with
   thingc view assemblies/arm.yaml
   thingc view assemblies/arm.yaml --mode bench --no-open
   thingc view assemblies/arm.yaml --against assemblies/arm.yaml      show the effect of an edit
+  thingc view robot.urdf                                             a robot file of another format
   thingc view build/arm
 """
 
@@ -55,7 +56,10 @@ diagnostics of `thingc check`. Nothing is written. An existing build folder with
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc view` to the parser."""
     parser.epilog = EPILOG
-    console.add_document(parser, what="an assembly document (YAML or TOML), a build folder with html/, or its page", metavar="DOC|BUILD")
+    console.add_document(parser, metavar="DOC|BUILD", what=(
+        "an assembly document (YAML or TOML), a robot of another format (.urdf, .xacro, .sdf, .xml), a build folder with html/, or its page"
+    ))
+    robot_files.configure(parser)
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="show only this mode (may be repeated; default: all)")
     parser.add_argument("--against", metavar="DOC", help="show a second document as an overlay, or the current state of the same document")
     parser.add_argument("--port", metavar="N", type=_port, default=0, help="port of the server (default: a free port)")
@@ -71,8 +75,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc view`, and return the exit code: 0 after Ctrl-C or after opening an existing build, 2 if there is nothing to show."""
     if os.path.isdir(arguments.document) or _is_page(arguments.document):
         return _open_build(arguments)
-    console.require_document(arguments.document)
     options = console.options_of(arguments)
+    if robot_files.select_robot_files([arguments.document]):
+        if arguments.against is not None:
+            raise console.WrongCommandLine("--against is only supported for documents", "import the robot, and view its document")
+        from thingc.tools.cli.view_robot_file import view_robot_file
+
+        return view_robot_file(arguments, options, _server(arguments))
+    console.require_document(arguments.document)
     before, beside, turn = None, None, threading.Lock()
     if arguments.against is not None:
         console.require_document(arguments.against)
