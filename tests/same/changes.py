@@ -66,7 +66,7 @@ def invariants(graph: Graph) -> list[float]:
     found: list[float] = []
     for body in graph.bodies.values():
         moments = np.linalg.eigvalsh(body.inertia)
-        found += [float(np.log(body.mass)) if body.mass > 0.0 else 0.0, *map(float, np.log(np.maximum(moments, 1e-300)) / 3.0)]
+        found += [float(np.log(body.mass)) if body.mass > 0.0 else 0.0, *map(float, np.log(np.maximum(moments, 1e-300)))]
         lines = list(_lines(graph, body.name))
         for one, other in itertools.permutations(lines, 2):
             found += _between(one, other)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -23,8 +24,8 @@ EXACT = 1e-4
 """Fraction of the tolerance up to which values are equal but for rounding errors."""
 REACH = 10.0
 """Factor of the tolerance per joint up to which poses of links may differ."""
-STEPS = (1e-3, 1e-2, 0.1)
-"""Tolerances [m and rad] with which a map is searched for to explain differences."""
+MISFITS, STEPS = (1, 1000), (1e-3, 1e-2, 0.1)
+"""Numbers of differences, and tolerances of axes [m and rad], with which a map is searched for to explain differences."""
 
 Difference = Literal[
     "mass", "centre", "inertia", "axis angle", "axis position", "lead", "limits", "coupling", "pose", "links", "joints", "arrangement",
@@ -97,10 +98,10 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
 
     If `explain` is false, the differences of mechanisms that are not the same are not searched for.
     """
-    maps = find_maps(one, other, Tolerances(tolerance, tolerance, masses=True))
+    maps = find_maps(one, other, Tolerances(tolerance, tolerance))
     exact, complete = bool(maps), len(maps) < MOST
-    for step in (tolerance, *STEPS) if explain else ():
-        maps = maps or find_maps(one, other, Tolerances(tolerance, max(step, tolerance), masses=False))
+    for misfits, step in product(MISFITS, (tolerance, *STEPS)) if explain else ():
+        maps = maps or find_maps(one, other, Tolerances(tolerance, max(step, tolerance), misfits))
     if not maps:
         return MechanismComparison(one=one.name, other=other.name, same=False, differences=tuple(_counts(one, other)))
     maps = [found for found in maps if not any(_couplings(one, other, found, tolerance))] or maps

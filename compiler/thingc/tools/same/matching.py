@@ -28,7 +28,9 @@ from thingc.tools.same.mechanism import Mechanism, MechanismJoint
 MOST = 64
 """Maximum number of maps that are searched for. A robot with more maps is reported as having at least this number."""
 FEW = 4
-"""Maximum number of maps of each part of a robot if masses may differ."""
+"""Maximum number of maps of each part of a robot if values may differ."""
+STEPS = 3_000
+"""Maximum number of placed links in a search for differences."""
 CLOSED = 3.0
 """Factor of the tolerance up to which the two ends of a loop may differ, because errors of several joints add up."""
 OF_MASS = ("centre of mass", "principal axis 0", "principal axis 1", "principal axis 2")
@@ -71,16 +73,19 @@ class RobotMap(NamedTuple):
 class Tolerances(NamedTuple):
     """The differences up to which values are equal (`exact`: [m], [rad], or a fraction of masses), and axes may differ (`geometry`).
 
-    If `masses` is false, masses, centres of mass and inertias may differ by any amount.
+    At most `misfits` masses, centres of mass, inertias and axes may differ; if it is not 0, masses may differ by any amount.
     """
 
     exact: float
     geometry: float
-    masses: bool
+    misfits: int = 0
 
 
 def find_maps(one: Mechanism, other: Mechanism, tolerances: Tolerances) -> list[RobotMap]:
-    """Return the maps from `one` to `other`, at most `MOST`. Maps that preserve names and have small zeros come first."""
+    """Return the maps from `one` to `other`, at most `MOST`. Maps that preserve names and have small zeros come first.
+
+    If values may differ, the result contains only the first maps that are found.
+    """
     if len(one.links) != len(other.links) or Counter(j.kind for j in one.joints) != Counter(j.kind for j in other.joints):
         return []
     return _Search(one, other, tolerances).maps()
@@ -94,12 +99,14 @@ class _Search:
         self.links = tuple(rigid_links(robot, tolerances.exact) for robot in (one, other))
         self.tolerances = tolerances
         self.tree: set[int] = set()
-        self.most = MOST if tolerances.masses else FEW
+        self.exact = tolerances.misfits == 0
+        self.most = MOST if self.exact else FEW
+        self.steps = STEPS
         self.likeness = [[_likeness(a, b, tolerances.exact) for b in self.links[1]] for a in self.links[0]]
-        self.least = 2 if tolerances.masses else 1
+        self.least = 2 if self.exact else 1
 
     def maps(self) -> list[RobotMap]:
-        """Return all maps, the best first. If masses may differ, stop at a map with at most one difference."""
+        """Return all maps, the best first. If values may differ, stop at the first maps."""
         if any(max(line) < self.least for line in (*self.likeness, *zip(*self.likeness, strict=True))):
             return []
         counts = [row.count(2) or len(row) + 1 for row in self.likeness]
@@ -109,8 +116,8 @@ class _Search:
         for b in sorted(range(len(counts)), key=lambda n: -self.likeness[start][n]):
             for T in self._starts(self.links[0][start], self.links[1][b]) if self.likeness[start][b] >= self.least else ():
                 found += [whole for part in self._placed(start, b, T, None, None) if (whole := self._closed(part)) is not None]
-                if not self.tolerances.masses and any(one.misfits <= 1 for one in found):
-                    break
+                if found and not self.exact:
+                    return sorted(found, key=self.rank)
         return _distinct(sorted(found, key=self.rank))[: self.most]
 
     def rank(self, found: RobotMap) -> tuple[int, int, int, float]:
@@ -139,7 +146,7 @@ class _Search:
         """
         both = [features_of(a), features_of(b)]
         sets = [both]
-        if not self.tolerances.masses:  # also without the features of masses, which may differ
+        if not self.exact:  # also without the features of masses, which may differ
             sets.append([[one for one in found if one.tag not in OF_MASS] for found in both])
         for ones, others in sets:
             if centre is not None:
@@ -174,7 +181,8 @@ class _Search:
         """Return the maps of link `a` and of all links behind it, if `a` is link `b` at the pose `T`."""
         one, other = self.links[0][a], self.links[1][b]
         misfits = int(np.sum(mass_differences(one, other, T) > self.tolerances.exact))
-        if self.likeness[a][b] < self.least or misfits and self.tolerances.masses:
+        self.steps -= not self.exact
+        if self.likeness[a][b] < self.least or misfits > self.tolerances.misfits or self.steps < 0:
             return []
         ports = [port for port in one.ports if entry_a is None or port.joint != entry_a.joint or port.far != entry_a.far]
         targets = [port for port in other.ports if entry_b is None or port.joint != entry_b.joint or port.far != entry_b.far]
@@ -189,6 +197,7 @@ class _Search:
             maps = [
                 (known.with_part(part), taken | {n})
                 for known, taken in maps for n, parts in choices.items() if n not in taken for part in parts
+                if known.misfits + part.misfits <= self.tolerances.misfits
             ]
             maps = sorted(maps, key=lambda item: self.rank(item[0]))[: self.most]
         return [known for known, _ in maps]
@@ -208,9 +217,11 @@ class _Search:
         maps: list[RobotMap] = []
         for zero, free, at in self._values(port, target, T, sign):
             for part in self._placed(port.other, target.other, at, back_a, back_b):
+                if part.misfits + misfits > self.tolerances.misfits:
+                    continue
                 joint = JointMap(port.joint, target.joint, sign, zero, free, (port.far, target.far))
                 maps.append(RobotMap(part.links, (joint, *part.joints), part.cuts, part.misfits + misfits))
-            if not self.tolerances.masses and any(part.misfits == 0 for part in maps):
+            if not self.exact and any(part.misfits == 0 for part in maps):
                 break
         return sorted(maps, key=self.rank)[: self.most]
 
@@ -229,7 +240,7 @@ class _Search:
         values = joint_values(b, placed, there, self.tolerances.exact)
         A, B = self.mechanisms[0].joints[port.joint], self.mechanisms[1].joints[target.joint]
         wanted = _zero_of_limits(A, B, sign)
-        if values is not None and not self.tolerances.masses:  # each feature may be one that differs
+        if values is not None and not self.exact:  # each feature may be one that differs
             values += [*chain(*(joint_values(b, [one], there, self.tolerances.exact) or () for one in placed)), wanted or 0.0]
         for value in [wanted or 0.0] if values is None else values:
             zero = _unwound(b, value, wanted)

@@ -84,7 +84,7 @@ def _differences(differences: tuple[MechanismDifference, ...]) -> Iterator[str]:
     for one in differences:
         match one.what:
             case "arrangement":
-                yield "arrangement: no assignment of links and joints fits"
+                yield "arrangement: no assignment of links and joints was found"
             case "links" | "joints":
                 yield f"{one.what}: {one.old} -> {one.new}"
             case "mass":
