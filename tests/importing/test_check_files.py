@@ -108,6 +108,13 @@ def test_names_are_those_of_the_file(here: Path, capsys: pytest.CaptureFixture[s
     assert "joint `shoulder-1` is 14.3 turns" in capsys.readouterr().out
 
 
+def places_with(file: Path, key: str) -> list[str]:
+    """The texts at which the places of a robot whose paths contain a key begin."""
+    imported, lines = import_robot(str(file), Report()), file.read_text().splitlines()
+    assert imported is not None
+    return [lines[where.line - 1][where.column - 1 :] for path, where in imported.places.items() if key in path]
+
+
 def test_places_of_shapes_and_mimics(here: Path) -> None:
     starts = {}
     for name in ("shapes.urdf", "constructs.urdf"):
@@ -117,6 +124,9 @@ def test_places_of_shapes_and_mimics(here: Path) -> None:
     assert starts["components", "base", "shapes", 1].startswith('<sphere radius="0.07"')
     assert starts["components", "pole", "shapes", 0].startswith('<cylinder radius="0.03"')
     assert starts["joints", "grip", "mimic"].startswith('elbow" multiplier="-0.4"')
+    magnets, drives = (places_with(here / name, key) for name, key in (("suckers.xml", "mounts"), ("constructs.xml", "drive")))
+    assert any(one.startswith("<adhesion") for one in magnets)
+    assert drives and all(re.match("<(motor|position|velocity|general)", one) for one in drives)
     assert starts["components", "wheel", "mounts", "spin"].startswith('<joint name="spin"')
 
 
@@ -162,6 +172,19 @@ def test_diff_of_two_robot_files(here: Path, capsys: pytest.CaptureFixture[str])
     assert "--> cut.xml:2:" in capsys.readouterr().out
     assert main(["diff", "fixed.urdf", "fixed.urdf"]) == 0
     assert main(["diff", "fixed.urdf", "fixed.urdf", "--no-code"]) == 2
+
+
+def test_what_a_new_file_removes_is_shown_in_the_old_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    old = (here / "constructs.urdf").read_text().splitlines()
+    link = next(number for number, line in enumerate(old) if '<link name="1st_tool"/>' in line)
+    joint = next(number for number, line in enumerate(old) if '<child link="1st_tool"/>' in line)
+    joint = max(number for number, line in enumerate(old[:joint]) if "<joint" in line)
+    end = next(number for number, line in enumerate(old) if number > joint and "</joint>" in line)
+    lines = [line for number, line in enumerate(old) if number != link and not joint <= number <= end]
+    (here / "new.urdf").write_text("\n".join([*lines[:2], *["<!-- -->"] * 40, *lines[2:]]))
+    assert main(["diff", "constructs.urdf", "new.urdf", "--format", "json"]) == 0
+    removed = [(one["file"], one["line"]) for one in json.loads(capsys.readouterr().out)["changes"] if one["change"] == "removed"]
+    assert sorted(removed) == [("constructs.urdf", link + 1), ("constructs.urdf", joint + 1)]
 
 
 def test_formats_and_exit_codes(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -226,7 +249,7 @@ def test_touched_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "package.xml").write_text("<package/>")
     (here / "macros.xacro").write_text('<?xml version="1.0"?>\n<!-- <robot name="r"/> -->\n<robot xmlns:xacro="http://wiki.ros.org/xacro"/>')
     (here / "cut.urdf").write_text("<robot")
-    (here / "scene.xml").write_text("<mujoco><default/></mujoco>")
+    (here / "scene.xml").write_text('<mujoco><include file="parts/classes.xml"/></mujoco>')
     (here / "floor.xml").write_text("<mujoco><worldbody><light/></worldbody></mujoco>")
     given = ["package.xml", "macros.xacro", "scene.xml", "floor.xml", "parts/classes.xml", "deleted.urdf"]
     given += ["fixed.urdf", "cranks.xml", "constructs.sdf"]
