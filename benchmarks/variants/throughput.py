@@ -104,12 +104,15 @@ def build(made: Builds, settings: Settings, folder: Path, *, plans: bool = True)
     """Build one variant and write its files. If `plans` is False, the variant is compiled without a plan. Raises `SystemExit` if a
     diagnostic is reported.
     """
-    planned = made.planned(settings) if plans else None
-    files, problems = made.passed(settings) if planned is None else (planned.files(), planned.problems)
-    if problems:
-        raise SystemExit(f"{settings}: {problems}")
+    built = made.planned(settings) if plans else None
+    if built is None:
+        built, problems = made.compile_build(settings)
+        if built is None:
+            raise SystemExit(f"{settings}: {problems}")
+    if built.problems:
+        raise SystemExit(f"{settings}: {built.problems}")
     os.makedirs(folder / "mjcf", exist_ok=True)
-    for path, content in files.items():
+    for path, content in built.files().items():
         if not isinstance(content, StoredArtifact):  # meshes are shared by all variants
             with open(f"{folder}/{path}", "wb") as stream:
                 stream.write(content)

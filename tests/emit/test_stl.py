@@ -119,4 +119,4 @@ def test_a_part_that_is_printed_in_two_orientations(store: Store) -> None:
     whole = changed(assembly(store), "brace_b", overrides=Overrides(up=(1.0, 0.0, 0.0)))
     (loss,) = emit(request(whole, store)).losses
     assert loss.path == "brace_b" and loss.how == "omitted"
-    assert loss.what == f"`arm:Brace(length=0.12)` is printed in two orientations; `{BRACE}` uses that of `brace_a`"
+    assert loss.what == f"`arm:Brace(length=0.12)` is printed in two orientations; `{BRACE}` uses the orientation of `brace_a`"

@@ -116,7 +116,7 @@ def test_builds_are_those_of_every_pass(session: Session, monkeypatch: pytest.Mo
     planned = {k: own.planned(given(k)) for k in range(2, 8)}
     monkeypatch.undo()
     for k, build in planned.items():
-        whole, _ = own._passed(given(k))
+        whole, _ = own.compile_build(given(k))
         assert build is not None and whole is not None
         files = whole.files()
         assert {path for path, content in build.files().items() if content != files[path]} == set() and [*build.files()] == [*files]
@@ -146,7 +146,7 @@ def test_pieces_of_equal_mass_are_one_row_again(workspace: Path) -> None:
         assert build is not None and json.loads(build.files()["bom.json"])[1]["quantity"] == 1  # type: ignore[arg-type]
         alike = Settings(parameters={"one": "15 g", "other": "15 g"})
         assert own.planned(alike) is None
-        build, _ = own._passed(alike)
+        build, _ = own.compile_build(alike)
         assert build is not None
         assert [row["quantity"] for row in json.loads(build.files()["bom.json"])] == [1, 2, 1]  # type: ignore[arg-type]
 
@@ -170,7 +170,7 @@ def test_what_a_plan_is_not_of_goes_through_every_pass(session: Session) -> None
         own.planned(given(k))
     assert own.planned(Settings(parameters={"load": "30 kg"}, choices={})) is None
     assert own.planned(Settings(parameters={**given(3).parameters, "load": "30 kg"}, choices=given(3).choices)) is None
-    build, problems = own._passed(Settings(parameters={"load": "30 kg"}))
+    build, problems = own.compile_build(Settings(parameters={"load": "30 kg"}))
     assert build is None and "must be at most 20 kg" in problems[0].message
     assert made(session, targets=("mjcf", "hag")).planned(given(0)) is None
 

@@ -144,7 +144,7 @@ def test_rows_of_a_batch_are_those_of_a_compilation(workspace: Path, monkeypatch
         assert runner.builds is not None
         settings = Settings(parameters={"length": "1240 mm"})
         monkeypatch.undo()
-        assert runner.builds.made(settings) == ({}, other.builds._passed(settings)[1])  # type: ignore[union-attr]
+        assert runner.builds.made(settings) == ({}, other.builds.compile_build(settings)[1])  # type: ignore[union-attr]
 
 
 def test_a_wrong_plan_is_not_used_again(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -109,7 +109,7 @@ class Builds(Planner["_Template", Build]):
         made = plan.made.build(outputs, settings)
         if made is None:
             return None
-        right = not plan.is_due(self.verify) or self.confirms(made, self._passed(settings)[0], read, self.form_of(read))
+        right = not plan.is_due(self.verify) or self.confirms(made, self.compile_build(settings)[0], read, self.form_of(read))
         return made if right else None
 
     def refused(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
@@ -148,12 +148,13 @@ class Builds(Planner["_Template", Build]):
         refused = self.refused(settings)
         if refused is not None:
             return {}, refused[0]
-        build, problems = self._passed(settings)
+        build, problems = self.compile_build(settings)
         if build is None:
             self.learn(settings, problems)
         return build.files() if build is not None else {}, problems
 
-    def _passed(self, settings: Settings, verify: int = 1) -> tuple[Build | None, tuple[Diagnostic, ...]]:
+    def compile_build(self, settings: Settings, verify: int = 1) -> tuple[Build | None, tuple[Diagnostic, ...]]:
+        """Create a build by a compilation, and return it with the diagnostics. The build is None if the settings are refused."""
         compilation = self.session.compile(settings, self.modes)
         report = compilation.report
         if report.failed:
@@ -175,7 +176,7 @@ class Builds(Planner["_Template", Build]):
 
         If no plan can be created, store the reason in `form` and return None.
         """
-        first, _ = self._passed(self.reader.settings(read))
+        first, _ = self.compile_build(self.reader.settings(read))
         if first is None:
             return None
 
@@ -188,7 +189,7 @@ class Builds(Planner["_Template", Build]):
 
     def whole(self, read: ParsedSettings) -> Build | None:
         """Create a build by a compilation. Return None if the settings are refused."""
-        return self._passed(self.reader.settings(read), verify=0)[0]
+        return self.compile_build(self.reader.settings(read), verify=0)[0]
 
     def compute(self, plan: NumericPlan[_Template], outputs: Sequence[float], read: ParsedSettings) -> Build | None:
         """Create a build with a plan. Return None if a number in a file would be infinite or NaN."""
