@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,14 +53,17 @@ class DocumentNumbers:
             forms.setdefault((read.names, read.texts), []).append(place)
         found: dict[int, dict[str, float]] = {}
         for (names, texts), places in forms.items():
-            def compute(numbers: Sequence[Number]) -> tuple[Iterable[str], Sequence[Number]] | None:
-                values, whole = self._values(ParsedSettings(names=names, values=tuple(numbers), texts=texts))  # noqa: B023
-                return (tuple(values), tuple(values.values())) if whole else None
-
-            rows = compute_rows(compute, np.array([many[place].values for place in places]))
+            rows = compute_rows(partial(self._row, names, texts), np.array([many[place].values for place in places]))
             for place, one in zip(places, rows, strict=True):
                 found[place] = self._values(many[place])[0] if one is None else dict(zip(*one, strict=True))
         return [found[place] for place in range(len(many))]
+
+    def _row(
+        self, names: tuple[str, ...], texts: tuple[tuple[str, str], ...], numbers: Sequence[Number],
+    ) -> tuple[Iterable[str], Sequence[Number]] | None:
+        """Return the paths and the values of all numbers for one row, or None if the value of an expression is not known."""
+        values, whole = self._values(ParsedSettings(names=names, values=tuple(numbers), texts=texts))
+        return (tuple(values), tuple(values.values())) if whole else None
 
     def _values(self, read: ParsedSettings) -> tuple[dict[str, float], bool]:
         """Return the numbers of the document that settings change, and whether all values and expressions could be evaluated."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any, Generic, TypeVar
 
@@ -15,72 +16,33 @@ FORMS = 256
 """Maximum number of caches, and maximum total number of plans in all caches. If this number is exceeded, all plans are dropped."""
 
 
-class Planner(Generic[Made, Whole]):
-    """Computes an object of the type `Whole` for many settings, with plans or by compilations of the given modes (none: all modes).
+class PlanChecker(ABC, Generic[Made, Whole]):
+    """Compares objects of the type `Whole` that plans compute with compilations of the given modes (none: all modes).
 
     A new plan is compared with compilations before its first use. Then, some uses of the plan are compared, too. If `verify` is a number n,
     these are the first use of each plan, and then one in n (0: none). If `verify` is None, these are the first, second, fourth, eighth and
-    so on. If `is_refused` returns True for some settings, no plan is created for them. The class attribute `wrong` describes a difference.
+    so on. The class attribute `wrong` describes a difference.
     """
 
     wrong = "different results"
 
-    def __init__(
-        self, session: Session, reader: SettingsReader, modes: Sequence[str], *, verify: int | None,
-        is_refused: Callable[[ParsedSettings], bool] = lambda read: False, patience: int = 2,
-    ) -> None:
+    def __init__(self, session: Session, reader: SettingsReader, modes: Sequence[str], *, verify: int | None) -> None:
         self.session = session
         self.reader = reader
         self.modes = tuple(modes)
         self.verify = verify
-        self._is_refused = is_refused
-        self.forms: dict[Hashable, PlanCache[Made]] = {}
-        self._patience = patience
 
+    @abstractmethod
     def whole(self, read: ParsedSettings) -> Whole | None:
         """Compile the document with the given settings. Return None if the settings are refused."""
-        raise NotImplementedError
 
+    @abstractmethod
     def compute(self, plan: NumericPlan[Made], outputs: Any, read: ParsedSettings) -> Whole | None:
         """Compute the object with a plan from its outputs. Return None, or raise `ValueError`, if the object would be invalid."""
-        raise NotImplementedError
-
-    def plan(self, read: ParsedSettings, form: PlanCache[Made]) -> NumericPlan[Made] | None:
-        """Create a plan that gives the same objects as compilations.
-
-        If no plan can be created, store the reason in `form` and return None.
-        """
-        raise NotImplementedError
 
     def difference(self, made: Whole, whole: Whole) -> str:
         """Return a description of the difference between two objects, or an empty string if they are equal."""
         return "" if made == whole else self.wrong
-
-    def form_of(self, read: ParsedSettings) -> PlanCache[Made]:
-        """Return the cache of plans for settings with the same names of numbers and the same values of all other settings."""
-        key = (read.names, read.texts)
-        if key not in self.forms:
-            if len(self.forms) >= FORMS or sum(len(form.plans) for form in self.forms.values()) >= FORMS:
-                self.forms.clear()
-            self.forms[key] = PlanCache(self._patience)
-        return self.forms[key]
-
-    def find_plan(self, read: ParsedSettings) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
-        """Return the plan that applies to the settings, and the outputs of the plan. Return None if no plan applies.
-
-        If no plan applies, and the settings are not known to be refused, create a plan if this is likely to save time.
-        """
-        if read.report is not None or not read.names:
-            return None
-        form = self.form_of(read)
-        known = form.plan_for(read)
-        if known is not None or self._is_refused(read) or not form.worth_it(read):
-            return known
-        plan = self.plan(read, form)
-        if plan is None:
-            return None
-        form.add(plan)
-        return form.plan_for(read)
 
     def checked(
         self, plan: NumericPlan[Made] | None, samples: Sequence[ParsedSettings], form: PlanCache[Made], first: Whole,
@@ -112,3 +74,53 @@ class Planner(Generic[Made, Whole]):
         if wrong:
             form.plans, form.refused = [], f"a plan gave {wrong} for {dict(zip(read.names, read.values))}"
         return not wrong
+
+
+class Planner(PlanChecker[Made, Whole]):
+    """Computes an object of the type `Whole` for many settings, with plans or by compilations.
+
+    A plan is created when `patience` settings with the same names have been compiled. If `is_refused` returns True for some settings, no
+    plan is created for them.
+    """
+
+    def __init__(
+        self, session: Session, reader: SettingsReader, modes: Sequence[str], *, verify: int | None,
+        is_refused: Callable[[ParsedSettings], bool] = lambda read: False, patience: int = 2,
+    ) -> None:
+        super().__init__(session, reader, modes, verify=verify)
+        self._is_refused = is_refused
+        self.forms: dict[Hashable, PlanCache[Made]] = {}
+        self._patience = patience
+
+    @abstractmethod
+    def plan(self, read: ParsedSettings, form: PlanCache[Made]) -> NumericPlan[Made] | None:
+        """Create a plan that gives the same objects as compilations.
+
+        If no plan can be created, store the reason in `form` and return None.
+        """
+
+    def form_of(self, read: ParsedSettings) -> PlanCache[Made]:
+        """Return the cache of plans for settings with the same names of numbers and the same values of all other settings."""
+        key = (read.names, read.texts)
+        if key not in self.forms:
+            if len(self.forms) >= FORMS or sum(len(form.plans) for form in self.forms.values()) >= FORMS:
+                self.forms.clear()
+            self.forms[key] = PlanCache(self._patience)
+        return self.forms[key]
+
+    def find_plan(self, read: ParsedSettings) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
+        """Return the plan that applies to the settings, and the outputs of the plan. Return None if no plan applies.
+
+        If no plan applies, and the settings are not known to be refused, create a plan if this is likely to save time.
+        """
+        if read.report is not None or not read.names:
+            return None
+        form = self.form_of(read)
+        known = form.plan_for(read)
+        if known is not None or self._is_refused(read) or not form.worth_it(read):
+            return known
+        plan = self.plan(read, form)
+        if plan is None:
+            return None
+        form.add(plan)
+        return form.plan_for(read)

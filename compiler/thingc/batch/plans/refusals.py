@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Diagnostic, Severity
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, Tracing
 from thingc.batch.plans.part_exchange import Exchange
-from thingc.batch.plans.planner import Planner
+from thingc.batch.plans.planner import PlanChecker
 from thingc.batch.plans.tape import Tape
 from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult
@@ -36,11 +36,11 @@ Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], Hashable]
 """A cache key, which consists of the names of numbers, the texts of other settings, and the cause of the refusal."""
 
 
-class Refusals(Planner["DiagnosticsTemplate", Diagnostics]):
+class Refusals(PlanChecker["DiagnosticsTemplate", Diagnostics]):
     """Computes the diagnostics of refused settings with plans.
 
     Each cause of a refusal has separate plans. The cause consists of the codes, locations and paths of the diagnostics. `verify` has the
-    same meaning as in the class `Planner`. `parts` is the number of part definitions for the most recent refused settings.
+    same meaning as in the class `PlanChecker`. `parts` is the number of part definitions for the most recent refused settings.
     """
 
     wrong = "different diagnostics"

@@ -84,10 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
     except NoGraphics as fault:
         raise console.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS) from fault
     if isinstance(answer, BrokenSide):
-        if arguments.format == "json":
-            console.print_json(answer.diagnostics)
-        else:
-            console.print_text(answer.diagnostics, stream=sys.stdout, debug=arguments.debug, texts=answer.texts)
+        form = "json" if arguments.format == "json" else "text"
+        console.print_found(answer.diagnostics, form, stream=sys.stdout, debug=arguments.debug, texts=answer.texts)
         return 1
     try:
         pictures = _written(arguments, answer)

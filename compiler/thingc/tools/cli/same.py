@@ -64,10 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
             for pair in laid_out(wanted, stack, code=options.code):
                 both = mechanisms(pair, names, options)
                 if isinstance(both, BrokenSide):
-                    if arguments.format == "json":
-                        console.print_json(both.diagnostics)
-                    else:
-                        console.print_text(both.diagnostics, stream=sys.stdout, debug=arguments.debug, texts=both.texts)
+                    console.print_found(both.diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=both.texts)
                     return 1
                 results.append((pair.name, compare_mechanisms(*both, arguments.tolerance)))
     except UnknownComparison as fault:
