@@ -57,6 +57,7 @@ bench-variants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/variants/memory.py --scale 100000
 	$(BIN)/python benchmarks/variants/patched.py
 	$(BIN)/python benchmarks/variants/patched.py --parts --count 300
+	$(BIN)/python benchmarks/variants/parallel.py
 	$(BIN)/python benchmarks/variants/beside.py
 	$(BIN)/python benchmarks/variants/cluster.py
 	$(BIN)/python benchmarks/variants/packed.py
