@@ -281,8 +281,9 @@ def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) ->
         for place, partial in _partials(step, statements):
             for variable, derivative in known[_index(step.arguments[place])].items():
                 sums[variable].append(_product(partial, derivative))
-        known[step.target] = {variable: f"d{step.target}_{variable}" for variable in sums}
-        statements += [f"d{step.target}_{variable} = {' + '.join(terms)}" for variable, terms in sums.items()]
+        known[step.target] = {
+            variable: _named(f"d{step.target}_{variable}", terms, statements) for variable, terms in sums.items()
+        }
     entries = [known.get(_index(one), {}).get(variable, "0.0") for one in program.outputs for variable in range(len(varying))]
     return statements, entries
 
@@ -298,10 +299,7 @@ def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -
             terms = sums.get(step.target)
             if terms is None:
                 continue
-            adjoint = terms[0]
-            if len(terms) > 1 or "*" in adjoint:
-                adjoint = f"b{row}_{step.target}"
-                statements.append(f"{adjoint} = {' + '.join(terms)}")
+            adjoint = _named(f"b{row}_{step.target}", terms, statements)
             for place, partial in by_place.items():
                 sums[_index(step.arguments[place])].append(_product(partial, adjoint))
         entries += [" + ".join(sums.get(index, ["0.0"])) for index in varying]
@@ -309,18 +307,29 @@ def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -
 
 
 def _partials(step: Step, statements: list[str]) -> list[tuple[int, str]]:
-    """Return the partial derivatives of an operation by each varying argument, as names or constants.
+    """Return the partial derivatives of an operation by each varying argument, as names or constants, without those that are always 0.
 
     For partial derivatives that are not constant, the function appends statements to `statements`.
     """
     partials = []
     for place in step.varying:
         code = step.code(step.rule.partial(place))
-        if "v" in code:
+        if "v" not in code:
+            code = repr(float(eval(code, names())))
+        elif not code.isidentifier():
             statements.append(f"p{step.target}_{place} = {code}")
             code = f"p{step.target}_{place}"
-        partials.append((place, code))
+        if code not in ("0.0", "-0.0"):
+            partials.append((place, code))
     return partials
+
+
+def _named(name: str, terms: Sequence[str], statements: list[str]) -> str:
+    """Return an expression without operators for the sum of `terms`: the only term, or `name`, to which a new statement assigns the sum."""
+    if len(terms) == 1 and "*" not in terms[0]:
+        return terms[0]
+    statements.append(f"{name} = {' + '.join(terms)}")
+    return name
 
 
 def _product(partial: str, derivative: str) -> str:
