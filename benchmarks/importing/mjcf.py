@@ -30,6 +30,7 @@ from tally import Tally, collections
 import thingc
 from importing.as_original import Pair, in_files
 from thingc.base.diagnostics import Report, Severity
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.mjcf.compiled_source import CompiledSource
 from thingc.tools.importing.mjcf.flattened_source import FlattenedSource
@@ -129,7 +130,8 @@ def rooted(file: Path, roots: list[str]) -> Imported:
 
     If joints are attached to the world and the world can move in a mode, the world gets a mass of 1 mg.
     """
-    found = import_robot(str(file), Report(), roots=roots) or import_robot(str(file), Report(), roots=roots, repair="nearest")
+    requests = (ImportRequest(roots=roots, repair=repair) for repair in (None, "nearest"))
+    found = next((one for request in requests if (one := import_robot(str(file), Report(), request)) is not None), None)
     assert found is not None
     return found
 

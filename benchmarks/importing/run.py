@@ -29,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 import thingc
 from importing.as_original import in_files
 from thingc.base.diagnostics import Report, Severity
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.sdf import ENDLESS
 
@@ -62,14 +63,14 @@ def main() -> int:
 def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
     """Compare one robot. Return its row in the table, and whether every difference has an explanation."""
     chance, report, begun = random.Random(file.stem), Report(), time.perf_counter()
-    first = import_robot(str(file), report, repair="nearest")
+    first = import_robot(str(file), report, ImportRequest(repair="nearest"))
     empty = [""] * (len(KINDS) + 2)
     if first is None:
         said = report.ordered()[0]
         return ["", *empty, f"refused: {said.code.code} {said.message}"], True
     links = [link.name for link in first.robot.links]
     roots = chance.sample(links, min(ROOTS, len(links)))
-    imported = import_robot(str(file), Report(), roots=roots, repair="nearest")
+    imported = import_robot(str(file), Report(), ImportRequest(roots=roots, repair="nearest"))
     assert imported is not None
     took = time.perf_counter() - begun
     names = in_files(imported)

@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from thingc.base.diagnostics import Report
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import import_robot
 
 NEAR = 2
@@ -70,7 +71,7 @@ def slipped(text: str, chance: random.Random) -> tuple[str, int, str]:
 def refused(path: Path) -> list[int] | None:
     """Import a file, and return the lines of its diagnostics and notes. Return None if the file is accepted."""
     report = Report()
-    if import_robot(str(path), report, repair="nearest", meshes=False) is not None:
+    if import_robot(str(path), report, ImportRequest(repair="nearest", meshes=False)) is not None:
         return None
     places = [d.span for d in report.diagnostics] + [note.span for d in report.diagnostics for note in d.notes]
     return [place.line for place in places if place is not None]

@@ -12,6 +12,7 @@ import pytest
 
 import thingc
 from thingc.base.diagnostics import Report
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 
 SOURCE = Path(__file__).parent / "robots" / "blocks.urdf"
@@ -121,7 +122,7 @@ def test_what_drives_a_joint_that_is_not_there_is_a_warning_and_a_loss(block: st
     for name in ("yaw", "yah"):
         report = Report()
         path.write_text(f'<robot name="r">{links}\n{block.replace("JOINT", name)}</robot>')
-        imported = import_robot(str(path), report, repair="nearest")
+        imported = import_robot(str(path), report, ImportRequest(repair="nearest"))
         assert imported is not None
         (joint,) = (joint for one in imported.robot.hangings for joint in one.joints)
         warned = [(one.message, one.help, one.span and one.span.line) for one in report.diagnostics]

@@ -12,6 +12,7 @@ import pytest
 import thingc
 from thingc.base.diagnostics import Report
 from thingc.tools.cli.main import main
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.inertias import nearest
 
@@ -28,7 +29,7 @@ def written(tmp_path: Path, links: str, joints: str) -> Path:
 
 def repaired(path: Path, how: str) -> tuple[Imported | None, list[str]]:
     report = Report()
-    imported = import_robot(str(path), report, repair=how)
+    imported = import_robot(str(path), report, ImportRequest(repair=how))
     return imported, [d.message for d in report.ordered()]
 
 
@@ -100,7 +101,7 @@ def test_a_root_that_is_another_one_moves_the_old_one(tmp_path: Path) -> None:
     path = written(tmp_path, links, '<joint name="j" type="continuous"><parent link="a"/><child link="arm"/></joint>')
     for roots, said in (([], []), (["arm"], ["link `a` moves, but cannot be simulated: it has no mass"])):
         report = Report()
-        import_robot(str(path), report, roots=roots)
+        import_robot(str(path), report, ImportRequest(roots=roots))
         assert [d.message for d in report.ordered()] == said
 
 
@@ -160,7 +161,7 @@ def test_the_nearest_is_one_that_simulators_accept(tmp_path: Path) -> None:
     helps = {}
     for how in (None, "shapes", "nearest"):
         report = Report()
-        found = import_robot(str(tmp_path / "tiny.xml"), report, roots=["arm"], repair=how)  # type: ignore[arg-type]
+        found = import_robot(str(tmp_path / "tiny.xml"), report, ImportRequest(roots=["arm"], repair=how))  # type: ignore[arg-type]
         helps[how] = [one.help for one in report.diagnostics]
     assert found is not None and found.repaired[0].new.mass == 1e-10 and min(found.repaired[0].new.inertia[k][k] for k in range(3)) >= 1e-14
     assert helps["nearest"] == [] and "--repair inertia=nearest" in str(helps[None]) and "--repair inertia=nearest" in str(helps["shapes"])
@@ -202,7 +203,7 @@ def test_joints_that_cannot_be_at_zero_start_in_the_middle(tmp_path: Path) -> No
     links = "".join(LINK.format(name=name, mass=1, ixx=0.01) for name in ("a", "b"))
     limit = '<limit lower="0.5" upper="1" effort="1" velocity="1"/>'
     joint = f'<joint name="j" type="revolute"><parent link="a"/><child link="b"/>{limit}</joint>'
-    imported = import_robot(str(written(tmp_path, links, joint)), Report(), roots=["b"])
+    imported = import_robot(str(written(tmp_path, links, joint)), Report(), ImportRequest(roots=["b"]))
     assert imported is not None
     text = imported.files["robot.yaml"].decode()
     assert "  start: {j: 0.75 rad}  # from the source" in text

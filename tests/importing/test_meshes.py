@@ -13,6 +13,7 @@ import trimesh
 
 import thingc
 from thingc.base.diagnostics import Report
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import import_robot
 
 ROBOT = """<robot name="meshes">
@@ -90,7 +91,7 @@ def test_those_that_are_not_there_are_said_or_left_out(robot: Path) -> None:
         ("TC956", 6, "there is no file `../meshes/c/copy.stl`"),
     ]
     report = Report()
-    imported = import_robot(str(robot), report, meshes=False)
+    imported = import_robot(str(robot), report, ImportRequest(meshes=False))
     assert imported is not None and [(loss.what, loss.where.line) for loss in imported.losses] == [
         ("mesh `package://bot/meshes/a/part.stl`", 4), ("mesh `package://lamp/part.abc`", 5), ("mesh `../meshes/c/copy.stl`", 6),
     ]
@@ -118,7 +119,7 @@ def arm(tmp_path: Path, data: bytes, *, mesh: str = 'filename="part.stl"', inert
 def test_meshes_say_what_inertia_a_link_has(tmp_path: Path) -> None:
     """6 kg of a box, by the textbook: m/12 (b^2 + c^2), turned by a quarter about z."""
     path, report = arm(tmp_path, stl(1000.0), mesh='filename="part.stl" scale="0.001 0.001 0.001"')
-    imported = import_robot(str(path), report, repair="shapes")
+    imported = import_robot(str(path), report, ImportRequest(repair="shapes"))
     assert imported is not None and report.diagnostics == []
     new = json.loads(imported.files["import.json"])["repaired"][0]["new"]
     assert new["mass"] == 6.0 and numpy.allclose(new["com"], [0.0, 0.1, 0.5])
@@ -134,7 +135,7 @@ def test_meshes_say_what_inertia_a_link_has(tmp_path: Path) -> None:
 
 def test_an_open_mesh_says_nothing(tmp_path: Path) -> None:
     path, report = arm(tmp_path, stl(1.0, open_=True))
-    assert import_robot(str(path), report, repair="shapes") is None
+    assert import_robot(str(path), report, ImportRequest(repair="shapes")) is None
     assert report.diagnostics[0].help == "it has no closed shapes to compute it from: use `--repair inertia=nearest`"
 
 

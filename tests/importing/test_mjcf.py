@@ -16,6 +16,7 @@ import thingc
 from importing.as_original import Pair, in_files
 from importing.test_mjcf_names import built_from, imported_from
 from thingc.base.diagnostics import Report
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 
 ROBOTS = Path(__file__).parent / "robots"
@@ -56,7 +57,7 @@ class Case:
 @pytest.fixture(scope="module", params=sorted(ROOTS))
 def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
     name, report = request.param, Report()
-    imported = import_robot(str(ROBOTS / f"{name}.xml"), report, roots=ROOTS[name])
+    imported = import_robot(str(ROBOTS / f"{name}.xml"), report, ImportRequest(roots=ROOTS[name]))
     assert imported is not None and report.diagnostics == []
     folder = tmp_path_factory.mktemp("imported")
     for path, content in imported.files.items():
@@ -308,7 +309,7 @@ def test_thousands_of_things_take_no_longer_each_than_ten(tmp_path: Path) -> Non
 
 
 def test_the_same_file_gives_the_same_bytes(case: Case) -> None:
-    again = import_robot(case.imported.robot.where.file, Report(), roots=ROOTS[Path(case.imported.robot.where.file).stem])
+    again = import_robot(case.imported.robot.where.file, Report(), ImportRequest(roots=ROOTS[Path(case.imported.robot.where.file).stem]))
     assert again is not None and again.files == case.imported.files
 
 

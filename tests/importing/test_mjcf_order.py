@@ -11,6 +11,7 @@ import pytest
 import thingc
 from importing.test_mjcf_names import imported_from
 from thingc.base.diagnostics import Report
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import import_robot
 
 SOURCE = """\
@@ -115,7 +116,7 @@ def test_controls_and_sensordata_mean_what_they_do_in_the_source(tmp_path: Path)
 
 def test_the_order_is_the_same_for_every_root_and_behind_the_path_of_a_nested_document(tmp_path: Path) -> None:
     (tmp_path / "source.xml").write_text(SOURCE)
-    imported = import_robot(str(tmp_path / "source.xml"), Report(), roots=["shank"])
+    imported = import_robot(str(tmp_path / "source.xml"), Report(), ImportRequest(roots=["shank"]))
     assert imported is not None
     (tmp_path / "robot.yaml").write_bytes(imported.files["robot.yaml"])
     (tmp_path / "both.yaml").write_text("""\

@@ -11,6 +11,7 @@ import pytest
 import thingc
 from thingc.base.diagnostics import Report
 from thingc.tools.cli.main import main
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.packages import NotFound, Packages
 
@@ -117,7 +118,7 @@ def test_no_format_copies_a_file_from_outside(tmp_path: Path, name: str, text: s
 
     def read(**options: object) -> tuple[Imported | None, Report]:
         report = Report()
-        return import_robot(str(tmp_path / "robot" / name), report, **options), report  # type: ignore[arg-type]
+        return import_robot(str(tmp_path / "robot" / name), report, ImportRequest(**options)), report  # type: ignore[arg-type]
 
     imported, report = read()
     assert imported is None and [one.code.code for one in report.diagnostics] == ["TC956"]
@@ -134,7 +135,7 @@ def test_mjcf_without_its_meshes(tmp_path: Path) -> None:
         if there:
             (tmp_path / "m.obj").write_text(SOLID)
             (tmp_path / "r.xml").write_text(MJCF.format(folder="", file="m.obj"))
-        imported = import_robot(str(tmp_path / "r.xml"), Report(), meshes=False)
+        imported = import_robot(str(tmp_path / "r.xml"), Report(), ImportRequest(meshes=False))
         assert imported is not None and not [name for name in imported.files if name.startswith("meshes/")]
         assert imported.robot.links[0].weight is not None
         assert imported.robot.links[0].weight.properties.mass == pytest.approx(mass, rel=1e-6)

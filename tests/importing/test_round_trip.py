@@ -15,6 +15,7 @@ import pytest
 import thingc
 from importing.as_original import in_files
 from thingc.base.diagnostics import Report
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 
 SOURCE = Path(__file__).parent / "robots" / "constructs.urdf"
@@ -74,7 +75,7 @@ class Case:
 @pytest.fixture(scope="module")
 def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
     report = Report()
-    imported = import_robot(str(SOURCE), report, roots=ROOTS)
+    imported = import_robot(str(SOURCE), report, ImportRequest(roots=ROOTS))
     assert imported is not None and report.diagnostics == []
     folder = tmp_path_factory.mktemp("imported")
     for name, content in imported.files.items():
@@ -150,7 +151,7 @@ def test_limits_drives_and_couplings(case: Case) -> None:
 
 
 def test_the_same_file_gives_the_same_bytes(case: Case) -> None:
-    again = import_robot(str(SOURCE), Report(), roots=ROOTS)
+    again = import_robot(str(SOURCE), Report(), ImportRequest(roots=ROOTS))
     assert again is not None and again.files == case.imported.files
 
 
@@ -162,5 +163,5 @@ def test_the_page_shows_what_is_written(root: Path, tmp_path: Path) -> None:
     blocks = re.findall(r"```(xml|yaml)\n(.*?)```", (root / "docs" / "import.md").read_text(), re.DOTALL)
     (_, source), (_, shown) = blocks[:2]
     (tmp_path / "pendulum.urdf").write_text(source)
-    imported = import_robot(str(tmp_path / "pendulum.urdf"), Report(), roots=["tip"])
+    imported = import_robot(str(tmp_path / "pendulum.urdf"), Report(), ImportRequest(roots=["tip"]))
     assert imported is not None and imported.files["pendulum.yaml"].decode() == shown.removeprefix("# pendulum.yaml\n")

@@ -13,6 +13,7 @@ from trimesh.transformations import rotation_matrix
 import thingc
 from importing.as_original import in_files
 from thingc.base.diagnostics import Report
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 
 HERE = Path(__file__).parent
@@ -24,7 +25,7 @@ DRAKE = json.loads((HERE / "robots" / "constructs.sdf.json").read_text())
 @pytest.fixture(scope="module")
 def imported() -> Imported:
     report = Report()
-    found = import_robot(str(SOURCE), report, roots=DRAKE["asked"]["roots"])
+    found = import_robot(str(SOURCE), report, ImportRequest(roots=DRAKE["asked"]["roots"]))
     assert found is not None and report.diagnostics == []
     return found
 
@@ -241,7 +242,7 @@ def test_meshes_and_axes_of_an_included_file_are_its_own(tmp_path: Path, wanted:
     )
     path, report = tmp_path / "robot" / "m.sdf", Report()
     path.write_text(f"<sdf version='1.9'><world name='w'><include><uri>{wanted}</uri></include>\n<include><uri>model://sun</uri></include></world></sdf>")
-    found = import_robot(str(path), report, packages={name: str(tmp_path / "robot" / one) for name, one in given.items()})
+    found = import_robot(str(path), report, ImportRequest(packages={name: str(tmp_path / "robot" / one) for name, one in given.items()}))
     assert found is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span is not None] == [("TC955", 2)]
     assert found.files["meshes/m.obj"] == (folder / "meshes" / "m.obj").read_bytes()
     assert [one.axis for hanging in found.robot.hangings for one in hanging.joints] == [pytest.approx((1.0, 0.0, 0.0))]

@@ -15,6 +15,7 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.geometry.worker import children
 from thingc.tools.cli.main import main
 from thingc.tools.importing import urdf
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.xacro_worker import is_plausible
 
@@ -32,7 +33,7 @@ def bot(tmp_path: Path) -> Path:
 
 def read(path: Path, **arguments: str) -> tuple[Imported | None, list[Diagnostic]]:
     report = Report()
-    return import_robot(str(path), report, arguments=arguments), report.ordered()
+    return import_robot(str(path), report, ImportRequest(arguments=arguments)), report.ordered()
 
 
 def test_macros_includes_and_packages(bot: Path) -> None:
@@ -217,4 +218,4 @@ def test_an_include_outside_of_the_robot_is_not_read(bot: Path, tmp_path: Path) 
     assert imported is None and f"cannot read `{other}`: it is outside the robot's folder and all known packages" in said[0].message
     assert said[0].help == "to allow reading a folder, use `--package NAME=DIR`" and said[0].span is not None and said[0].span.line == 5
     report = Report()
-    assert import_robot(str(bot), report, packages={"theirs": str(other.parent)}) is not None and not report.failed
+    assert import_robot(str(bot), report, ImportRequest(packages={"theirs": str(other.parent)})) is not None and not report.failed

@@ -33,6 +33,7 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.tools.diff.cached_snapshots import BrokenDocument
 from thingc.tools.diff.checkouts import Checkout
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import ENDINGS, import_robot
 from thingc.tools.same.comparison import MechanismComparison, compare_mechanisms
 from thingc.tools.same.mechanism import Mechanism
@@ -68,7 +69,7 @@ def subject(path: Path, folder: Path) -> Subject:
     """Read a robot. Raises ValueError with a reason if the study cannot use it."""
     document, texts = path, {}
     if path.suffix in ENDINGS:
-        imported = import_robot(str(path), Report(), meshes=False)
+        imported = import_robot(str(path), Report(), ImportRequest(meshes=False))
         if imported is None:
             raise ValueError("it cannot be imported")
         document = folder / "robot.yaml"

@@ -26,7 +26,7 @@ def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
         return {"file": shown_path(span.file), "line": span.line, "column": span.column}
 
     return [{
-        "code": d.code.code, "severity": d.severity.value, "message": d.message, **place(d.span), "path": d.path, "help": d.help,
+        "code": d.code.code, "severity": d.severity.value, "message": d.message, **place(d.span), "path": d.path, "help": d.advice,
         "notes": [{"message": note.message, **place(note.span)} for note in d.notes],
         "fixes": [{
             **place(edit.span), "end_line": edit.span.end_line, "end_column": edit.span.end_column, "written": edit.written,
@@ -54,8 +54,8 @@ def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bo
             lines.append(f"  {_paint('note', '1;36', color)}: {escape_control(n.message)}")
             if n.span is not None:
                 lines.extend(_frame(n.span, sources, "1;36", color))
-        if d.help:
-            lines.append(f"  {_paint('help', '1;32', color)}: {escape_control(d.help)}")
+        if d.advice:
+            lines.append(f"  {_paint('help', '1;32', color)}: {escape_control(d.advice)}")
         if debug and d.detail:
             lines.extend("  | " + escape_control(text) for text in d.detail.rstrip().split("\n"))
         lines.append("")

@@ -294,8 +294,8 @@ class Diagnostic(OneLineRepr, FrozenStruct):
 
 
     `path` is the key path in the document, or the path of the occurrence or joint. `detail` (such as the traceback of a part) is shown only
-    with `--debug`. `fixes` are unambiguous edits for `thingc check --fix`. `Diagnostic` shortens `message` and `help` for all output
-    formats.
+    with `--debug`. `fixes` are unambiguous edits for `thingc check --fix`. If `allow` is true, the output also shows how to suppress the
+    warning. `Diagnostic` shortens `message` and `help` for all output formats.
     """
 
     code: DiagnosticCode
@@ -307,6 +307,12 @@ class Diagnostic(OneLineRepr, FrozenStruct):
     notes: tuple[Note, ...] = ()
     detail: str | None = None
     fixes: tuple[Edit, ...] = ()
+    allow: bool = False
+
+    @property
+    def advice(self) -> str | None:
+        """The help text, and the `allow` entry that suppresses the warning, if `allow` is true."""
+        return self.help if not self.allow else f"{self.help}; {allow_hint(self.code)}" if self.help else allow_hint(self.code)
 
     def __post_init__(self) -> None:
         force_setattr(self, "message", shortened(self.message))
@@ -354,7 +360,7 @@ class Report:
 
     def add(
         self, code: DiagnosticCode, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
-        notes: Iterable[Note] = (), severity: Severity = Severity.ERROR, detail: str | None = None,
+        notes: Iterable[Note] = (), severity: Severity = Severity.ERROR, detail: str | None = None, allow: bool = False,
     ) -> bool:
         """Add a diagnostic at the location `where`. For an `Origin`, the location is the innermost span, and the other spans become notes.
 
@@ -370,7 +376,7 @@ class Report:
             extra.extend(Note(message="included from here", span=outer) for outer in where[1:])
         diagnostic = Diagnostic(
             code=code, severity=severity, message=str(message), span=span, path=path, help=text_of(help),
-            notes=tuple(extra), detail=detail, fixes=_fixes(span, message, help),
+            notes=tuple(extra), detail=detail, fixes=_fixes(span, message, help), allow=allow,
         )
         return self.say(diagnostic)
 
@@ -397,10 +403,10 @@ class Report:
 
     def warn(
         self, code: DiagnosticCode, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
-        notes: Iterable[Note] = (),
+        notes: Iterable[Note] = (), allow: bool = False,
     ) -> bool:
         """Add a warning to the report. The arguments have the same meaning as for `add`."""
-        return self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING)
+        return self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING, allow=allow)
 
     def continued(self) -> Report:
         """Return an independent copy of this report. Diagnostics that are added to the copy are not added to this report."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic, Report, Stage, allow_hint
+from thingc.base.diagnostics import Code, Diagnostic, Report, Stage
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin
 from thingc.driver import pipeline
@@ -129,5 +129,5 @@ def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
             mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""
             report.add(
                 Code.LOSS_DENIED, f"export loss in {loss.target} at `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.origin,
-                path=loss.path, help=allow_hint(Code.LOSS_DENIED),
+                path=loss.path, allow=True,
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Protocol
 
-from thingc.base.diagnostics import Code, Note, Report, Severity, allow_hint
+from thingc.base.diagnostics import Code, Note, Report, Severity
 from thingc.base.source import Span, line_of
 from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason
@@ -84,7 +84,7 @@ def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None
                 report.warn(
                     Code.HIDDEN, f"`{reference}` imports the module `{module.name}` from `{parts.workspace.relative(module.file)}`, which "
                     f"hides {hidden}", where or line_of(module.file),
-                    help="rename one of the files" + (f"; {allow_hint(Code.HIDDEN)}" if where is not None else ""),
+                    help="rename one of the files", allow=where is not None,
                 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 
-from thingc.base.diagnostics import Code, allow_hint, noted
+from thingc.base.diagnostics import Code, noted
 from thingc.geometry.record import MountExpectation
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Connected, Occurrence
@@ -63,13 +63,13 @@ def _warn(owner: Occurrence, one: MountExpectation, others: Sequence[tuple[Occur
     if other is not None and found == wanted:  # the labels are equal, because they do not show the digits that differ
         wanted, found = one.text, other.definition.text
     cut = f"`{name}.{one.mount}` expects `{wanted}`"
-    help = f"attach the mount `{one.child_mount}` of `{wanted}` to `{name}.{one.mount}`; {allow_hint(Code.EXPECTATION)}"
+    help = f"attach the mount `{one.child_mount}` of `{wanted}` to `{name}.{one.mount}`"
     if other is None:
-        findings.warn(Code.EXPECTATION, f"{cut}, but nothing is attached to it", owner.origin, path=owner.path, help=help)
+        findings.warn(Code.EXPECTATION, f"{cut}, but nothing is attached to it", owner.origin, path=owner.path, help=help, allow=True)
         return
     if _is(other, one, owner):
         message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` is attached to it by `{mount}`"
     else:
         message = f"{cut}, but `{other.component.name}` (`{found}`) is attached to it"
     notes = noted(f"`{name}` is defined here", owner.origin)
-    findings.warn(Code.EXPECTATION, message, other.origin, path=other.path, help=help, notes=notes)
+    findings.warn(Code.EXPECTATION, message, other.origin, path=other.path, help=help, notes=notes, allow=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Note, allow_hint, noted
+from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.inertia import physical_fault
 from thingc.base.memo import Memo
 from thingc.base.one_line_repr import counted
@@ -228,8 +228,8 @@ class PartInstances:
             more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
             if key not in self._warned and findings.warn(
                 Code.APART, f"{of} is {len(record.apart)} separate solids ({volumes}{more} cm^3)", origin, path=path,
-                notes=place, help="make the solids overlap, or return a list if separate solids are intended: `return [a, b]`; "
-                + allow_hint(Code.APART),
+                notes=place, help="make the solids overlap, or return a list if separate solids are intended: `return [a, b]`",
+                allow=True,
             ):
                 self._warned.add(key)
 
@@ -243,16 +243,16 @@ class PartInstances:
         if record.own_image and component.image_of is None:
             code = Code.OWN_IMAGE
             message = f"`{component.name}` is mirrored, but the mirror image of `{plain.label}` has the same shape"
-            help = f"remove `mirror`; {allow_hint(code)}"
+            help = "remove `mirror`"
         elif bought and bom.number is None:
             code = Code.MIRRORED_BOUGHT
             message = f"`{component.name}` is the mirror image of `{plain.label}`, a purchased part: a mirrored version may not exist"
-            help = f"remove `mirror`, or add the order number of the mirror image: `bom: {{number: ...}}`; {allow_hint(code)}"
+            help = "remove `mirror`, or add the order number of the mirror image: `bom: {number: ...}`"
             if component.image_of is not None:
-                help = f"move the component from the mirrored assembly to the enclosing assembly; {allow_hint(code)}"
+                help = "move the component from the mirrored assembly to the enclosing assembly"
         else:
             return
-        if (record.text, code.code) not in self._warned and self._findings.warn(code, message, origin, path=path, help=help):
+        if (record.text, code.code) not in self._warned and self._findings.warn(code, message, origin, path=path, help=help, allow=True):
             self._warned.add((record.text, code.code))
 
     def _weigh(
@@ -329,7 +329,7 @@ class PartInstances:
             if doubt is not None:
                 warn(
                     Code.DENSITY, f"`{component.name}` {doubt.words}", stated.origin + origin[len(component.origin):], path=path,
-                    help=doubted(None if doubt.meant is None else f"probably `{mass_words(doubt.meant)}` was meant"),
+                    help=None if doubt.meant is None else f"probably `{mass_words(doubt.meant)}` was meant", allow=True,
                 )
         elif record.mass is not None or record.density is not None:
             self._doubt_thing(component, record, path, origin)
@@ -338,7 +338,7 @@ class PartInstances:
             if doubt is not None:
                 warn(
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=path,
-                    notes=noted(f"`{component.name}` is made of this material", origin), help=doubted(density_cure(doubt)),
+                    notes=noted(f"`{component.name}` is made of this material", origin), help=density_cure(doubt), allow=True,
                 )
 
     def _doubt_thing(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
@@ -351,7 +351,7 @@ class PartInstances:
             method, unit, doubt = "density", "kg/m^3", density_doubt(record.density.value)
         if doubt is not None and key not in self._warned and self._findings.warn(
             Code.DENSITY, f"`{component.label}` {doubt.words}", origin, path=path, notes=written_at(f"`{component.label}`", record.code),
-            help=doubted(f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f", probably {doubt.meant:.6g}")),
+            help=f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f", probably {doubt.meant:.6g}"), allow=True,
         ):
             self._warned.add(key)
 
@@ -440,11 +440,6 @@ class PartInstances:
                 continue
             mounts[name] = MountFrame(pose=extra.pose, interface=extra.interface)
         return mounts
-
-
-def doubted(help: Hint | None) -> str:
-    """Return the help text for a warning about an implausible density. `help` suggests the intended density, if known."""
-    return f"{help}; {allow_hint(Code.DENSITY)}" if help is not None else allow_hint(Code.DENSITY)
 
 
 def _bom(component: Component, record: PartRecord | None) -> BomEntry:

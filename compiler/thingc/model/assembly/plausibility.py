@@ -9,14 +9,13 @@ import re
 from collections.abc import Collection, Iterator, Sequence
 from itertools import combinations
 
-from thingc.base.diagnostics import Code, Note, allow_hint, noted
+from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
 from thingc.base.numeric import dist, hypot, maximum, minimum, pi, radians, sqrt, sum_of, tau
 from thingc.base.pose import NO_POSE, Mirror, Pose, Vector, multiply, transpose
 from thingc.base.source import Origin
 from thingc.model.assembly.instance_tree import Instance, Tree
-from thingc.model.assembly.part_instances import doubted
 from thingc.model.assembly.plausibility_modes import check_modes, check_nested_simulation
 from thingc.model.assembly.plausibility_prints import check_processes
 from thingc.model.assembly.report import LinkReport, written_at
@@ -53,7 +52,7 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
                 Code.MIRRORED_TURN,
                 f"`{part}` is rotated by {abs(turn)} deg relative to the mirror image of `{opposite}`, on the other side of `{parent}`",
                 other.origin, path=part, notes=noted(f"`{opposite}` is placed here", one.origin),
-                help=f"add {turn} deg to its `turn`, or use `facing` or `mate_x` for the mounts; {allow_hint(Code.MIRRORED_TURN)}",
+                help=f"add {turn} deg to its `turn`, or use `facing` or `mate_x` for the mounts", allow=True,
             ):
                 break
 
@@ -148,7 +147,7 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
         if findings.warn(
             Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: its bounding box is {measures(one.box)}",
             one.origin, path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code) if one.record is not None else (),
-            help=f"{unit_meant(one.component.definition, maximum(sides))}; {allow_hint(Code.SIZE)}",
+            help=unit_meant(one.component.definition, maximum(sides)), allow=True,
         ):
             warned.add(one.definition.text)
     return bool(warned)
@@ -168,7 +167,7 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
         where = stated.origin + one.origin[len(one.component.origin) :] if stated is not None else one.origin
         notes = () if stated is not None or one.record is None else written_at(f"`{one.definition.label}`", one.record.code)
         if where not in said and findings.warn(
-            Code.STATED, what, where, path=one.path, help=f"{help}; {allow_hint(Code.STATED)}", notes=notes
+            Code.STATED, what, where, path=one.path, help=help, allow=True, notes=notes
         ):
             said.add(where)
 
@@ -214,7 +213,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Li
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin + instance.origin,
                     path=instance.within(material.name),
                     notes=noted(f"no part of `{definition.name}` uses this material for its mass", definition.origin),
-                    help=doubted(density_cure(doubt)),
+                    help=density_cure(doubt), allow=True,
                 )
 
 
@@ -225,7 +224,7 @@ def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
         return
     findings.warn(
         Code.ROBOT_MASS, f"`{definition.name}` has a total mass of {mass_words(mass)}", definition.origin, path="name",
-        help=f"check units of densities, masses and files; `thingc info` lists the mass of each part; {allow_hint(Code.ROBOT_MASS)}",
+        help="check units of densities, masses and files; `thingc info` lists the mass of each part", allow=True,
     )
 
 
@@ -246,7 +245,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         findings.warn(
             Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)",
             _origin_of(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
-            help=f"probably {cause}; use `type: continuous` for a joint without limits; {allow_hint(Code.LIMIT_TURNS)}",
+            help=f"probably {cause}; use `type: continuous` for a joint without limits", allow=True,
         )
     if wide or len(ends) < 2 or not all(ends.values()):
         return
@@ -258,7 +257,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
             Code.LIMIT_UNITS,
             f"joint `{joint.name}` has a lower limit in {low_unit} (`{lower}`) and an upper limit in {high_unit} (`{upper}`)",
             _origin_of(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
-            help=f"use the same unit for both limits: `{value}` is `{twist.shown(ends[key])}`; {allow_hint(Code.LIMIT_UNITS)}",
+            help=f"use the same unit for both limits: `{value}` is `{twist.shown(ends[key])}`", allow=True,
         )
 
 
@@ -306,7 +305,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
         return
     findings.warn(
         Code.STUCK, f"joint `{joint.name}` has {said}", _origin_of(joint, key, joint.origin + instance.origin), path=edge.path,
-        notes=_elsewhere(joint, key), help=f"check the unit (`m{force}`, `{force}`); {allow_hint(Code.STUCK)}",
+        notes=_elsewhere(joint, key), help=f"check the unit (`m{force}`, `{force}`)", allow=True,
     )
 
 
@@ -346,7 +345,7 @@ def _check_actuators(
             help = f"if `{name}` moves joint `{still[0].path}`, add `drive: {name}` to the joint"
         findings.warn(
             Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, but does not drive a joint", one.origin,
-            path=one.path, help=f"{help}; {allow_hint(Code.IDLE_ACTUATOR)}", notes=[
+            path=one.path, help=help, allow=True, notes=[
                 note for edge in nearby
                 for note in noted(f"joint `{edge.path}` is attached to this part and has {'no' if still else 'another'} drive", edge.origin)
             ],
@@ -369,7 +368,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> No
             findings.warn(
                 Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, although `{meant}` also exists",
                 reference.origin + instance.origin, path=instance.within(name),
-                help=f"write `{name}: {meant}`, or rename the mount; {allow_hint(Code.OTHER_MOUNT)}",
+                help=f"write `{name}: {meant}`, or rename the mount", allow=True,
             )
 
 
@@ -399,7 +398,7 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: LinkR
                 findings.warn(
                     Code.FAR, f"{offset.words} {length_words(offset.length)}, {times_words(times)} times the size of the largest part "
                     f"(`{largest.path}`, {length_words(size, 3)} across)", offset.origin + instance.origin,
-                    path=instance.within(offset.path), notes=offset.notes, help=f"check the {offset.mind}; {allow_hint(Code.FAR)}",
+                    path=instance.within(offset.path), notes=offset.notes, help=f"check the {offset.mind}", allow=True,
                 )
 
 
@@ -452,7 +451,7 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport
             findings.warn(
                 Code.FAR, f"mode `{mode.name}` places its root {length_words(offset)} from the origin of the world, "
                 f"{times_words(offset / reach)} times the robot's reach ({length_words(reach, 3)})", mode.origin,
-                path=mode.name, help=f"check the unit (`mm`, `m`); {allow_hint(Code.FAR)}",
+                path=mode.name, help="check the unit (`mm`, `m`)", allow=True,
             )
 
 
@@ -474,7 +473,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
                 findings.warn(
                     Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {times_words(mass / rest)} times the rest "
                     f"of the robot ({mass_words(rest)})", stated.origin + one.origin[len(one.component.origin):],
-                    path=one.path, help=f"check the unit (`g`, `kg`); {allow_hint(Code.BARE_MASS)}",
+                    path=one.path, help="check the unit (`g`, `kg`)", allow=True,
                 )
             elif boxes and not findings.has_said(Code.FAR):
                 # include the origin of the link, because a joint may be at the origin although the parts are far away
@@ -493,7 +492,7 @@ def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector
         findings.warn(
             Code.BARE_MASS, f"the mass of `{one.component.name}` is {length_words(away, 3)} away from the parts of its link, "
             f"which are {length_words(size, 3)} across", place, path=one.path,
-            help=f"check the unit (`mm`, `m`); {allow_hint(Code.BARE_MASS)}",
+            help="check the unit (`mm`, `m`)", allow=True,
         )
 
 

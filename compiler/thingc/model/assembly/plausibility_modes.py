@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from thingc.base.diagnostics import Code, allow_hint, noted
+from thingc.base.diagnostics import Code, noted
 from thingc.base.units import FORCE, Quantity
 from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.report import LinkReport
@@ -32,7 +32,7 @@ def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkR
                 Code.NESTED_SIMULATION,
                 f"`simulation: {{{said}}}` of the nested document `{definition.name}` is not used, and `{top.name}` does not set it",
                 (definition.step_origin or definition.origin) + instance.origin, path=instance.path,
-                help=f"add `simulation: {{{said}}}` to the document of `{top.name}`; {allow_hint(Code.NESTED_SIMULATION)}",
+                help=f"add `simulation: {{{said}}}` to the document of `{top.name}`", allow=True,
             )
 
 
@@ -59,7 +59,7 @@ def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
         if isinstance(step, float) and step >= LONG_STEP:
             findings.warn(
                 Code.LONG_STEP, f"a time step of {1e3 * step:g} ms is too long for contacts: parts sink into each other, or bounce",
-                owner.step_origin, path=path, help=f"use 1 to 5 ms; the default of MuJoCo is 2 ms; {allow_hint(Code.LONG_STEP)}",
+                owner.step_origin, path=path, help="use 1 to 5 ms; the default of MuJoCo is 2 ms", allow=True,
             )
 
 
@@ -74,7 +74,7 @@ def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
             findings.warn(
                 Code.GRAVITY_UP, f"gravity points up ({z:.6g} m/s^2): loose objects fall away from the floor", mode.gravity_origin,
                 path=mode.name, help="write `gravity: floor` for -9.81 m/s^2 along z, and `gravity: ceiling` for a robot that hangs "
-                f"from a ceiling; {allow_hint(Code.GRAVITY_UP)}",
+                "from a ceiling", allow=True,
             )
 
 
@@ -94,7 +94,7 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
                 Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} the weight of the robot "
                 f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,
                 notes=noted(f"mode `{mode.name}` is defined here", mode.origin),
-                help=f"check the unit (`mN`, `N`, `kN`); {allow_hint(Code.MAGNET)}",
+                help="check the unit (`mN`, `N`, `kN`)", allow=True,
             )
 
 
@@ -112,7 +112,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
         findings.warn(
             Code.HELD_OFF, f"mode `{mode.name}` is held at `{shown}`, whose magnet is off, while the magnet of `{other}` is on",
             mode.origin, path=mode.name, notes=noted(f"the magnet of `{other}` is switched on here", written[mode.name].get(other, ())),
-            help=f"write `root: {other}`, or switch on the magnet at `{shown}` too; {allow_hint(Code.HELD_OFF)}",
+            help=f"write `root: {other}`, or switch on the magnet at `{shown}` too", allow=True,
         )
 
 
@@ -125,7 +125,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
             findings.warn(
                 Code.ALIKE, f"mode `{mode.name}` is identical to mode `{first.name}`", mode.origin, path=mode.name,
                 notes=noted(f"mode `{first.name}` is defined here", first.origin),
-                help=f"add the intended differences (check `extends`), or remove one of the two modes; {allow_hint(Code.ALIKE)}",
+                help="add the intended differences (check `extends`), or remove one of the two modes", allow=True,
             )
 
 

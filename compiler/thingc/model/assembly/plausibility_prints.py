@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
-from thingc.base.diagnostics import Code, Note, allow_hint, noted
+from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span
 from thingc.model.assembly.instance_tree import Tree
@@ -69,7 +69,7 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: Lin
 
 def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, notes: Sequence[Note], findings: LinkReport) -> None:
     findings.warn(
-        Code.PROCESS, doubt.words, (*process.origins[doubt.key], *outer), path=path, help=f"{doubt.help}; {allow_hint(Code.PROCESS)}",
+        Code.PROCESS, doubt.words, (*process.origins[doubt.key], *outer), path=path, help=doubt.help, allow=True,
         notes=notes,
     )
 

@@ -39,6 +39,7 @@ class LinkReport:
 
     def warn(
         self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: Hint | None = None, notes: Iterable[Note] = (),
+        allow: bool = False,
     ) -> bool:
         """Report a warning at `origin`, unless an equal warning has been reported.
 
@@ -49,7 +50,7 @@ class LinkReport:
             self.report.allows(code, origin)  # this call also marks the `allow` at this location as used
         if not self._may_say(key):
             return True
-        said = self.report.warn(code, message, origin or None, help=help, path=path, notes=notes)
+        said = self.report.warn(code, message, origin or None, help=help, path=path, notes=notes, allow=allow)
         if said:  # a warning that is suppressed at this use of the definition may still be reported at another use
             self._said.add(key)
         return said

@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Iterator, Sequence
 from functools import partial
 
-from thingc.base.diagnostics import Code, Note, Report, allow_hint, shown_path
+from thingc.base.diagnostics import Code, Note, Report, shown_path
 from thingc.base.memo import Memo
 from thingc.base.numeric import hypot, maximum, minimum, radians, sum_of
 from thingc.base.one_line_repr import counted
@@ -86,7 +86,7 @@ def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, b
     report.warn(
         Code.START_BELOW,
         f"mode `{mode.name}` starts with `{part.path}` {'at least ' if bound else ''}{shown} below the plane z = 0 of its scene",
-        mode.origin, path=mode.name, help=f"{help}; {allow_hint(Code.START_BELOW)}", notes=notes,
+        mode.origin, path=mode.name, help=help, allow=True, notes=notes,
     )
 
 
@@ -107,7 +107,7 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
             f"mode `{mode.name}` stands on {feet}, but `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
             + (f"in pose `{mode.pose}`" if mode.pose is not None else "with all joints at 0"),
             mode.origin, path=mode.name, notes=[*notes, *([Note(message=f"the same problem occurs in {others}")] if others else [])],
-            help=f"start in a pose in which the feet are the lowest parts, or correct the mounts of the legs; {allow_hint(Code.OFF_FEET)}",
+            help="start in a pose in which the feet are the lowest parts, or correct the mounts of the legs", allow=True,
         )
 
 
@@ -155,7 +155,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
                 *([Note(message=f"`{first.path}` is defined here", span=first.origin[0])] if first.origin else []),
                 *(Note(message=f"also `{joint.path}`") for joint in more[:3]),
                 *([Note(message=f"the same problem occurs in {others}")] if others else []),
-            ], help=f"add a `pose` to the mode that sets `{first.path.replace('/', '.')}`; {allow_hint(Code.START_LIMITS)}",
+            ], help=f"add a `pose` to the mode that sets `{first.path.replace('/', '.')}`", allow=True,
         )
 
 
@@ -180,8 +180,8 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
         report.warn(
             Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but the loops of the robot close only at {new}{lost}{others}",
             pose.origins[path], path=pose.name,
-            help=f"write `{path.replace('/', '.')}: {new}`, or remove joints from the pose, so that thingc can move them; "
-            + allow_hint(Code.POSE_MOVED),
+            help=f"write `{path.replace('/', '.')}: {new}`, or remove joints from the pose, so that thingc can move them",
+            allow=True,
         )
 
 

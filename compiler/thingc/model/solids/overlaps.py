@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from functools import partial
 
-from thingc.base.diagnostics import Code, Note, Report, allow_hint
+from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.numeric import maximum, minimum, sum_of
@@ -146,7 +146,7 @@ def _warn(assembly: Assembly, pair: PartPair, shared: float, report: Report) -> 
     return report.warn(
         Code.OVERLAP, f"`{pair.other.path}` and `{pair.one.path}` overlap: {share:g} % of `{smaller.path}` is "
         f"inside `{larger.path}` ({_cubic(shared)})" + (f", which is also a `{larger.definition.label}`" if twice else ""),
-        pair.other.origin, path=pair.other.path, help=f"{help}; {allow_hint(Code.OVERLAP)}",
+        pair.other.origin, path=pair.other.path, help=help, allow=True,
         notes=contact_places(assembly, pair.one, pair.other),
     )
 

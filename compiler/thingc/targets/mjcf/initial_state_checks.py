@@ -15,7 +15,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Note, Report, allow_hint
+from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import quoted
@@ -319,8 +319,7 @@ def _say_inside(start: InitialState, others: Sequence[str], report: Report) -> N
         Code.START_CONTACT,
         f"at the start of mode `{robot.mode.name}`{pose}, the collision shapes of `{first.one}` and `{first.other}` overlap by {depth}",
         robot.mode.origin, path=robot.mode.name, notes=notes,
-        help=f"change the pose, choose another `collision` for one of the two, or write `contacts: {{exclude: [[{pair}]]}}`; "
-        + allow_hint(Code.START_CONTACT),
+        help=f"change the pose, choose another `collision` for one of the two, or write `contacts: {{exclude: [[{pair}]]}}`", allow=True,
     )
 
 
@@ -337,7 +336,7 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
         Code.CHATTER,
         f"{what}: its inertia is {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`), and the time step is {1e3 * gains.dt:g} ms",
         where, path=joint.path, notes=notes,
-        help=f"{cure}; or set `armature: {_up(needed)} {weight}`, or a smaller `timestep`; {allow_hint(Code.CHATTER)}",
+        help=f"{cure}; or set `armature: {_up(needed)} {weight}`, or a smaller `timestep`", allow=True,
     )
 
 

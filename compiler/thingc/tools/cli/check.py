@@ -16,7 +16,7 @@ from thingc.driver import pipeline, up_to_date
 from thingc.driver.environment import Environment, Options, attempted, store_of
 from thingc.driver.pipeline import Compilation
 from thingc.tools.cli import console, robot_files
-from thingc.tools.importing.source_options import SourceOptions
+from thingc.tools.importing.import_request import ImportRequest
 
 EPILOG = """\
 Checks every key, name, unit, reference, limit and mass of a document and of the documents that it uses, in every mode.
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc check`, and return the exit code, which is 0 if no document has errors."""
     diagnostics: list[Diagnostic] = []
     try:
-        options, source = console.options_of(arguments), robot_files.source_options(arguments)
+        options, source = console.options_of(arguments), robot_files.import_request(arguments)
         if not arguments.document and arguments.touched:
             raise console.WrongCommandLine("missing: files that have changed", "pass the output of `git diff --name-only main...`")
         arguments.document = arguments.document or ["."]
@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _untrusted(
-    arguments: argparse.Namespace, documents: Sequence[str], robots: Sequence[str], options: Options, source: SourceOptions,
+    arguments: argparse.Namespace, documents: Sequence[str], robots: Sequence[str], options: Options, source: ImportRequest,
     remarks: list[str],
 ) -> tuple[list[Diagnostic], list[str]]:
     """Check each document and each robot file of an untrusted workspace in a sandboxed process.

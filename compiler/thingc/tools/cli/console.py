@@ -447,7 +447,13 @@ def of_exception(fault: Exception) -> Diagnostic:
     from thingc.driver.output import OutputError
     from thingc.driver.pipeline import UnknownChoice
     from thingc.geometry.store.local import StoreUnusable
+    from thingc.tools.affected.dependents import NotARepository
+    from thingc.tools.diff.arguments import UnknownComparison
 
+    if isinstance(fault, UnknownComparison):
+        return error(str(fault), fault.hint, Code.COMMAND_LINE)
+    if isinstance(fault, NotARepository):
+        return error(f"git failed: {fault}", "run this in a repository, or compare two files", Code.COMMAND_LINE)
     if isinstance(fault, UnknownChoice | OutputError):
         return error(fault.message, fault.hint, fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE)
     if isinstance(fault, FileNotFoundError) and working_folder() is None:

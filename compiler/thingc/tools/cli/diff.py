@@ -16,7 +16,6 @@ from thingc.base.diagnostics import Code, Diagnostic
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
 from thingc.targets.render.picture import NoGraphics, ready
-from thingc.tools.affected.dependents import NotARepository
 from thingc.tools.cli import console, robot_files
 from thingc.tools.cli.sandboxed_check import confined
 from thingc.tools.diff.arguments import ComparisonRequest, UnknownComparison, asked
@@ -25,7 +24,7 @@ from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.results import DiffResult, answered, as_json, pack, unpack
 from thingc.tools.diff.snapshot import WHATS
 from thingc.tools.diff.text_report import as_html, as_markdown, as_text
-from thingc.tools.importing.source_options import ENDINGS
+from thingc.tools.importing.import_request import ENDINGS
 
 EPILOG = """\
 Compares robots, not text: components, joints, mates, parameters, modes, poses, materials, tests, and the effects on masses, geometry,
@@ -77,10 +76,6 @@ def run(arguments: argparse.Namespace) -> int:
             raise UnknownComparison("--no-code cannot compare robot files of other formats", "omit --no-code")
         with ExitStack() as stack:
             answer = _answer(arguments, wanted, options, stack)
-    except UnknownComparison as fault:
-        raise console.WrongCommandLine(str(fault), fault.hint) from fault
-    except NotARepository as fault:
-        raise console.WrongCommandLine(f"git failed: {fault}", "run this in a repository, or compare two documents") from fault
     except NoGraphics as fault:
         raise console.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS) from fault
     if isinstance(answer, BrokenSide):
@@ -148,7 +143,7 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
     if draw and options.code:
         ready()  # call this before the tests import MuJoCo, because MuJoCo selects its graphics library at import
     work: Callable[[DocumentPair], Comparison | BrokenSide] = partial(
-        compared, options=options, source=robot_files.source_options(arguments), tests=tests, names=names, draw=draw,
+        compared, options=options, source=robot_files.import_request(arguments), tests=tests, names=names, draw=draw,
     )
     if arguments.no_code:
         console.refuse_modules_of_others()

@@ -7,6 +7,8 @@ import os
 import shlex
 import sys
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.base.one_line_repr import counted
 from thingc.base.replacement import provisional
@@ -55,12 +57,11 @@ def run(arguments: argparse.Namespace) -> int:
     line.
     """
     report = Report()
-    source = robot_files.source_options(arguments)
-    imported = import_robot(
-        arguments.file, report, roots=arguments.root, repair=arguments.repair, packages=source.packages, arguments=source.arguments,
-        meshes=source.meshes, mesh_roots=source.mesh_roots,
-        earlier=lambda name: earlier_import(arguments.output or name), update=arguments.update,
+    request = replace(
+        robot_files.import_request(arguments), roots=arguments.root, repair=arguments.repair, update=arguments.update,
+        earlier=lambda name: earlier_import(arguments.output or name),
     )
+    imported = import_robot(arguments.file, report, request)
     texts: dict[str, str] = {}
     if imported is not None:
         try:

@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc info`. With text output, diagnostics are printed to standard error."""
     options = console.options_of(arguments)
     if robot_files.select_robot_files([arguments.document]):
-        compilation = robot_files.compile_robot(arguments.document, options, robot_files.source_options(arguments))
+        compilation = robot_files.compile_robot(arguments.document, options, robot_files.import_request(arguments))
     else:
         console.require_document(arguments.document)
         compilation = attempted(arguments.document, options, compile)

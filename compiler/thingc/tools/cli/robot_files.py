@@ -18,7 +18,7 @@ from thingc.driver.environment import Options
 from thingc.driver.pipeline import Compilation, settings_of
 from thingc.driver.up_to_date import packed, unpacked
 from thingc.tools.cli import console
-from thingc.tools.importing.source_options import ENDINGS, SourceOptions
+from thingc.tools.importing.import_request import ENDINGS, ImportRequest
 
 Result = tuple[list[Diagnostic], "str | None"]
 """The diagnostics of a robot file, and a remark about information that was not checked."""
@@ -41,9 +41,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--no-meshes", action="store_true", help="omit meshes, and list them as losses")
 
 
-def source_options(arguments: argparse.Namespace) -> SourceOptions:
+def import_request(arguments: argparse.Namespace) -> ImportRequest:
     """Convert the command-line arguments to options for reading robot files. Raises `WrongCommandLine` for an invalid value."""
-    return SourceOptions(
+    return ImportRequest(
         packages=dict(map(_package, arguments.package)), arguments=dict(map(_argument, arguments.arg)), meshes=not arguments.no_meshes,
         mesh_roots=tuple(map(_folder, arguments.mesh_root)),
     )
@@ -105,7 +105,7 @@ def _is_whole(path: str) -> bool:
     return is_model or path.lower().endswith((".urdf", ".sdf"))
 
 
-def check_robot(path: str, options: Options, source: SourceOptions, *, strict: bool) -> Result:
+def check_robot(path: str, options: Options, source: ImportRequest, *, strict: bool) -> Result:
     """Check a robot file without converting it. Return its diagnostics, and a remark about information that was not checked, or None."""
     from thingc.tools.importing.imported_document import imported_document
 
@@ -117,7 +117,7 @@ def check_robot(path: str, options: Options, source: SourceOptions, *, strict: b
         return console.final(report, strict=strict), _remark(path, source, len(document.imported.losses))
 
 
-def _remark(path: str, source: SourceOptions, losses: int) -> str | None:
+def _remark(path: str, source: ImportRequest, losses: int) -> str | None:
     if not losses:
         return None
     words = [("--package", f"{name}={folder}") for name, folder in source.packages.items()]
@@ -128,7 +128,7 @@ def _remark(path: str, source: SourceOptions, losses: int) -> str | None:
     return f"{path}: {counted(losses, 'element')} not checked, listed by `{command}`"
 
 
-def compile_robot(path: str, options: Options, source: SourceOptions) -> Compilation:
+def compile_robot(path: str, options: Options, source: ImportRequest) -> Compilation:
     """Import and compile a robot file, without writing a document. Diagnostics are at the elements of the file."""
     from thingc.tools.importing.imported_document import imported_document
 
@@ -145,7 +145,7 @@ def check_robots(paths: Iterable[str], check: Callable[[str], Result], remarks: 
     return {path: diagnostics for path, (diagnostics, _) in results.items()}
 
 
-def check_confined(path: str, options: Options, source: SourceOptions, *, strict: bool, seconds: float) -> Result:
+def check_confined(path: str, options: Options, source: ImportRequest, *, strict: bool, seconds: float) -> Result:
     """Check an untrusted robot file in a sandboxed process, without reading its meshes. A xacro file is not checked, because it is code."""
     from thingc.tools.cli.sandboxed_check import confined
 

@@ -8,11 +8,10 @@ from contextlib import ExitStack
 
 from msgspec import to_builtins
 
-from thingc.tools.affected.dependents import NotARepository
 from thingc.tools.cli import console
-from thingc.tools.diff.arguments import UnknownComparison, asked
+from thingc.tools.diff.arguments import asked
 from thingc.tools.diff.checkouts import BrokenSide, laid_out
-from thingc.tools.importing.source_options import ENDINGS
+from thingc.tools.importing.import_request import ENDINGS
 from thingc.tools.same.comparison import TOLERANCE, MechanismComparison, compare_mechanisms
 from thingc.tools.same.sides import mechanisms
 from thingc.tools.same.text_report import as_text
@@ -57,20 +56,15 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc same`, and return the exit code: 0 if all compared robots are the same mechanism, otherwise 1."""
     options = console.options_of(arguments)
     results: list[tuple[str, MechanismComparison]] = []
-    try:
-        wanted = asked(arguments.side, arguments.behind, ENDINGS)
-        names = (wanted.old.name, wanted.new.name)
-        with ExitStack() as stack:
-            for pair in laid_out(wanted, stack, code=options.code):
-                both = mechanisms(pair, names, options)
-                if isinstance(both, BrokenSide):
-                    console.print_found(both.diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=both.texts)
-                    return 1
-                results.append((pair.name, compare_mechanisms(*both, arguments.tolerance)))
-    except UnknownComparison as fault:
-        raise console.WrongCommandLine(str(fault), fault.hint) from fault
-    except NotARepository as fault:
-        raise console.WrongCommandLine(f"git failed: {fault}", "run this in a repository, or compare two files") from fault
+    wanted = asked(arguments.side, arguments.behind, ENDINGS)
+    names = (wanted.old.name, wanted.new.name)
+    with ExitStack() as stack:
+        for pair in laid_out(wanted, stack, code=options.code):
+            both = mechanisms(pair, names, options)
+            if isinstance(both, BrokenSide):
+                console.print_found(both.diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=both.texts)
+                return 1
+            results.append((pair.name, compare_mechanisms(*both, arguments.tolerance)))
     if arguments.format == "json":
         console.print_data({"old": names[0], "new": names[1], "comparisons": [
             {"document": name, **to_builtins(result)} for name, result in results

@@ -21,15 +21,15 @@ from thingc.driver.environment import Environment, Options
 from thingc.driver.up_to_date import state_of
 from thingc.targets.html.emit import Page, page_of
 from thingc.tools.cli import console, robot_files, signals
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.imported_document import ImportedDocument, imported_document
-from thingc.tools.importing.source_options import SourceOptions
 from thingc.tools.live.rebuild_loop import PAUSE, QUIET
 from thingc.tools.live.server import Server, findings_of
 
 
 def view_robot_file(arguments: argparse.Namespace, options: Options, server: Server) -> int:
     """Serve the page of a robot file until Ctrl-C. Return the exit code, which is 2 if the file cannot be opened."""
-    source, path = robot_files.source_options(arguments), arguments.document
+    source, path = robot_files.import_request(arguments), arguments.document
     watched = FileWatcher([path], content=state_of)
     signals.heed(ignored=True)
     first = True
@@ -55,7 +55,7 @@ def view_robot_file(arguments: argparse.Namespace, options: Options, server: Ser
 
 
 def _page(
-    path: str, options: Options, source: SourceOptions, modes: list[str], *, strict: bool
+    path: str, options: Options, source: ImportRequest, modes: list[str], *, strict: bool
 ) -> tuple[Page | None, list[Diagnostic], set[str]]:
     """Import and compile a robot file. Return its page (None after errors), the diagnostics, and the files that the robot consists of."""
     report, page, files = Report(), None, set[str]()

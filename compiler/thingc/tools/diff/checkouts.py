@@ -23,7 +23,7 @@ from thingc.tools.diff.comparison import Comparison, compare
 from thingc.tools.diff.revisions import Repository, Revision
 from thingc.tools.diff.snapshot import Change, Snapshot
 from thingc.tools.diff.surface_distance import SurfaceDistances
-from thingc.tools.importing.source_options import SourceOptions
+from thingc.tools.importing.import_request import ImportRequest
 
 SourceOf = Callable[[Span], "Span | None"]
 """A function that maps a location in a compiled document to a location in a file of the user."""
@@ -135,7 +135,7 @@ def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequenc
 
 
 def compared(
-    both: DocumentPair, options: Options, source: SourceOptions, *, tests: bool, names: tuple[str, str], draw: bool = False,
+    both: DocumentPair, options: Options, source: ImportRequest, *, tests: bool, names: tuple[str, str], draw: bool = False,
 ) -> Comparison | BrokenSide:
     """Compare the old and the new version of a document. If one side cannot be compiled, return the errors of this side.
 
@@ -223,7 +223,7 @@ def subject(laid: Checkout, options: Options) -> Subject:
     return Subject(laid.path, options)
 
 
-def _robot_file(laid: Checkout, options: Options, source: SourceOptions, stack: ExitStack) -> tuple[Subject, SourceOf]:
+def _robot_file(laid: Checkout, options: Options, source: ImportRequest, stack: ExitStack) -> tuple[Subject, SourceOf]:
     """Compile a robot file of another format, and return a function that maps spans to this file. Raises `BrokenDocument`."""
     from thingc.tools.importing.imported_document import imported_document
 

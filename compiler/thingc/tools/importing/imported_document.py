@@ -10,15 +10,15 @@ from tempfile import TemporaryDirectory
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic, Note, Report, allow_hint
+from thingc.base.diagnostics import Code, Diagnostic, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, Path, Span, node_at
 from thingc.documents.workspace import OWN_FILE
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
-from thingc.tools.importing.source_options import SourceOptions
 from thingc.tools.importing.update_import import RECORD
 
 _WORKSPACE = b'thingc = "workspace/1"\n'
@@ -52,13 +52,11 @@ class ImportedDocument(FrozenStruct):
                 report.say(self._at_source(one, root))
 
     def _at_source(self, one: Diagnostic, root: Document | None) -> Diagnostic:
-        hint = allow_hint(one.code)  # a robot file cannot contain `allow`
-        help = one.help.removesuffix(hint).removesuffix("; ") if one.help is not None else None
         notes = [(self._with_source_names(note.message), self.source_span(note.span, root)) for note in one.notes]
         path = self._with_source_names(f"`{one.path}`")[1:-1] if one.path else None
         return replace(
             one, message=self._with_source_names(one.message), span=self.source_span(one.span, root), path=path,
-            help=self._with_source_names(help) if help else None, fixes=(),
+            help=self._with_source_names(one.help) if one.help else None, fixes=(), allow=False,  # a robot file cannot contain `allow`
             notes=tuple(Note(message=words, span=where) for words, where in notes),
         )
 
@@ -79,15 +77,13 @@ class ImportedDocument(FrozenStruct):
 
 
 @contextmanager
-def imported_document(path: str, options: Options, report: Report, source: SourceOptions) -> Iterator[ImportedDocument | None]:
+def imported_document(path: str, options: Options, report: Report, source: ImportRequest) -> Iterator[ImportedDocument | None]:
     """Import a robot file. Yield the generated document, or None after errors, which are added to `report`.
 
     Files of meshes are copied to a temporary folder, which is removed at the end of the `with` statement. Without meshes, nothing is
     written.
     """
-    imported = import_robot(
-        path, report, packages=source.packages, arguments=source.arguments, meshes=source.meshes, mesh_roots=source.mesh_roots,
-    )
+    imported = import_robot(path, report, source)
     if imported is None:
         yield None
         return

@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 
 from msgspec.structs import replace
 
@@ -22,13 +22,13 @@ from thingc.base.safe_text import escape_control
 from thingc.base.source import Path, Span
 from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.document_names import plain_name
-from thingc.tools.importing.inertias import Repair, RepairedLink, repaired, warn_of_mirror_pairs
+from thingc.tools.importing.import_request import ENDINGS, PLAIN, ImportRequest
+from thingc.tools.importing.inertias import RepairedLink, repaired, warn_of_mirror_pairs
 from thingc.tools.importing.meshes import gathered, matter_of, warn_of_units
 from thingc.tools.importing.mjcf.reader import read_mjcf
 from thingc.tools.importing.packages import Packages
 from thingc.tools.importing.sdf import read_sdf
 from thingc.tools.importing.source_model import SourceLoss, SourceRobot
-from thingc.tools.importing.source_options import ENDINGS
 from thingc.tools.importing.tree import warn_of_depth
 from thingc.tools.importing.update_import import RECORD, PreviousImport
 from thingc.tools.importing.urdf import expanded, read_urdf
@@ -84,39 +84,30 @@ class Imported(FrozenStruct):
     earlier: PreviousImport | None = None
 
 
-def import_robot(
-    path: str, report: Report, *, roots: Sequence[str] = (), repair: Repair | None = None, packages: Mapping[str, str] | None = None,
-    arguments: Mapping[str, str] | None = None, meshes: bool = True, earlier: Callable[[str], PreviousImport | None] = lambda _: None,
-    update: bool = False, mesh_roots: Sequence[str] = (),
-) -> Imported | None:
-    """Import the robot in the file `path`. If the file has errors, add the errors to `report` and return None.
-
-    For each link in `roots`, the generated document has an additional mode whose root is this link. `repair` is the method for repairing
-    invalid inertias. `packages` maps the names of ROS packages to folders. `arguments` are the arguments for a xacro file. Meshes are also
-    searched in the folders `mesh_roots`. If `meshes` is false, meshes are not imported. The function `earlier` returns the previous import
-    of the robot with the given name.
-    """
+def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> Imported | None:
+    """Import the robot in the file `path`. If the file has errors, add the errors to `report` and return None."""
     data = _content(path, report)
     path = os.path.abspath(path)
-    places = Packages(path, packages or {}, os.environ, mesh_roots)
-    robot = None if data is None else _load_source(path, data, arguments or {}, places, report, meshes=meshes)
+    places = Packages(path, request.packages, os.environ, request.mesh_roots)
+    robot = None if data is None else _load_source(path, data, request.arguments, places, report, meshes=request.meshes)
     if data is None or robot is None:
         return None
     refuse_endless(robot, report)
-    before = earlier(plain_name(robot.name, "robot"))
+    before = request.earlier(plain_name(robot.name, "robot"))
     links = [link.name for link in robot.links]
-    for name in (one for one in roots if one not in links):
+    for name in (one for one in request.roots if one not in links):
         report.add(Code.COMMAND_LINE, f"--root: there is no link `{name}`", None, help=did_you_mean(name, links, what="links"))
-    if update and before is not None:
+    roots, repair, meshes = request.roots, request.repair, request.meshes
+    if request.update and before is not None:
         roots, repair = [*(name for name in before.roots if name in links), *roots], repair or before.repair
         meshes = meshes and before.with_meshes
-    elif update:
+    elif request.update:
         message = "--update: there is no import in that folder, or its `import.json` has been modified"
         report.add(Code.COMMAND_LINE, message, None, help="specify the folder with -o, or import without --update")
     if report.failed:
         return None
     roots = list(dict.fromkeys(roots))
-    places = Packages(path, packages or {}, os.environ, mesh_roots, robot.mesh_folder)
+    places = Packages(path, request.packages, os.environ, request.mesh_roots, robot.mesh_folder)
     robot, mended = repaired(robot, roots, repair, report, matter_of(places)) if meshes else repaired(robot, roots, repair, report)
     if report.failed:
         return None

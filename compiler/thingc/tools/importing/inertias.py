@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal
 
 from msgspec.structs import replace
 
@@ -22,10 +21,10 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, MassProperties, physical_fault, principal_axes, principal_moments, total
 from thingc.base.pose import NO_POSE, Matrix, Pose, multiply, transpose
 from thingc.base.primitives import Primitive
+from thingc.tools.importing.import_request import Repair
 from thingc.tools.importing.source_model import SourceLink, SourceRobot, SourceShape, Weight
 from thingc.tools.importing.tree import by_parent
 
-Repair = Literal["nearest", "shapes"]
 Matter = Callable[[SourceShape], MassProperties | None]
 """Function that computes the mass properties of the mesh of a shape at density 1, in the frame of the mesh.
 

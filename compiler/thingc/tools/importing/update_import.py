@@ -14,7 +14,7 @@ from thingc.base.diagnostics import Code, Report, shown_path
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.replacement import Change
 from thingc.base.source import dotted, span_at
-from thingc.tools.importing.inertias import Repair
+from thingc.tools.importing.import_request import Repair
 from thingc.tools.importing.three_way_merge import Merge, MergeConflict, Merged, Text, read_text
 
 RECORD = "import.json"

@@ -203,7 +203,7 @@ def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) 
     """Convert diagnostics to the JSON format of the page, with file paths relative to the workspace."""
     return [
         {
-            "code": d.code.code, "severity": d.severity.value, "message": d.message, "help": d.help,
+            "code": d.code.code, "severity": d.severity.value, "message": d.message, "help": d.advice,
             **_location_json(d.span, workspace),
             "notes": [{"message": note.message, **_location_json(note.span, workspace)} for note in d.notes],
         }

@@ -77,7 +77,7 @@ def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -
     The help text is a separate line of the message. Notes with a source location become related information.
     """
     loose = [note.message for note in diagnostic.notes if note.span is None]
-    words = [diagnostic.message, *([] if diagnostic.help is None else [diagnostic.help]), *loose]
+    words = [diagnostic.message, *([] if diagnostic.advice is None else [diagnostic.advice]), *loose]
     related = [
         {
             "location": {"uri": analysis.uri(note.span.file), "range": analysis.lines(note.span.file).range(note.span)},

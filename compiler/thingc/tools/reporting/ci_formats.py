@@ -120,7 +120,7 @@ def _message_text(d: Diagnostic, notes: Iterable[str] | None = None) -> str:
     """
     if notes is None:
         notes = (note.message for note in d.notes if note.span is None)
-    lines = [d.message, *(f"note: {note}" for note in notes), *([f"help: {d.help}"] if d.help else [])]
+    lines = [d.message, *(f"note: {note}" for note in notes), *([f"help: {d.advice}"] if d.advice else [])]
     return "\n".join(map(escape_control, lines))
 
 

@@ -11,8 +11,8 @@ from thingc.modes.modes_file import load_modes
 from thingc.tools.diff.arguments import UnknownComparison
 from thingc.tools.diff.cached_snapshots import BrokenDocument
 from thingc.tools.diff.checkouts import BrokenSide, Checkout, DocumentPair, broken_side, subject
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.imported_document import imported_document
-from thingc.tools.importing.source_options import SourceOptions
 from thingc.tools.same.mechanism import Mechanism, mechanism_of_assembly, mechanism_of_mode
 
 
@@ -53,7 +53,7 @@ def read_side(laid: Checkout, options: Options) -> Mechanism:
 def _imported(path: str, options: Options) -> Mechanism:
     """Import a robot without its meshes, and compile the document. Raises `BrokenDocument`."""
     report = Report()
-    with imported_document(path, options, report, SourceOptions(meshes=False)) as document:
+    with imported_document(path, options, report, ImportRequest(meshes=False)) as document:
         compilation = None if document is None else document.compile(report)
     if compilation is None or compilation.assembly is None:
         raise BrokenDocument([one for one in report.ordered() if one.severity is Severity.ERROR])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from thingc.base.diagnostics import Code, Report, allow_hint
+from thingc.base.diagnostics import Code, Report
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf.compat.consumer import Consumer, Refusal
@@ -46,6 +46,6 @@ def suited(
                 refused.setdefault((consumer.label, refusal), []).append(robot.mode.name)
     for (label, one), modes in refused.items():
         which = f"mode{'' if len(modes) == 1 else 's'} {', '.join(f'`{mode}`' for mode in modes)}"
-        message, hint = f"{label} cannot load {which}: {one.what}", f"{one.hint}; {allow_hint(Code.COMPAT)}"
-        report.warn(Code.COMPAT, message, one.origin, path=one.path, help=hint)
+        message = f"{label} cannot load {which}: {one.what}"
+        report.warn(Code.COMPAT, message, one.origin, path=one.path, help=one.hint, allow=True)
     return made, losses

@@ -1,0 +1,39 @@
+"""The request for importing a robot from a file of another format. This module is fast to import."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Literal
+
+from thingc.base.frozen_struct import FrozenStruct
+
+if TYPE_CHECKING:
+    from thingc.tools.importing.update_import import PreviousImport
+
+ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
+"""Suffixes of robot files."""
+Repair = Literal["nearest", "shapes"]
+"""Methods for repairing invalid inertias."""
+
+
+class ImportRequest(FrozenStruct):
+    """How to read a robot file, and which document to generate.
+
+    `packages` maps the names of ROS packages to folders. `arguments` are the arguments for a xacro file. Meshes are also searched in the
+    folders `mesh_roots`. If `meshes` is false, meshes are not imported. For each link in `roots`, the generated document has an additional
+    mode whose root is this link. `repair` is the method for repairing invalid inertias. The function `earlier` returns the previous import
+    of the robot with the given name, and `update` requires a previous import.
+    """
+
+    packages: Mapping[str, str] = {}
+    arguments: Mapping[str, str] = {}
+    mesh_roots: Sequence[str] = ()
+    meshes: bool = True
+    roots: Sequence[str] = ()
+    repair: Repair | None = None
+    earlier: Callable[[str], PreviousImport | None] = lambda _: None
+    update: bool = False
+
+
+PLAIN = ImportRequest()
+"""A request without options."""
