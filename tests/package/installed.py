@@ -1,0 +1,54 @@
+"""Packages built from the repository, and environments in which they are installed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+import venv
+from dataclasses import dataclass
+from pathlib import Path
+
+
+def build(source: Path, folder: Path) -> None:
+    """Build the sdist, and from the sdist the wheel, with the build backend of this environment."""
+    run_module("build", "--no-isolation", "--outdir", str(folder), str(source))
+
+
+def run_module(*words: str) -> None:
+    """Run a module of this environment that builds packages, with the date 2023-11-14."""
+    environment = {**os.environ, "SOURCE_DATE_EPOCH": "1700000000"}
+    done = subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@dataclass(frozen=True)
+class Installed:
+    """A virtual environment with thingc: its folder of programs, its folder of packages, and the store of its commands."""
+
+    programs: Path
+    packages: Path
+    store: str
+
+    def run(self, folder: Path, *words: str) -> str:
+        """Run a program of the environment in a folder, and return its standard output."""
+        clean = {name: text for name, text in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+        command = [str(self.programs / words[0]), *words[1:]]
+        done = subprocess.run(command, cwd=folder, env=clean | {"THINGC_STORE": self.store}, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+
+def install(folder: Path, wheel: Path, store: str) -> Installed:
+    """Install a wheel in a new environment, without its dependencies, which are those of this environment.
+
+    A `.pth` file adds them to `sys.path`. The `.pth` files of this environment are not read, so the checkout is not on `sys.path`.
+    """
+    venv.create(folder, with_pip=False, symlinks=True)
+    names = {"base": str(folder), "platbase": str(folder)}
+    programs, packages = (Path(sysconfig.get_path(one, "venv", names)) for one in ("scripts", "purelib"))
+    command = [sys.executable, "-m", "pip", "--python", str(programs / "python"), "install", "--quiet", "--no-deps", "--no-index"]
+    subprocess.run([*command, str(wheel)], check=True)
+    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    return Installed(programs=programs, packages=packages, store=store)
