@@ -7,11 +7,15 @@ import os
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from conformance.harness import thingc_here
+from thingc.batch import batch
 from thingc.batch.job import Job
 from thingc.batch.planning import Variant
 from thingc.batch.runner import Runner
@@ -207,12 +211,36 @@ def thingc(*words: str, cwd: Path, env: dict[str, str]) -> subprocess.CompletedP
 class InThisProcess(Executor):
     """Builds variants as a runner does, but starts no process, which takes longer than a hundred pendulums."""
 
-    def submit(self, evaluate: Callable[..., Any], /, job: str, tasks: Sequence[Variant], timeout: float) -> Future[Any]:
+    def __init__(self, jobs: int = 1) -> None:
+        """As `LocalExecutor`, in whose place it can be used."""
+
+    def submit(
+        self, evaluate: Callable[..., Any], /, job: str, tasks: Sequence[Variant], timeout: float,
+        on_row: Callable[[Any], None] = lambda row: None,
+    ) -> Future[Any]:
         """The rows of a chunk, as they come from the pipe of a runner."""
         done: Future[Any] = Future()
         with Runner(Job.decode(job)) as runner:
-            done.set_result([{**json.loads(json.dumps(runner.build(task))), "pid": os.getpid()} for task in tasks])
+            rows = [{**json.loads(json.dumps(runner.build(task))), "pid": os.getpid()} for task in tasks]
+        for row in rows:
+            on_row(row)
+        done.set_result(rows)
         return done
+
+
+def batch_here(*words: str, cwd: Path, env: Mapping[str, str], runners: bool = False) -> subprocess.CompletedProcess[str]:
+    """Run `thingc batch` in this process, where the driver as a process is not what is tested. It also builds the variants, unless
+    `runners` do."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in env.items():
+            patch.setenv(name, value)
+        for folder in filter(None, env.get("PYTHONPATH", "").split(os.pathsep)):
+            patch.syspath_prepend(folder)
+        if not runners:
+            patch.setattr(batch, "LocalExecutor", InThisProcess)
+        ran = thingc_here("batch", *words, cwd=cwd)
+        sys.modules.pop("faulty_target", None)  # another test has another one
+    return subprocess.CompletedProcess(words, ran.code, ran.out, ran.err)
 
 
 def tree(folder: Path) -> dict[str, bytes]:

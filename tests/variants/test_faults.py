@@ -26,7 +26,7 @@ from conformance.harness import thingc_here
 from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault, run
 from thingc.driver.environment import Options
-from variants.robots import InThisProcess, environment, thingc, tree, with_emitter, workspace
+from variants.robots import InThisProcess, batch_here, environment, thingc, tree, with_emitter, workspace
 
 pytestmark = pytest.mark.slow
 
@@ -158,10 +158,10 @@ def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, sh
     if number is signal.SIGTERM:
         return  # what is left is the same
     before = {line["id"]: (here / "build/faults/variants" / str(line["id"]) / "manifest.json").stat().st_mtime_ns for line in journal(here)}
-    anew = thingc(*again.removesuffix(" --resume").split()[1:], cwd=here, env=env)  # what has been done is not thrown away
+    anew = batch_here(*again.removesuffix(" --resume").split()[2:], cwd=here, env=env)  # what has been done is not thrown away
     assert anew.returncode == 2 and "error[TC922]" in anew.stderr and "--resume" in anew.stderr, anew.stderr
     assert len(journal(here)) == done
-    rest = thingc(*again.split()[1:], cwd=here, env=env)
+    rest = batch_here(*again.split()[2:], cwd=here, env=env)
     assert rest.returncode == 0 and f"14 variants ({done} of them in earlier runs): 14 built" in rest.stderr, rest.stderr
     assert_whole(here, 14)
     assert all((here / "build/faults/variants" / id / "manifest.json").stat().st_mtime_ns == when for id, when in before.items())
@@ -174,11 +174,11 @@ def test_what_failed_is_built_again_when_it_is_asked_for(tmp_path: Path, shared_
     assert thingc("batch", "faults.yaml", *ALONE, cwd=here, env=env).returncode == 1
     emitter = Path(path) / "faulty_target.py"
     emitter.write_text(emitter.read_text().replace('fault == "kill"', 'fault == "never"'))  # what killed runners is mended
-    assert thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env).returncode == 1
+    assert batch_here("faults.yaml", *ALONE, "--resume", cwd=here, env=env).returncode == 1
     assert len(journal(here)) == 7  # they stay failed
     alone = thingc_here("batch", "faults.yaml", *ALONE, "--retry", cwd=here, store=shared_store)
     assert alone.code == 2 and "--retry requires --resume" in alone.err and "add --resume" in alone.err
-    done = thingc("batch", "faults.yaml", *ALONE, "--resume", "--retry", cwd=here, env=env)
+    done = batch_here("faults.yaml", *ALONE, "--resume", "--retry", cwd=here, env=env)
     assert done.returncode == 1 and "7 variants (5 of them in earlier runs): 6 built" in done.stderr, done.stderr
     assert sorted(str(line["index"]) for line in journal(here)[7:]) == ["3", "5"]
     assert [row["status"] for row in table(here)] == ["failed" if k == 5 else "built" for k in range(7)]
@@ -252,11 +252,11 @@ def test_a_killed_driver_takes_its_runners_along_and_can_be_resumed(tmp_path: Pa
             with (here / "build/faults/journal.jsonl").open("a") as stream:
                 stream.write('{"index": 2')
         more = ["--jobs", "1", "--resume"]  # a runner takes longer to start than these variants
-    done = thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env)
+    done = batch_here("faults.yaml", *ALONE, "--resume", cwd=here, env=env)
     assert done.returncode == 0, done.stderr
     assert_whole(here, 24)
     fresh = workspace(tmp_path / "fresh", faults=FAULTS)
-    assert thingc("batch", "faults.yaml", *ALONE, cwd=fresh, env=env).returncode == 0
+    assert batch_here("faults.yaml", *ALONE, cwd=fresh, env=env).returncode == 0
     assert tree(here / "build/faults/variants") == tree(fresh / "build/faults/variants")
 
 
@@ -266,7 +266,7 @@ def test_the_second_batch_in_a_folder_is_told(tmp_path: Path, shared_store: str)
     process = started(here, env, "--jobs", "1")
     wait_for_lines(here, 1, process)
     process.send_signal(signal.SIGSTOP)  # else it may be done before the second looks
-    second = thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env)
+    second = batch_here("faults.yaml", *ALONE, "--resume", cwd=here, env=env)
     process.send_signal(signal.SIGCONT)
     assert second.returncode == 2 and f"error[{Code.BATCH_LOCKED.code}]" in second.stderr
     assert process.wait(120) == 0
@@ -316,7 +316,7 @@ def test_a_disk_that_takes_no_more_ends_the_batch_in_words_and_it_goes_on_later(
     assert "Traceback" not in done.stderr and "--resume" in done.stderr
     noted = journal(here)  # every line is whole
     assert 0 < len(noted) < 24
-    again = thingc("batch", "faults.yaml", *ALONE, "--resume", cwd=here, env=env)
+    again = batch_here("faults.yaml", *ALONE, "--resume", cwd=here, env=env)
     assert again.returncode == 0, again.stderr
     assert_whole(here, 24)
 
@@ -343,7 +343,7 @@ def test_a_full_disk_ends_the_batch_in_words_and_it_goes_on_later(tmp_path: Path
     for line in noted:
         assert (small_disk / "faults" / line["path"] / "manifest.json").exists()
     subprocess.run(["mount", "-o", "remount,size=64m", str(small_disk)], check=True)
-    again = thingc("batch", "faults.yaml", *ALONE, "-o", str(small_disk), "--resume", cwd=here, env=env)
+    again = batch_here("faults.yaml", *ALONE, "-o", str(small_disk), "--resume", cwd=here, env=env)
     assert again.returncode == 0 and f"({len(noted)} of them in earlier runs)" in again.stderr, again.stderr
 
 
@@ -351,7 +351,7 @@ def test_a_store_that_cannot_be_used_is_said_in_words(tmp_path: Path) -> None:
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]").replace("pendulum", "stand").replace("length", "side")
                      .replace("200 mm, to: 430 mm", "20 mm, to: 43 mm"))
     (tmp_path / "file").write_text("")
-    done = thingc("batch", "faults.yaml", *ALONE, cwd=here, env=environment(str(tmp_path / "file" / "store")))
+    done = batch_here("faults.yaml", *ALONE, cwd=here, env=environment(str(tmp_path / "file" / "store")), runners=True)
     assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "Traceback" not in done.stderr, done.stderr
 
 
@@ -371,9 +371,9 @@ def test_runners_that_do_not_start_end_the_batch_in_words(tmp_path: Path, shared
     (place / "sitecustomize.py").write_text(
         "import os, sys\nif 'thingc.batch.runner' in sys.orig_argv:\n    sys.stderr.write('no room for a runner')\n    os._exit(7)\n",
     )
-    done = thingc("batch", "faults.yaml", *ALONE, cwd=here, env=environment(shared_store, str(place)))
+    done = batch_here("faults.yaml", *ALONE, cwd=here, env=environment(shared_store, str(place)), runners=True)
     assert done.returncode == 1 and f"error[{Code.RUNNERS.code}]" in done.stderr and "exited with code 7" in done.stderr, done.stderr
-    told = thingc("batch", "faults.yaml", *ALONE, "--resume", "--debug", cwd=here, env=environment(shared_store, str(place)))
+    told = batch_here("faults.yaml", *ALONE, "--resume", "--debug", cwd=here, env=environment(shared_store, str(place)), runners=True)
     assert "no room for a runner" in told.stderr
     assert os.path.exists(here / "build" / "faults" / "batch.json")
 
@@ -428,7 +428,7 @@ def test_a_part_that_fails_costs_its_variant_alone_and_no_runner(tmp_path: Path)
         parameters: {how: [well, crash, raise, hang], side: [10 mm, 30 mm]}
     """)
     env = environment(str(tmp_path / "store"))
-    done = thingc("batch", "faults.yaml", *ALONE, "--part-timeout", "3 s", cwd=here, env=env)
+    done = batch_here("faults.yaml", *ALONE, "--part-timeout", "3 s", cwd=here, env=env, runners=True)
     assert done.returncode == 1, done.stderr
     codes = {"well": "", "crash": Code.PART_CRASHED.code, "raise": Code.PART_RAISED.code, "hang": Code.PART_HUNG.code}
     rows = table(here)
