@@ -27,7 +27,7 @@ from thingc.base.joints.kinds import KINDS
 from thingc.documents.checks import all_codes, kinds
 from thingc.targets.artifact import MANIFEST
 from thingc.targets.capabilities import Capabilities, Cell, Companion, Supported, joint_cell
-from thingc.targets.registry import TARGETS
+from thingc.targets.registry import JOINT_ORDER, TARGETS
 from thingc.tools.cli.main import COMMANDS, parser_for
 
 DOCS = Path(__file__).resolve().parent
@@ -174,7 +174,8 @@ def outputs() -> str:
 def _build_folder() -> list[str]:
     """Return the picture of the build folder: files with equal descriptions share a row."""
     files: dict[str, list[str]] = {}
-    for described in [*(target.files for target in TARGETS.values()), {MANIFEST: "hashes, mass sources and losses"}]:
+    shared = {JOINT_ORDER: "order of joints in each format", MANIFEST: "hashes, mass sources and losses"}
+    for described in [*(target.files for target in TARGETS.values()), shared]:
         for path, words in described.items():
             files.setdefault(words, []).append(path)
     return [f"{'  '.join(paths):28}{words}" for words, paths in files.items()]

@@ -82,7 +82,7 @@ def test_build_in_json(arm: Path, shared_store: str, tmp_path: Path) -> None:
     assert answer["modelled"] == [] and len(answer["reused"]) == 9
     names = {path.relative_to(tmp_path / "arm").as_posix() for path in paths}
     assert {name for name in names if "assets" not in name} == {
-        "manifest.json", "modes.json", "bom.csv", "bom.json", "mjcf/arm_bench.xml", "mjcf/scene_bench.xml",
+        "manifest.json", "joint_order.json", "modes.json", "bom.csv", "bom.json", "mjcf/arm_bench.xml", "mjcf/scene_bench.xml",
     }
     choice = json.loads((tmp_path / "arm" / "manifest.json").read_text())["choice"]
     assert choice == {"modes": ["bench"], "emit": ["mjcf", "bom"], "parameters": {}, "choices": {}}

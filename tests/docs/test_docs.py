@@ -363,6 +363,7 @@ def test_shapes_of_json(page: Path, here: Path) -> None:
     wrong = json.loads(run("thingc check robot.yaml --format json"))
     real = {
         "modes.json": json.loads((here / "build/arm/modes.json").read_text()),
+        "joint_order.json": json.loads((here / "build/arm/joint_order.json").read_text()),
         "manifest.json": json.loads((here / "build/arm/manifest.json").read_text()),
         "diagnostics": {"diagnostics": [entry for entry in wrong["diagnostics"] if entry["notes"]][:1]},
         "build": {**build, "modelled": []},

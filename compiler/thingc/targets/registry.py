@@ -46,6 +46,12 @@ def _declared() -> dict[str, Target]:
 TARGETS = _declared()
 """The targets of thingc, in the order in which a build writes them. Targets of other packages list their files in `WRITES`."""
 
+MODELS = frozenset({"mjcf", "mjz", "urdf", "ros", "sdf", "usd"})
+"""The targets that write models of the robot. A build with any of these targets also writes `JOINT_ORDER`."""
+
+JOINT_ORDER = "joint_order.json"
+"""The path of the file with the order of joints in each format (see `targets/joint_order.py`)."""
+
 ALL = "all"
 """The argument of `--emit` that selects all targets."""
 
@@ -55,7 +61,7 @@ def written() -> re.Pattern[str]:
 
     The expression includes the targets of installed packages.
     """
-    patterns = [pattern for target in TARGETS.values() for pattern in target.writes]
+    patterns = [JOINT_ORDER, *(pattern for target in TARGETS.values() for pattern in target.writes)]
     for name in targets():
         if name not in TARGETS:
             with contextlib.suppress(ImportError):
@@ -139,6 +145,12 @@ def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts
             )
         artifacts[target] = replace(made, losses=tuple(loss for loss in made.losses if loss not in told))
         told |= dict.fromkeys(made.losses)
+    first = next((target for target in targets if target in MODELS), None)
+    if first is not None:
+        from thingc.targets import joint_order
+
+        made = artifacts[first]
+        artifacts[first] = replace(made, files={**made.files, JOINT_ORDER: joint_order.emit(request)})
     return artifacts
 
 

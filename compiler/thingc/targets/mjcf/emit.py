@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from thingc.base.diagnostics import Code
+from msgspec.structs import replace
+
+from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.generated_header import heading
 from thingc.base.zip_files import MODEL, ZipEntry, deflate, zipped
@@ -99,6 +101,14 @@ def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str
         model = write(root, _heading(robot))
         texts[robot.mode.name] = scene.floored(robot, model, compat.separator(request.compat)) if floor else model.text
     return texts, geometry.assets
+
+
+def model_trees(request: EmitRequest) -> list[Element]:
+    """Return the MJCF tree of each mode. If no target writes the models, errors and warnings of the models are not reported."""
+    known = request.made.get("mjcf")
+    if isinstance(known, Models):
+        return [candidate.root for candidate in known.candidates]
+    return _roots(replace(request, report=Report()))[2]
 
 
 def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], dict[Loss, None]]:
