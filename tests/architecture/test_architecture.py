@@ -34,6 +34,7 @@ ALONE = ("geometry/things", "tools/templates")
 OF_EXTRAS = {
     "batch.gym.family_env", "batch.cluster.dask_plugin", "batch.families.jax_function", "batch.families.mjx_constants",
     "batch.families.mjx_family", "batch.gym.mjx_env", "batch.gym.variants_env", "modes.jax",
+    "tools.mcp.server",
 }
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
 KERNEL_MODULES = ("geometry/things/", "geometry/worker/server.py", "geometry/worker/file_reads.py", "geometry/worker/kernel/")

@@ -81,6 +81,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--child", metavar="MOUNT", help="for joints: the child mount; replaces the placement of its component")
     add("--loop", action="store_true", default=None, help="for joints: close a loop instead of placing the child")
     add("--kind", metavar="KIND", help="for tests: the kind of the test, for example mass")
+    console.add_no_code(parser)
     console.add_format(parser)
     console.add_geometry(parser)
 
@@ -88,13 +89,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc add`, and return the exit code, which is 0 if the element was added."""
     try:
-        return _add(arguments, console.options_of(arguments))
+        return _add(arguments, replace(console.options_of(arguments), code=not arguments.no_code))
     except console.WrongCommandLine as fault:
         return _say(arguments, [fault.diagnostic])
 
 
 def _add(arguments: argparse.Namespace, options: Options) -> int:
     what = arguments.what
+    if what == "part" and arguments.no_code:
+        raise console.WrongCommandLine("--no-code does not apply to a part, whose code must run to find its mounts", "remove the option")
     for option, owners in OPTIONS.items():
         if getattr(arguments, option) is not None and what not in owners:
             written = "--name" if option == "component" else "--" + option.replace("_", "-")

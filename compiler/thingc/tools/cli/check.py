@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "folder of documents (default: the working folder)",
     )
     add("--touched", action="store_true", help="treat the arguments as changed files and check the documents that they affect")
-    add("--no-code", action="store_true", help="run no code of the workspace; read parts from parts.lock.json (see `thingc lock`)")
+    console.add_no_code(parser)
     add("--time-limit", metavar="TIME", default="5 s", help="with --no-code: limit of CPU time for each document (default: %(default)s)")
     add("--fix", action="store_true", help="apply unambiguous fixes, then report the rest")
     add("--diff", action="store_true", help="with --fix: show the fixes, write nothing")

@@ -122,6 +122,13 @@ def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text"
     parser.add_argument("--format", type=one_of(choices), metavar=metavar, default=choices[0], help="output format (default: %(default)s)")
 
 
+def add_no_code(parser: argparse.ArgumentParser) -> None:
+    """Add the option `--no-code`, with which a command runs no code of the workspace, to a parser."""
+    parser.add_argument(
+        "--no-code", action="store_true", help="run no code of the workspace; read parts from parts.lock.json (see `thingc lock`)",
+    )
+
+
 def one_of(known: Sequence[str]) -> Callable[[str], str]:
     """Return an argparse type that accepts only the words in `known`."""
     def choice(text: str) -> str:

@@ -57,7 +57,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="exit with 1 if changes of this kind are found: mass, joints, tests, ... (separated by commas; may be repeated)",
     )
     add("--no-tests", action="store_true", help="do not run the tests of the documents")
-    add("--no-code", action="store_true", help="run no code of the workspace; read parts from parts.lock.json (see `thingc lock`)")
+    console.add_no_code(parser)
     add("--time-limit", metavar="TIME", default="20 s", help="with --no-code: limit of CPU time for each document (default: %(default)s)")
     add("--html", metavar="FILE", help="also write a page with pictures and a before/after slider")
     add("--pictures", metavar="FOLDER", help="also write pictures: before, after, and changes in colour")

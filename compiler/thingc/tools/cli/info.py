@@ -6,6 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
 from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import counted
 from thingc.driver.environment import attempted
@@ -34,6 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     console.add_document(parser, what="an assembly document (YAML or TOML), or a robot of another format (.urdf, .xacro, .sdf, .xml)")
     robot_files.configure(parser)
     parser.add_argument("--mates", action="store_true", help="also show mated mounts: which child axis lies along which parent axis")
+    console.add_no_code(parser)
     console.add_format(parser)
     console.add_compiling(parser)
 
@@ -45,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         compilation = robot_files.compile_robot(arguments.document, options, robot_files.import_request(arguments))
     else:
         console.require_document(arguments.document)
-        compilation = attempted(arguments.document, options, compile)
+        compilation = attempted(arguments.document, replace(options, code=not arguments.no_code), compile)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     code = console.exit_code(diagnostics)
     assembly = compilation.assembly if code == 0 else None

@@ -35,6 +35,7 @@ COMMANDS = {
     "parts": "list the available parts, with their parameters and mounts",
     "schema": "write a JSON Schema for each document, with its parts, mounts and names, for editors",
     "lsp": "run the language server for editors: diagnostics as you type, fixes and completion",
+    "mcp": "run the MCP server for assistants: check, inspect and edit the robots of a folder",
     "explain": "explain a code such as TC302, with a wrong and a right example",
     "touched": "list the documents that a change affects",
     "why": "show why a part was built or reused, or list the export losses of each target",

@@ -6,7 +6,7 @@ import argparse
 import os
 import sys
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.base.source import line_of
@@ -14,7 +14,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.documents.workspace import Workspace
 from thingc.driver.environment import geometry_of
 from thingc.geometry.key.catalogue import classes_installed, installed_modules
-from thingc.geometry.part_source import report_hidden
+from thingc.geometry.part_source import PartSource, report_hidden
 from thingc.geometry.record import NO_PARTS, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema
 from thingc.geometry.service import GeometryService
 from thingc.tools.cli import console
@@ -39,6 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("part", metavar="PART", nargs="*", help="list only this part, module or package: module:Class, module or package")
     parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="a folder of the workspace (default: the working folder)")
+    console.add_no_code(parser)
     console.add_format(parser)
     console.add_geometry(parser)
 
@@ -52,7 +53,9 @@ def run(arguments: argparse.Namespace) -> int:
         if not os.path.isdir(arguments.workspace):
             raise console.WrongCommandLine(f"`{arguments.workspace}` is not a folder", "use the folder of a workspace")
         workspace = Workspace.find(os.path.join(arguments.workspace, "thingc.toml"), report)
-        if workspace is not None:
+        if workspace is not None and arguments.no_code:
+            listed = _locked(workspace, arguments.part, report)
+        elif workspace is not None:
             with geometry_of(workspace, options) as geometry:
                 listed = _listed(geometry, arguments.part, report)
         diagnostics = report.ordered()
@@ -75,6 +78,33 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
     if not wanted:
         report.diagnostics.extend(unreadable(failure.subject, "read", failure) for failure in geometry.not_python())
     report_hidden(geometry, ((reference, None) for reference in references), report)
+    return _described(geometry, references, wanted, report)
+
+
+def _locked(workspace: Workspace, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
+    """Return the parts in the lock file, without running their code. Raises `WrongCommandLine` for an unknown name."""
+    from thingc.geometry.lock.lock import read_lock, report_bad, report_missing
+    from thingc.geometry.lock.reader import LockOnlyGeometry
+
+    lock = read_lock(workspace, report)
+    if lock is None:
+        report_missing(workspace, report)
+        return []
+    geometry, references = LockOnlyGeometry(workspace, lock), sorted(lock.things)
+    for word in wanted:
+        if not _matching(word, references):
+            raise console.WrongCommandLine(f"`parts.lock.json` does not contain `{word}`", did_you_mean(word, references, what="parts"))
+    chosen = sorted({one for word in wanted for one in _matching(word, references)}) if wanted else references
+    listed = _described(geometry, chosen, wanted, report)
+    for fault in geometry.broken:
+        report_bad(lock.file, fault, report)
+    return listed
+
+
+def _described(
+    geometry: PartSource, references: Sequence[str], wanted: Sequence[str], report: Report,
+) -> list[tuple[PartSchema, PartRecord | None]]:
+    """Return the schemas of parts, and the records for their default parameters. Errors in parts are added to the report."""
     schemas: list[PartSchema] = []
     answers = geometry.describe(references)
     for reference in references:  # the results are in the order in which they were finished
@@ -86,7 +116,7 @@ def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> lis
             report.diagnostics.append(unreadable(reference, "read", answer))
     definitions = {schema.reference: schema.default for schema in schemas}
     records = geometry.realize([definition for definition in definitions.values() if definition is not None])
-    made = {reference: record for reference, record in records.items() if isinstance(record, PartRecord)}
+    made = {reference: record for reference, record in records.items() if isinstance(record, PartRecord) and record.exact}
     return [(schema, made.get(schema.reference)) for schema in schemas]
 
 
@@ -101,7 +131,7 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
         references += classes_installed(module, installed[module])
     chosen: dict[str, None] = {}
     for word in words:
-        named = [one for one in references if word in (one, one.partition(":")[0]) or one.startswith(f"{word}.")]
+        named = _matching(word, references)
         if not named and ":" in word and not isinstance(geometry.part_code.code(word), PartFailure):
             named = [word]  # a function, or a class that a package imports from another package
         modules = [module for module in installed if module.startswith(f"{word}.")]
@@ -113,6 +143,11 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
             raise console.WrongCommandLine(f"there is no part `{word}`", did_you_mean(word, known, what="parts"))
         chosen.update(dict.fromkeys(named))
     return sorted(chosen)
+
+
+def _matching(word: str, references: Iterable[str]) -> list[str]:
+    """Return the references of parts with the given name, or in the module or package with this name."""
+    return [one for one in references if word in (one, one.partition(":")[0]) or one.startswith(f"{word}.")]
 
 
 def unreadable(called: str, done: str, failure: PartFailure) -> Diagnostic:

@@ -59,6 +59,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap")
     add("--joints", action="store_true", help="draw joint axes, with arrows in the positive direction")
     add("--root", action="store_true", help="draw the frame of the root")
+    console.add_format(parser)
     console.add_compiling(parser)
 
 
@@ -71,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
         diagnostics = attempted(arguments.document, options, partial(_render, arguments))
     except NoGraphics as fault:
         diagnostics = [console.error(fault.message, fault.hint, Code.NO_GRAPHICS)]
-    return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    return console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
 
 
 def _check_output(path: str | None) -> None:

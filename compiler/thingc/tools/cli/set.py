@@ -30,6 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="a path or the name of a parameter, and its new value")
     parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
+    console.add_no_code(parser)
     console.add_format(parser)
     parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
     console.add_geometry(parser)
@@ -39,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc set`, and return the exit code, which is 0 if the values were written (with `--diff`: can be written)."""
     try:
         console.require_document(arguments.document)
-        options = console.options_of(arguments)
+        options = replace(console.options_of(arguments), code=not arguments.no_code)
         given = settings(arguments.value)
     except console.WrongCommandLine as fault:
         return console.print_found([fault.diagnostic], arguments.format, stream=sys.stdout, debug=False)

@@ -1,0 +1,331 @@
+"""`thingc mcp`, with the client of the package `mcp`: each tool returns what the command prints, writes only in the folder, and runs no
+code of a folder that is not trusted."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import anyio
+import numpy as np
+import pytest
+from mcp import Client, StdioServerParameters
+from mcp.types import CallToolResult, ImageContent, ListToolsResult
+from PIL import Image
+from ruamel.yaml import YAML
+
+from thingc.driver import edit_document
+from thingc.tools.cli.main import COMMANDS, main
+from thingc.tools.mcp.server import Tools, create_server
+from thingc.tools.templates import files_of
+
+ROOT = Path(__file__).resolve().parents[2]
+SKILL = ROOT / "skills/thingc/SKILL.md"
+READ, WRITE = {"check", "info", "explain", "parts", "render"}, {"set", "add"}
+BROKEN = """\
+thingc: assembly/1
+name: broken
+materials: [thingc_stock.materials]
+components:
+  post: {part: shapes:Post}
+  boom: {part: shapes:Boom, attach: {hub: plat.top}}
+"""
+Call = Callable[..., CallToolResult]
+
+
+@pytest.fixture
+def rover(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A workspace of two parts and a joint, in a folder with other files."""
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "rover", "--template", "empty"]) == 0
+    (tmp_path / "rover/broken.yaml").write_text(BROKEN)
+    (tmp_path / "other.yaml").write_text((tmp_path / "rover/rover.yaml").read_text())
+    monkeypatch.chdir(tmp_path / "rover")
+    return tmp_path / "rover"
+
+
+def called(tool: str, given: dict[str, Any], *, trusted: bool = True) -> CallToolResult:
+    """Call a tool of a server in this process."""
+    async def work() -> CallToolResult:
+        async with Client(create_server(Tools(trusted=trusted))) as client:
+            return await client.call_tool(tool, given)
+
+    return anyio.run(work)
+
+
+def codes(result: CallToolResult) -> list[str]:
+    assert result.structured_content is not None and json.loads(result.content[0].text) == result.structured_content  # type: ignore[union-attr]
+    return [one["code"] for one in result.structured_content["diagnostics"]]
+
+
+def printed(*words: str) -> Any:
+    """What a command prints in a process of its own."""
+    return json.loads(subprocess.run([sys.executable, "-P", "-m", "thingc", *words, "--format", "json"], capture_output=True).stdout)
+
+
+def test_five_tools_read_and_two_write(rover: Path) -> None:
+    async def work() -> ListToolsResult:
+        async with Client(create_server(Tools(trusted=False))) as client:
+            return await client.list_tools()
+
+    tools = {tool.name: tool for tool in anyio.run(work).tools}
+    assert tools.keys() == READ | WRITE and tools.keys() <= COMMANDS.keys()
+    for name, tool in tools.items():
+        assert tool.description and tool.annotations is not None and tool.annotations.read_only_hint == (name in READ)
+        required = set(tool.input_schema.get("required", []))
+        others = {"check": set(), "explain": {"code"}, "parts": set(), "set": {"document", "values"}, "add": {"what", "name"}}
+        assert required == others.get(name, {"document"})
+
+
+@pytest.mark.slow
+def test_what_is_read_is_what_the_commands_print(rover: Path) -> None:
+    for tool, given, words in (
+        ("check", {"documents": ["rover.yaml"]}, ["check", "rover.yaml"]),
+        ("check", {}, ["check"]),
+        ("info", {"document": "rover.yaml", "parameters": {"length": "200 mm"}}, ["info", "rover.yaml", "-p", "length=200 mm"]),
+        ("explain", {"code": "302"}, ["explain", "TC302"]),
+        ("parts", {"part": ["shapes:Post"]}, ["parts", "shapes:Post"]),
+    ):
+        result = called(tool, given)
+        assert not result.is_error and result.structured_content == printed(*words), tool
+    assert called("info", {"document": "rover.yaml"}).structured_content != called(
+        "info", {"document": "rover.yaml", "parameters": {"length": "200 mm"}},
+    ).structured_content
+
+
+@pytest.mark.slow
+def test_a_picture_shows_the_pose(rover: Path) -> None:
+    def picture(**given: Any) -> np.ndarray[Any, Any]:
+        result = called("render", {"document": "rover.yaml", **given})
+        image = result.content[1]
+        assert codes(result) == [] and isinstance(image, ImageContent) and image.mime_type == "image/png"
+        return np.asarray(Image.open(io.BytesIO(base64.b64decode(image.data))).convert("RGB"), dtype=int)
+
+    raised, level = picture(), picture(pose="level", elevation=0, mounts_of=["boom"])
+    assert raised.shape == (960, 1280, 3) and np.ptp(raised) > 100
+    assert np.abs(raised - level).max() > 100
+    assert sorted(path.name for path in rover.iterdir() if path.suffix == ".png") == []
+    unknown = called("render", {"document": "rover.yaml", "pose": "levle"})
+    assert unknown.is_error and "did you mean `level`?" in unknown.content[0].text  # type: ignore[union-attr]
+
+
+@pytest.mark.slow
+def test_values_are_set_and_comments_stay(rover: Path) -> None:
+    before = (rover / "rover.yaml").read_text()
+    values = {"length": "150 mm", "joints.swing.limit.upper": "80 deg"}
+    preview = called("set", {"document": "rover.yaml", "values": values, "preview": True})
+    assert not preview.is_error and (rover / "rover.yaml").read_text() == before
+    result = called("set", {"document": "rover.yaml", "values": values})
+    assert not result.is_error and result.structured_content is not None
+    assert {one["path"]: (one["before"], one["after"]) for one in result.structured_content["set"]}["parameters.length.value"] == (
+        "120 mm", "150 mm",
+    )
+    after = (rover / "rover.yaml").read_text()
+    told = YAML(typ="safe").load(after)
+    assert told["parameters"]["length"]["value"] == "150 mm" and told["joints"]["swing"]["limit"]["upper"] == "80 deg"
+    assert [line for line in before.splitlines() if line not in after.splitlines()] != [] and after.count("#") == before.count("#")
+    assert sum(one != other for one, other in zip(before.splitlines(), after.splitlines(), strict=True)) == 2
+
+
+@pytest.mark.slow
+def test_elements_are_added(rover: Path) -> None:
+    for given in (
+        {"what": "part", "name": "Flag", "on": "boom.tip"},
+        {"what": "mode", "name": "hung", "root": "boom.tip", "base": "free"},
+        {"what": "test", "name": "light", "kind": "mass"},
+        {"what": "assembly", "name": "hat", "on": "post.table_0", "component": "cap"},
+    ):
+        result = called("add", {**given, "to": "rover.yaml"})
+        assert not result.is_error, result.content
+    told = YAML(typ="safe").load((rover / "rover.yaml").read_text())
+    assert told["components"]["flag"]["attach"] == {"bottom": "boom.tip"} and told["modes"]["hung"]["base"] == "free"
+    assert "light" in told["tests"] and told["components"]["cap"]["assembly"] == "hat.yaml" and (rover / "hat.yaml").exists()
+    assert "class Flag(Thing)" in (rover / "parts/flag.py").read_text()
+    assert codes(called("check", {"documents": ["rover.yaml"]})) == []
+
+
+def test_a_broken_document_is_reported_and_not_changed(rover: Path) -> None:
+    checked = called("check", {"documents": ["broken.yaml"]})
+    assert not checked.is_error and codes(checked) == codes(called("info", {"document": "broken.yaml"})) == ["TC302"]
+    assert checked.structured_content is not None and checked.structured_content["diagnostics"][0]["line"] == 6
+    for tool, given in (
+        ("info", {"document": "broken.yaml"}), ("render", {"document": "broken.yaml"}),
+        ("set", {"document": "broken.yaml", "values": {"components.post.params.height": "100 mm"}}),
+        ("add", {"what": "mode", "name": "m", "to": "broken.yaml"}),
+        ("set", {"document": "rover.yaml", "values": {"length": "1 m"}}),  # more than the maximum
+        ("set", {"document": "missing.yaml", "values": {"a": "1"}}), ("explain", {"code": "TC000"}),
+        ("parts", {"part": ["shapes:Psot"]}),
+    ):
+        before = {path.name: path.read_bytes() for path in rover.glob("*.yaml")}
+        result = called(tool, given)
+        assert result.is_error and codes(result) != [], tool
+        assert {path.name: path.read_bytes() for path in rover.glob("*.yaml")} == before
+
+
+def test_files_outside_the_folder_are_refused(rover: Path) -> None:
+    (rover / "link.yaml").symlink_to(rover.parent / "other.yaml")
+    (rover / "up").symlink_to(rover.parent)
+    before = (rover.parent / "other.yaml").read_bytes()
+    for path in ("../other.yaml", str(rover.parent / "other.yaml"), "link.yaml", "up/other.yaml", "parts/../../other.yaml", ".."):
+        for tool, given in (
+            ("check", {"documents": ["rover.yaml", path]}), ("info", {"document": path}), ("render", {"document": path}),
+            ("parts", {"workspace": path}), ("set", {"document": path, "values": {"length": "150 mm"}}),
+            ("add", {"what": "mode", "name": "m", "to": path, "root": "post"}),
+        ):
+            result = called(tool, given)
+            assert result.is_error and "is outside the folder of the server" in result.content[0].text, (tool, path)  # type: ignore[union-attr]
+    for name in ("../new.yaml", "up/new.yaml"):
+        assert called("add", {"what": "assembly", "name": name}).is_error
+    assert (rover.parent / "other.yaml").read_bytes() == before and not (rover.parent / "new.yaml").exists()
+
+
+def test_arguments_are_not_options(rover: Path) -> None:
+    (rover / "broken.yaml").write_text(BROKEN.replace("post:", "psot:").replace("part:", "prat:"))
+    before = (rover / "broken.yaml").read_bytes()
+    assert called("check", {"documents": ["broken.yaml", "--fix"]}).is_error
+    assert called("set", {"document": "broken.yaml", "values": {"--diff": "1"}}).is_error
+    assert called("explain", {"code": "--help"}).is_error and called("parts", {"part": ["--workspace=/"]}).is_error
+    assert called("add", {"what": "mode", "name": "--to=rover.yaml"}).is_error
+    assert (rover / "broken.yaml").read_bytes() == before
+
+
+@pytest.mark.slow
+def test_no_code_of_an_untrusted_folder_runs(rover: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modules that thingc itself imports leave a mark if they are found in the folder, and the geometry service must not be created."""
+    mark = rover.parent / "ran"
+    for module in ("json", "conftest", "sitecustomize", "thingc"):
+        (rover / f"{module}.py").write_text(f"open({str(mark)!r}, 'w')\n")
+    reads: list[tuple[str, dict[str, Any]]] = [
+        ("check", {"documents": ["rover.yaml"]}), ("info", {"document": "rover.yaml"}), ("parts", {}),
+    ]
+    writes: list[tuple[str, dict[str, Any]]] = [
+        ("set", {"document": "rover.yaml", "values": {"joints.swing.limit.upper": "80 deg"}}),
+        ("add", {"what": "mode", "name": "hung", "to": "rover.yaml", "root": "boom.tip", "base": "free"}),
+    ]
+    assert main(["lock"]) == 0
+    expected = called("info", {"document": "rover.yaml"}).structured_content["mass"]
+
+    def fail(*given: Any, **more: Any) -> None:
+        raise AssertionError("code would run")
+
+    monkeypatch.setattr("thingc.geometry.service.GeometryService.__init__", fail)
+    for tool, given in (*reads, *writes):
+        result = called(tool, given, trusted=False)
+        assert not result.is_error and codes(result) == [], (tool, result.content)
+        if tool == "info":
+            assert result.structured_content["mass"] == pytest.approx(expected, rel=1e-9)
+        if tool == "parts":
+            posts = [one for one in result.structured_content["parts"] if one["reference"] == "shapes:Post"]
+            assert len(posts) == 1 and "table_0" in posts[0]["mounts"]
+    part = {"what": "part", "to": "rover.yaml", "on": "boom.tip"}
+    refused = [("render", {"document": "rover.yaml"}), ("add", {**part, "name": "shapes:Post"}), ("add", {**part, "name": "Flag"})]
+    for tool, given in refused:
+        assert called(tool, given, trusted=False).is_error, tool
+    (rover / "parts/shapes.py").write_text((rover / "parts/shapes.py").read_text().replace("= 90", "= 91"))
+    for tool, given in (*reads, writes[0], *refused):
+        assert codes(called(tool, given, trusted=False)) != [], f"{tool}: the lock is not up to date"
+    (rover / "parts.lock.json").unlink()
+    for tool, given in (*reads, writes[0]):
+        assert codes(called(tool, given, trusted=False)) == ["TC340"], f"{tool}: there is no lock"
+    assert not mark.exists() and not (rover / "parts/flag.py").exists()
+
+
+@pytest.mark.parametrize("tool", ["set", "add"])
+def test_a_document_that_changes_meanwhile_is_not_overwritten(rover: Path, tool: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An editor saves the file after the tool has read it, and before it writes."""
+    document, saved = rover / "rover.yaml", (rover / "rover.yaml").read_text() + "# an edit\n"
+    replace = edit_document.document_change
+
+    def save(*given: Any) -> Any:
+        document.write_text(saved)
+        return replace(*given)
+
+    monkeypatch.setattr("thingc.driver.edit_document.document_change", save)
+    monkeypatch.setattr("thingc.tools.cli.add.document_change", save)
+    result = called(*{
+        "set": ("set", {"document": "rover.yaml", "values": {"length": "150 mm"}}),
+        "add": ("add", {"what": "mode", "name": "hung", "to": "rover.yaml", "root": "boom.tip", "base": "free"}),
+    }[tool])
+    assert result.is_error and "changed while this command ran" in result.content[0].text  # type: ignore[union-attr]
+    assert document.read_text() == saved
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("trusted", [False, True])
+def test_over_standard_input_and_output(rover: Path, shared_store: str, trusted: bool) -> None:
+    """A process of its own; what part code prints does not disturb the protocol."""
+    (rover / "parts/shapes.py").write_text("print('hello')\n" + (rover / "parts/shapes.py").read_text())
+    words = ["-P", "-m", "thingc", "mcp", "-C", str(rover), "--store", shared_store, *(["--trusted"] if trusted else [])]
+
+    async def work() -> list[CallToolResult]:
+        async with Client(StdioServerParameters(command=sys.executable, args=words, cwd=rover.parent)) as client:
+            assert client.server_info is not None and client.server_info.name == "thingc"
+            return [
+                await client.call_tool(tool, given) for tool, given in (
+                    ("check", {"documents": ["rover.yaml"]}), ("info", {"document": "rover.yaml"}), ("render", {"document": "rover.yaml"}),
+                    ("explain", {"code": "TC302"}),
+                )
+            ]
+
+    results = anyio.run(work)
+    assert [result.is_error for result in results] == [False, not trusted, not trusted, False]
+    assert ("TC340" in codes(results[0])) != trusted
+
+
+def test_a_signal_ends_the_server_while_it_waits(rover: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-P", "-m", "thingc", "mcp"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+        params = {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "t", "version": "1"}}
+        process.stdin.write(json.dumps({"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": params}).encode() + b"\n")
+        process.stdin.flush()
+        assert json.loads(process.stdout.readline())["id"] == 1
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20.0) == 130 and process.stderr.read() == b""
+
+
+def test_a_missing_extra_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["mcp"]) == 2
+    told = capsys.readouterr().err
+    assert "`thingc mcp` needs the package `mcp`, which is not installed" in told and "pip install 'thingc[mcp]'" in told
+
+
+@pytest.mark.slow
+def test_the_skill_is_right(rover: Path) -> None:
+    """Its document is checked without diagnostics, its commands and options exist, and new workspaces have it."""
+    text = SKILL.read_text()
+    assert files_of("arm", "my_robot")[".claude/skills/thingc/SKILL.md"].decode() == text
+    head = YAML(typ="safe").load(text.split("---")[1])
+    assert head["name"] == "thingc" and len(head["description"]) < 1024
+    document = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[0]
+    (rover / "my_robot.yaml").write_text(document)
+    assert codes(called("check", {"documents": ["my_robot.yaml"], "strict": True})) == []
+    commands = set(re.findall(r"`thingc (\w+)", text))
+    assert commands <= COMMANDS.keys() and {"check", "explain", "info", "parts", "render", "set", "add"} <= commands
+    for command in sorted(commands):
+        options = {word for line in re.findall(rf"`thingc\s+{command}([^`]*)`", text) for word in re.findall(r"--[a-z-]+", line)}
+        from thingc.tools.cli.main import parser_for
+
+        parser = parser_for(command)[1]
+        assert parser is not None and options <= {word for action in parser._actions for word in action.option_strings}, command
+
+
+def test_the_extra_is_declared() -> None:
+    import tomllib
+
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert extras["mcp"][0].startswith("mcp>=") and extras["mcp"][0] in extras["dev"]
+    assert shutil.which("thingc", path=os.path.dirname(sys.executable)) is not None
