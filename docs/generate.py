@@ -41,7 +41,7 @@ EXAMPLES = ROOT / "compiler" / "thingc" / "tools" / "reporting" / "examples.json
 
 GROUPS = {
     "joints": "joints", "of_joints": "properties of joints", "drives": "drives", "loops": "loops, by the joint that is cut",
-    "bases": "bases, besides `fixed`", "modes": "properties of modes", "links": "properties of links", "shapes": "collision shapes",
+    "bases": "bases other than `fixed`", "modes": "properties of modes", "links": "properties of links", "shapes": "collision shapes",
     "sensors": "sensors", "of_sensors": "properties of sensors",
 }
 FEATURES = {
@@ -51,7 +51,7 @@ FEATURES = {
     "loops.several": "several coordinates", "bases.start": "start pose of a `free` base",
     "modes.exclude": "excluded contacts", "modes.simulation": "other `simulation`", "modes.timestep": "time step",
     "links.frames": "mounts and frames", "links.rolling": "rolling friction", "links.weightless": "no mass, moved by a joint",
-    "links.weightless_base": "no mass, others", "links.point": "a point mass", "links.line": "point masses in a line",
+    "links.weightless_base": "no mass, other links", "links.point": "a point mass", "links.line": "point masses in a line",
     "shapes.hull": "convex mesh", "shapes.mesh": "any mesh",
 }
 for kind in KINDS.values():

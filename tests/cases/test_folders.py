@@ -51,7 +51,7 @@ def test_a_folder_with_files_of_a_stranger_is_not_touched(folder: Path, capsys: 
     code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
     assert code == 2
     assert lines == [
-        f"error[{Code.UNEXPECTED.code}]: `out/two` contains files that no build of `robot.yaml` wrote (`thesis.tex`) and is unchanged",
+        f"error[{Code.UNEXPECTED.code}]: `out/two` contains files that no build of `robot.yaml` wrote (`thesis.tex`); nothing was written",
         "  help: move these files, or build into another folder with -o",
         "", "1 error",
     ]
@@ -117,7 +117,7 @@ def test_a_document_that_is_a_link_out_of_the_workspace(folder: Path, capsys: py
     code, lines = said(capsys, "check", "robot.yaml")
     assert code == 1
     assert lines[:2] == [
-        "error[TC114]: `robot.yaml` is a link to a file outside the workspace", "  help: use the file that the link points to",
+        "error[TC114]: `robot.yaml` is a symbolic link to a file outside the workspace", "  help: use the file that the link points to",
     ]
 
 

@@ -294,7 +294,7 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    ("mode x", "a mode requires a document\n  help: write for example `thingc add mode x --to robot.yaml`"),
+    ("mode x", "a mode requires a document\n  help: write, for example, `thingc add mode x --to robot.yaml`"),
     ("mode x --to D --kind mass", "--kind applies to a test, not to a mode"),
     ("part X --on base.top", "--on requires --to\n  help: add --to with the document"),
     ("part X --to D --by bottom", "--by requires --on\n  help: add --on with the mount"),
@@ -308,9 +308,9 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("part old:Old --to D", "error[TC405]"),
     ("mood x --to D", "expected `part`, `assembly`, `mode`, `joint` or `test`, found `mood` (did you mean `mode`?)"),
     ("test x --to D",
-     f"expected --kind ({', '.join(f'`{kind}`' for kind in kinds())}); --kind is missing\n  help: write for example `--kind mass`"),
+     f"expected --kind ({', '.join(f'`{kind}`' for kind in kinds())}); --kind is missing\n  help: write, for example, `--kind mass`"),
     ("test x --to D --kind mas", "found `mas`\n  help: did you mean `mass`?"),
-    ("joint x --to D", "a joint requires --parent and --child, two mounts\n  help: write for example `--parent base.top"),
+    ("joint x --to D", "a joint requires --parent and --child, two mounts\n  help: write, for example, `--parent base.top"),
     ("joint Wrist --to D --parent base.top --child arm.seat", "already has a joint `wrist`\n  help: choose another name"),
     ("joint x --to D --type hinge --parent a.b --child c.d", "expected `fixed`, `revolute`"),
     ("joint x --to D --parent base.top --child arm.seet", "error[TC303]"),
@@ -320,7 +320,7 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
      "`arm.seat` in --standing-on is also the root of the mode, so --root must be omitted"),
     ("mode x --to D --standing-on arm.sole", "error[TC303]"),
     ("part X --standing-on arm.seat", "--standing-on applies to a mode, not to a part"),
-    ("mode x-y --to D", "`x-y` is not a valid name: use a letter, then letters, digits and `_`\n  help: write for example `x_y`"),
+    ("mode x-y --to D", "`x-y` is not a valid name: use a letter, then letters, digits and `_`\n  help: write, for example, `x_y`"),
     ("mode x --to D --pose nowhere", "`nowhere`"),
     ("assembly root --to D", "error[TC"),
     ("assembly rover --to D", "` contains itself: rover."),

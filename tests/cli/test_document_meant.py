@@ -29,25 +29,25 @@ def test_the_only_robot_is_taken(workspace: Path, monkeypatch: pytest.MonkeyPatc
         (other / name).write_text((workspace / name).read_text())
     assert main(["hag"]) == 0
     said = capsys.readouterr()
-    assert said.err == "using robot.yaml, the only robot here\n" and said.out.startswith("robot\n")
+    assert said.err == "using robot.yaml, the only robot in this folder\n" and said.out.startswith("robot\n")
     (workspace / "parts").mkdir()
     monkeypatch.chdir(workspace / "parts")
     assert main(["info", "--format", "json"]) == 0
-    assert capsys.readouterr().err == "using ../robot.yaml, the only robot here\n"
+    assert capsys.readouterr().err == "using ../robot.yaml, the only robot in this folder\n"
 
 
 def test_several_or_none_are_said(workspace: Path, capsys: Said) -> None:
     (workspace / "again.yaml").write_text(ROBOT)
     assert main(["build"]) == 2
     assert capsys.readouterr().err == (
-        "error[TC801]: missing: DOC, and there are 2 robots here\n"
+        "error[TC801]: the argument DOC is required, because there are 2 robots in this folder\n"
         "  help: known robots: `again.yaml`, `robot.yaml`\n\n1 error\n"
     )
     for path in workspace.glob("*.yaml"):
         path.unlink()
     assert main(["view"]) == 2
     assert capsys.readouterr().err == (
-        "error[TC801]: missing: DOC, and there are no robots here\n  help: run `thingc new NAME` to create one\n\n1 error\n"
+        "error[TC801]: the argument DOC is required, because there are no robots in this folder\n  help: run `thingc new NAME` to create one\n\n1 error\n"
     )
 
 
@@ -61,14 +61,14 @@ def test_robots_of_workspaces_below_are_said_before_those_outside(
         (inner / "thingc.toml").write_text('thingc = "workspace/1"\n')
     monkeypatch.chdir(workspace / "robots")
     assert main(["info"]) == 2
-    assert "there are 2 robots here\n  help: known robots: `one/robot.yaml`, `two/robot.yaml`\n" in capsys.readouterr().err
+    assert "there are 2 robots in this folder\n  help: known robots: `one/robot.yaml`, `two/robot.yaml`\n" in capsys.readouterr().err
 
 
 def test_what_a_broken_document_nests_is_no_robot(workspace: Path, capsys: Said) -> None:
     document = workspace / "robot.yaml"
     document.write_text(document.read_text() + "  bad: [\n")
     assert main(["info"]) == 1
-    assert capsys.readouterr().err.startswith("using robot.yaml, the only robot here\nerror[TC103]")
+    assert capsys.readouterr().err.startswith("using robot.yaml, the only robot in this folder\nerror[TC103]")
 
 
 def test_check_looks_at_all_of_the_folder(capsys: Said) -> None:

@@ -234,7 +234,7 @@ WRONG = {
     "--azimuth north": "--azimuth: expected degrees from -360 to 360, found `north`\n  help: run `thingc render --help` for usage",
     "--elevation 91": "--elevation: expected degrees from -90 to 90, found `91`\n  help: run `thingc render --help` for usage",
     "--elevation nan": "--elevation: expected degrees from -90 to 90, found `nan`\n  help: run `thingc render --help` for usage",
-    "-o arm.jpg": "-o: expected the name of a .png file, found `arm.jpg`\n  help: write for example -o arm.png",
+    "-o arm.jpg": "-o: expected the name of a .png file, found `arm.jpg`\n  help: write, for example, -o arm.png",
     "-o nowhere/arm.png": "-o: there is no folder `nowhere`\n  help: create the folder, or choose another one",
 }
 

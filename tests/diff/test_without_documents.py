@@ -1,4 +1,4 @@
-"""Build folders and locks as sides, and what is compared where code of the workspace must not run here."""
+"""Build folders and locks as sides, and what is compared where the geometry service requires permission to run code of the workspace."""
 
 from __future__ import annotations
 

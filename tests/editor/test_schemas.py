@@ -177,7 +177,7 @@ def test_a_document_that_is_not_well_formed_keeps_its_last_schema(small: Path, s
     before = (small / ".thingc/schema/small.yaml.json").read_bytes()
     (small / "small.yaml").write_text(PLAIN + "joints: {turn: [\n")
     printed = thingc(small, shared_store, "schema")
-    assert "small.yaml: it or one of its parts has a syntax error; its previous schema is unchanged" in printed
+    assert "small.yaml: the document or one of its parts has a syntax error; the previous schema is unchanged" in printed
     assert (small / ".thingc/schema/small.yaml.json").read_bytes() == before
 
 
@@ -194,7 +194,7 @@ def test_a_part_with_a_syntax_error_does_not_replace_the_schemas_of_its_document
     part = small / "parts" / "arm.py"
     part.write_text(part.read_text() + "\ndef half(:\n")
     printed = thingc(small, shared_store, "schema")
-    assert "small.yaml: it or one of its parts has a syntax error; its previous schema is unchanged" in printed
+    assert "small.yaml: the document or one of its parts has a syntax error; the previous schema is unchanged" in printed
     assert (small / ".thingc/schema/small.yaml.json").read_bytes() == before
     (small / "small.yaml").write_text(PLAIN.replace("arm:BasePlate", "arm:BasePlace", 1))
     part.write_text(part.read_text().removesuffix("\ndef half(:\n"))

@@ -108,9 +108,9 @@ def test_a_format_without_words_loses_everything(robot: Any) -> None:
         (None, "j3", "the motion"), (None, "j3", "the drive: velocity, kv 3"), (None, "j4", "the motion"), (None, "j5", "the motion"),
         (None, "j6", "the motion"), (None, "j7", "the thread"), (None, "j8", "the motion"), (None, "j8", "the cone of 0.5 rad"),
         (None, "j9", "the motion"), (None, "j9", "the mimic of `j1`"),
-        (None, "j9", "the polynomial of the mimic of `j1`"),
-        ("still", "c1/a", "the hold in place"), ("still", "close", "the loop through this joint"), ("still", "still", "the gravity"),
-        ("still", "still", "excluded contacts, besides those of neighbours"), ("carried", "close", "the loop through this joint"),
+        (None, "j9", "the polynomial in the mimic of `j1`"),
+        ("still", "c1/a", "the hold of this mount"), ("still", "close", "the loop through this joint"), ("still", "still", "the gravity"),
+        ("still", "still", "excluded contacts, except between links that a joint connects"), ("carried", "close", "the loop through this joint"),
         ("carried", "carried", "the held base, which can be moved at run time"), ("afloat", "close", "the loop through this joint"),
         ("afloat", "afloat", "the free base"), ("afloat", "afloat", "the start pose"), ("gliding", "close", "the loop through this joint"),
         ("gliding", "gliding", "the motion of the base"), ("turning", "close", "the loop through this joint"),
@@ -145,10 +145,10 @@ LINE = POINT.replace("  vane:", "  top: {frame: true, mass: 2 kg, at: {in: post.
 def test_masses_at_points_are_of_no_solid(tmp_path: Path) -> None:
     """What never moves may have such: MJCF and URDF say a point as it is, SDF and USD take nothing that has no inertia."""
     turn = (None, "turn", "the motion")
-    none, least = ": the inertia is 0 in the file, as for a point", ": the moments of inertia are 1e-12 kg m^2 in the file"
+    none, least = ": the inertia is 0 in the file, as for a point mass", ": the moments of inertia are 1e-12 kg m^2 in the file"
     for name, document, what, in_xml in (
-        ("point", POINT, "the inertia of 0 (a point mass)", None),
-        ("line", LINE, "the inertia of points in a line", none),
+        ("point", POINT, "the zero inertia of a point mass", None),
+        ("line", LINE, "the inertia of point masses in a line", none),
     ):
         (tmp_path / name).mkdir()
         built = compiled(tmp_path / name, document)

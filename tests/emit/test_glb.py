@@ -285,8 +285,8 @@ def test_what_does_not_follow_a_turned_joint_is_a_loss(store: Store) -> None:
     third = replace(asked.robots[2], bodies=(*asked.robots[2].bodies[:-1], replace(follower, joints=(joint,))))
     robots = (asked.robots[0], replace(closed, closures=(held, loop)), third)
     lost = (
-        (None, "j6", "the thread: the node of the joint must be rotated and shifted together"),
-        ("m3", "c3/b", "the hold in place: rotating the nodes of joints moves the held mount"),
+        (None, "j6", "the thread: glTF cannot couple the rotation and the translation of a node"),
+        ("m3", "c3/b", "the hold of this mount: rotating the nodes of joints moves the held mount"),
         ("m3", "close", "the loop through this joint: rotating the nodes of joints opens the loop"),
         (None, joint.path, "the mimic of `j1`: the node of the joint does not follow the other joint"),
     )

@@ -656,7 +656,7 @@ def test_shapes_that_mujoco_refuses_are_a_loss(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(collision_matrix, "_Sampler", refused)
     made = chain((1.0, 1.0, 1.0), tmp_path)
     assert set(unchecked(made).values()) == {"Adjacent"}
-    assert ("m", "which links never collide: MuJoCo cannot read their shapes") in {(loss.mode, loss.what) for loss in made.losses}
+    assert ("m", "disabled collisions: MuJoCo cannot read the shapes of the links") in {(loss.mode, loss.what) for loss in made.losses}
 
 
 # --- losses, and the whole way -----------------------------------------------------------------------------------------
@@ -673,7 +673,7 @@ def test_what_is_lost_is_what_urdf_loses_but_for_what_stands_beside_it(tmp_path:
     made = emit(request)
     assert {loss.target for loss in made.losses} == {"ros"}
     assert of_urdf - {(loss.path, loss.what) for loss in made.losses} == {
-        ("p", "this pose: not supported by URDF"), ("m", "excluded contacts, besides those of neighbours"),
+        ("p", "this pose: not supported by URDF"), ("m", "excluded contacts, except between links that a joint connects"),
         ("knee", "the drive: position, kp 5: a transmission without gains"),
     }
     omitted = {(loss.path, loss.what) for loss in made.losses if loss.how == "omitted"}

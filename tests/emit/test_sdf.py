@@ -420,7 +420,7 @@ def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
     }
     assert lost("first") == lost("fork") == set()
     assert lost("last") == {
-        ("last", "the gravity, which is only in the world file", "carried as custom data", "last"),
+        ("last", "the gravity, which is written only to the world file", "carried as custom data", "last"),
         ("last", "the held base, which can be moved at run time: the base is fixed in the file", "approximated", "last"),
     }
     base = "the motion of the base: a joint for each coordinate, with links of 1e-9 kg between these joints"
@@ -428,7 +428,7 @@ def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
         ("wrist", "the force at the mount: the sensor measures the force through joint `rail`", "approximated", "wrist"),
         ("rolling", base, "approximated", "rolling"),
     }
-    assert lost("swinging") == {("swinging", "excluded contacts, besides those of neighbours", "omitted", "swinging")}
+    assert lost("swinging") == {("swinging", "excluded contacts, except between links that a joint connects", "omitted", "swinging")}
 
 
 # --- loops and holds ----------------------------------------------------------------------------------------------------
@@ -459,7 +459,7 @@ def test_a_loop_is_a_joint_that_is_closed_where_the_file_has_it(fourbar: Compile
     limit = model.element("pivot").find("axis/limit")
     assert limit is not None
     assert number(limit, "lower") == pytest.approx(math.radians(5) - start.q["pivot"], abs=1e-12)
-    what = "the zero pose: in the file, all joints are at 0 in the pose `at_20`, in which loops and holds are closed"
+    what = "the zero pose: joint positions of 0 in the file mean the pose `at_20`, in which all loops are closed"
     assert (mode, what, "approximated") in [loss[:3] for loss in fourbar.losses(mode)]
 
 

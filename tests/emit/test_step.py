@@ -131,7 +131,7 @@ def test_nothing_with_geometry_is_no_file(tmp_path: Path) -> None:
     made = emit(request(frames, store))
     assert made.files == {}
     assert made.losses == (Loss(
-        target="step", mode=None, path="arm", what="nothing in the robot has geometry", how="omitted",
+        target="step", mode=None, path="arm", what="no part of the robot has geometry", how="omitted",
         origin=whole.definition.origin,
     ),)
 
@@ -145,5 +145,5 @@ def test_a_mesh_cannot_stand_in_it(tmp_path: Path) -> None:
     made = emit(request(meshes, store))
     assert made.files == {}
     assert [(loss.path, loss.what) for loss in made.losses[-2:]] == [
-        ("motor", "`cad/motor.step` is a mesh without exact surfaces"), ("arm", "nothing in the robot has exact geometry"),
+        ("motor", "`cad/motor.step` is a mesh without exact surfaces"), ("arm", "no part of the robot has exact geometry"),
     ]

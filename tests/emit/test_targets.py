@@ -153,7 +153,7 @@ def test_a_build_ends_with_what_was_built_after_one_line_of_losses(
     (last,) = build("--emit", "mjcf")
     assert last.startswith("Built ") and "out/r: " in last
     losses, last = build("--emit", "mjcf,urdf,sdf")
-    assert losses == f"2 features not expressed (1 in urdf, 1 in sdf); to list: thingc why --losses {document} --emit=mjcf,urdf,sdf"
+    assert losses == f"2 export losses (1 in urdf, 1 in sdf); to list: thingc why --losses {document} --emit=mjcf,urdf,sdf"
     assert last.startswith("Built ")
     (same,) = build("--emit", "mjcf")
     assert "is up to date" in same, "the losses of targets that were not asked for are not repeated"

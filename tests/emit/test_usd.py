@@ -194,7 +194,7 @@ def test_the_thread_of_a_screw_slides_between_the_ends_of_its_turn(lead: float, 
     assert ends == {"rotZ": (-90.0, 180.0), "transZ": pytest.approx(slide, rel=1e-6)}
 
 
-MIMIC = ", which Newton reads, and PhysX for hinges with limits; if both are hinges or both are slides"
+MIMIC = ", for two hinges or two slides; read by Newton, and by PhysX for hinges with limits"
 
 
 def schemas(prim: Any) -> set[str]:
@@ -282,7 +282,7 @@ def test_a_follower_of_another_kind_is_a_loss_and_names_are_taken(tmp_path: Path
         ("b", f"the mimic of `a`{MIMIC}", "carried as custom data"),
         ("c", f"the mimic of `a`{MIMIC}", "carried as custom data"),
         ("d", "the effort limit of 7 N m: only drives have an effort limit", "omitted"),
-        ("c", "the mimic of `a`: only a hinge can mimic a hinge, and a slide a slide", "omitted"),
+        ("c", "the mimic of `a`: a hinge can mimic only a hinge, and a slide only a slide", "omitted"),
     ]
 
 
@@ -309,7 +309,7 @@ def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
         lines = ["", *(line.strip() for line in EVERY.split("\n"))]
         return [(path, what, how, re.split(r"[:{]", lines[line])[0]) for path, what, how, line in every.losses(mode)]
 
-    newton, alone = "carried as custom data", ", which Newton reads, and PhysX reads except for balls; not written for generic joints"
+    newton, alone = "carried as custom data", ", read by Newton, and by PhysX except for ball joints; not written for generic joints"
     cone = "the cone of 1.0472 rad: the file limits the tilt of an axis, but not the rotation about this axis"
     assert lost(None) == [
         ("eye", "this sensor: not supported by UsdPhysics", "omitted", "eye"),
@@ -329,7 +329,7 @@ def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
         ("hip", cone, "approximated", "hip"),
         ("hip_0", "the drive: motor about 0, 0, 1", "omitted", "drive"),
         ("spindle", "the thread: rotation and translation are independent", "approximated", "spindle"),
-        ("fork", "the motion: X rotates before Y, which is the order of Newton; UsdPhysics defines none", "approximated", "fork"),
+        ("fork", "the motion: rotates about X before Y, as in Newton; UsdPhysics does not define the order", "approximated", "fork"),
     ]
     assert lost("first") == lost("fork") == lost("rolling") == lost("swinging") == []
     assert lost("last") == [

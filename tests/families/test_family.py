@@ -123,7 +123,7 @@ def test_rules_and_numbers_see_what_settings_come_to(
 def test_a_result_that_is_not_there_says_why(everything: thingc.RobotFamily) -> None:
     with pytest.raises(KeyError, match="there is no result `mas`: did you mean `mass`"):
         everything.evaluate({})["mas"]
-    with pytest.raises(KeyError, match=r"there is no `mass`: the settings .* are rejected: parameter `load` must be at most 20 kg"):
+    with pytest.raises(KeyError, match=r"result `mass` does not exist, because the settings .* are rejected: parameter `load` must be at most 20 kg"):
         everything.evaluate({"load": 30.0})["mass"]
 
 
@@ -179,7 +179,7 @@ def test_compile_takes_numbers_and_flags_as_a_family_does(everything: thingc.Rob
         ({"parameters": {"load": True}}, "must be a mass (such as 120 g), found a boolean (`true`)"),
         ({"parameters": {"load": None}}, "expected a number with a unit, found `None`"),
         ({"parameters": {"lod": 3}}, "has no parameter `lod`"),
-        ({"choices": {"joints.x*.offset": 3}}, "the document has nothing named `joints.x*.offset`"),
+        ({"choices": {"joints.x*.offset": 3}}, "the document has no element `joints.x*.offset`"),
     ):
         with pytest.raises(thingc.CompileError, match=re.escape(words)):
             thingc.compile(document, **given)  # type: ignore[arg-type]
@@ -197,10 +197,10 @@ def test_the_space_of_variants_and_of_parameters(many: thingc.RobotFamily, every
     own = everything.space
     assert own.names == ("load", "length", "stiff", "teeth", "heavy")
     assert own["heavy"].choices == (False, True) and own["stiff"].high is None and not own["stiff"].bounded
-    with pytest.raises(KeyError, match="there is no setting `lenth`: did you mean `length`"):
+    with pytest.raises(KeyError, match="unknown setting `lenth`: did you mean `length`"):
         own["lenth"]
     for wrong in (5, {"length": "long"}, {"length": None}, {"heavy": 2}):
-        with pytest.raises(ValueError, match=re.escape(f"expected a point of `gymnasium()`, found `{wrong}`")):
+        with pytest.raises(ValueError, match=re.escape(f"expected a sample of the space `gymnasium()`, found `{wrong}`")):
             own.settings(wrong)
     for vector in (None, "abc", [None] * 3):
         with pytest.raises(ValueError, match=re.escape(f"expected 3 numbers (length, load, joints.lift.limit.upper), found `{vector}`")):
@@ -303,7 +303,7 @@ def test_what_is_adopted_is_what_the_document_says_then(tmp_path: Path) -> None:
         for wrong, words in (
             ({"length": 2.0}, "parameter `length` must be at most 900 mm, found `2000 mm`"),
             ({"components.boom.mass": 3.0, "nothing": 1.0}, "nothing"),
-            ({"components.cap.components.knob.mass": 0.02}, "is defined in `cap.yaml` and would apply to every component that uses it"),
+            ({"components.cap.components.knob.mass": 0.02}, "is defined in `cap.yaml`, so the change would affect every component that uses this document"),
             ({"joints.*.limt.upper": 1.0}, "`joints.lift` has no `limt`"),
         ):
             said = family.adopt(wrong)

@@ -251,7 +251,7 @@ def test_at_a_kink_there_is_no_derivative(kinked: thingc.RobotFamily) -> None:
     with pytest.raises(NotDifferentiable) as caught:
         function.jacobian([0.2, 0.2])
     assert str(caught.value) == (
-        "`inertia.yy` is not differentiable at left = 0.2 m, right = 0.2 m: a value that it depends on is the greatest of equal values: "
+        "`inertia.yy` is not differentiable at left = 0.2 m, right = 0.2 m: an intermediate value is the maximum of equal values: "
         "choose other settings, or remove `inertia.yy`"
     )
     assert kinked.function(["left", "right"], ["site:hand"]).jacobian([0.2, 0.2]).tolist() == [[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]

@@ -195,7 +195,7 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         ({"load": 30.0}, "TC803", "parameter `load` must be at most 20 kg, found `30 kg`"),
         ({"joints.lift.limit.upper": "5 kg"}, "TC809", "expected an angle or a length (such as 30 deg or 120 mm), found a mass (`5 kg`)"),
         ({"joints.lift.limit.uper": 1.0}, "TC809", "`joints.lift.limit` has no `uper`"),
-        ({"joints.x*.dynamics.damping": 1.0}, "TC809", "the document has nothing named `joints.x*.dynamics.damping`"),
+        ({"joints.x*.dynamics.damping": 1.0}, "TC809", "the document has no element `joints.x*.dynamics.damping`"),
         ({**good, "load": 30.0}, "TC803", "must be at most 20 kg"),
         ({**good, "load": math.nan}, "TC803", "parameter `load`: expected a number with a unit, found `nan kg`"),
         ({"load": -(10**400)}, "TC803", "parameter `load`: expected a number with a unit, found `-inf kg`"),
@@ -204,9 +204,9 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
         ({"load": "\ud800"}, "TC803", "parameter `load`: half of a surrogate pair (U+D800) is not allowed in a document"),
         ({"joints.lift.limit.upper": "\x071 rad"}, "TC809",
          "`joints.lift.limit.upper`: a control character (U+0007) is not allowed in a document"),
-        ({5: 1.0}, "TC809", "the document has nothing named `5`"),
-        ({"modes.loose.gravity.3": 1.0}, "TC809", "`modes.loose.gravity` is a list of 3 and has no `3`"),
-        ({"components.arm.com.x": 1.0}, "TC809", "`components.arm.com` is a list of 3 and has no `x`"),
+        ({5: 1.0}, "TC809", "the document has no element `5`"),
+        ({"modes.loose.gravity.3": 1.0}, "TC809", "`modes.loose.gravity` is a list of 3 items and has no item `3`"),
+        ({"components.arm.com.x": 1.0}, "TC809", "`components.arm.com` is a list of 3 items and has no item `x`"),
         ({"modes.loose.gravity.2": "fast"}, "TC809", "expected an acceleration (such as `9.81 m/s^2`), found the string `fast`"),
         ({"components.arm.com.1": "5 kg"}, "TC809", "expected a length (such as 120 mm), found a mass (`5 kg`)"),
         ({**good, "joints.lift.limit.upper": -3.0}, "TC324", "limits of joint `lift` are reversed"),
@@ -250,7 +250,7 @@ def test_parameters_have_stars_and_what_these_do_not_meet_is_told_what_there_is(
         "x*.*": "known names: `",
     }.items():
         (problem,) = everything.evaluate({name: 0.3}).problems
-        assert problem.message == f"the document has nothing named `{name}`" and problem.help and problem.help.startswith(hint)
+        assert problem.message == f"the document has no element `{name}`" and problem.help and problem.help.startswith(hint)
     (problem,) = everything.evaluate({"joints.x*.limit.upper": 0.3}).problems
     assert problem.help and "`lift`" in problem.help
 
@@ -261,13 +261,13 @@ def test_one_is_many_of_one(everything: thingc.RobotFamily) -> None:
 
 
 @pytest.mark.parametrize(("name", "way", "words"), [
-    ("load", "arrays", "is written into body_inertia, body_ipos, body_iquat, body_mass of one compiled model (mode standing)"),
-    ("joints.lift.limit.upper", "arrays", "is written into actuator_ctrlrange, jnt_range of one compiled model (mode standing)"),
-    ("joints.gear.dynamics.rest", "arrays", "is written into qpos_spring of one compiled model (mode standing)"),
+    ("load", "arrays", "changes body_inertia, body_ipos, body_iquat, body_mass of one compiled model (mode standing)"),
+    ("joints.lift.limit.upper", "arrays", "changes actuator_ctrlrange, jnt_range of one compiled model (mode standing)"),
+    ("joints.gear.dynamics.rest", "arrays", "changes qpos_spring of one compiled model (mode standing)"),
     ("simulation.timestep", "text", "MuJoCo uses `connect.solref` at compile time (mode standing)"),
     # by its inertia the arm of the second point of a hinge that closes a loop is chosen
-    ("components.rocker.mass", "arrays", "is written into body_inertia, body_ipos, body_iquat, body_mass, site_pos of one compiled model"),
-    ("heavy", "passes", "heavy is compiled again: it is not a number in the document (mode standing)"),
+    ("components.rocker.mass", "arrays", "changes body_inertia, body_ipos, body_iquat, body_mass, site_pos of one compiled model"),
+    ("heavy", "passes", "heavy is compiled again: the setting is not a number in the document (mode standing)"),
 ])
 def test_explained(everything: thingc.RobotFamily, name: str, way: str, words: str) -> None:
     explained = everything.explain(name)

@@ -82,8 +82,8 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatc
         results = evaluation.form_of(read[0][1]).plan_for(read[0][1])
         assert results is not None and results[0].exchange is not None
     assert explained == (
-        "length is written into the text of one model with other parts, which MuJoCo compiles again: "
-        "the part `boxes:Lever` depends on it (mode still)"
+        "length changes the text and the parts of one model, which MuJoCo compiles again: "
+        "the part `boxes:Lever` depends on the number (mode still)"
     )
     assert list(whole.refused) == list(apart.refused) == [4]
     assert [group.indices for group in apart.groups] == [(0, 2), (1, 3)]
@@ -128,11 +128,11 @@ def test_a_store_that_is_deleted_meanwhile_is_said(levers: Path, tmp_path: Path)
     with thingc.family(levers, store=str(tmp_path / "store")) as family:
         assert family.write({}, tmp_path / "first") == ()
         shutil.rmtree(tmp_path / "store")
-        with pytest.raises(OutputError, match="no longer has the meshes of parts") as fault:
+        with pytest.raises(OutputError, match="no longer contains the meshes of parts") as fault:
             family.write({}, tmp_path / "second")
         assert fault.value.hint == "create the family again, which rebuilds missing parts" and not (tmp_path / "second").exists()
         for asked in (lambda: family.model({}), lambda: list(family.models([{}])), lambda: family.batched([{}])):
-            with pytest.raises(StoreUnusable, match="no longer has the meshes of parts; create the family again"):
+            with pytest.raises(StoreUnusable, match="no longer contains the meshes of parts; create the family again"):
                 asked()
     with thingc.family(levers, store=str(tmp_path / "store")) as anew:
         assert anew.write({}, tmp_path / "second") == ()

@@ -254,7 +254,7 @@ def test_two_names_for_one_link() -> None:
     )
     report = faults(model, PLATE, CAP)
     assert said(report) == [
-        ("LINK_NAMED_TWICE", "`lid` and `base` name the same link: no joint moves between them", "remove one of the two names", 111)
+        ("LINK_NAMED_TWICE", "`lid` and `base` name the same link: no joint separates their components", "remove one of the two names", 111)
     ]
     assert notes(report) == [("`base` is written here", "/robots/robot.yaml", 110)]
 

@@ -140,7 +140,7 @@ def test_a_repeated_warning_is_not_suppressed() -> None:
 
 
 @pytest.mark.parametrize(("choice", "why"), [
-    ("part", "its part class has no `collision()`"), ("decompose", "it has no convex decomposition"),
+    ("part", "its part class has no `collision()`"), ("decompose", "the part has no convex decomposition"),
     ("capsule", "no capsule could be fitted to it"),
 ])
 def test_collision_shapes_that_are_not_there(choice: str, why: str) -> None:
@@ -193,7 +193,7 @@ def test_expectations_that_are_not_met() -> None:
     assert notes(other) == [("`board` is defined here", "/robots/robot.yaml", 3)]
     turned = warnings(*board(component("cap", "p:Cap", attach("cap.top", "board.cap_seat"), line=5)))
     assert said(turned) == [
-        ("EXPECTATION", "`board.cap_seat` expects `p:Cap` by its mount `foot`, but `cap` is attached to it by `top`", help, 5)
+        ("EXPECTATION", "`board.cap_seat` expects `p:Cap` with its mount `foot`, but `cap` is attached with its mount `top`", help, 5)
     ]
 
 

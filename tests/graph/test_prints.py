@@ -162,7 +162,7 @@ def test_lines_are_at_least_as_wide_as_high() -> None:
     model = assembly("a", [high], materials=(material("petg", process=PRINTED),))
     assert said(faults(model, box("p:Box", SIZE))) == [(
         "HIGH_LAYERS", "`layer` is 1 mm, and `line_width` only 0.45 mm: a line must be at least as wide as it is high",
-        "write for example `layer: 0.2 mm, line_width: 0.45 mm`", 9,
+        "write, for example, `layer: 0.2 mm, line_width: 0.45 mm`", 9,
     )]
 
 

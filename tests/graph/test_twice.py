@@ -94,7 +94,7 @@ def test_parts_that_follow_a_set_are_named_and_nothing_is_written(build: Callabl
     differ = r"two builds of `odd:Hashed` differ: its volume is 0\.(\d) cm\^3 in the first build and 0\.(\d) cm\^3 in the second"
     volumes = re.fullmatch(differ, hashed)
     assert volumes is not None and volumes[1] != volumes[2]
-    assert holes.startswith("two builds of `odd:Holes` differ: its mounts change order: `hole_")
+    assert holes.startswith("two builds of `odd:Holes` differ: the order of its mounts differs: `hole_")
     assert fails == "two builds of `odd:Fails` differ: the second build failed: ValueError: not this time"
     assert (code, (tmp_path / "build").exists()) == (1, False)
     assert re.search(r"--> robot\.yaml:7:3\n.*\n.*\n  note: `odd:Hashed` is defined here\n    --> odd\.py:16:1\n", said)
@@ -115,7 +115,7 @@ def test_a_part_that_the_store_has_from_something_else_is_named(build: Callable[
     assert before == {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
     (tmp_path / "height.txt").write_text("3")
     code, said = build("Plain", "Asks", options=("--twice",))
-    assert (code, "2 parts built twice: equal\n" in said) == (0, True)
+    assert (code, "2 parts built twice, with equal results\n" in said) == (0, True)
     assert "0 parts modelled, 2 reused" in said
 
 
@@ -135,7 +135,7 @@ OTHERS: dict[str, tuple[Any, str]] = {
     "matrix": (DeclaredValue(value=TURNED), "its stated inertia differs"),
     "density": (DeclaredValue(value=7850.0), "its stated density differs"),
     "mounts": (dict.fromkeys("ba", MountRecord(pose=NO_POSE)),
-               "its mounts change order: `a`, `b` in the first build and `b`, `a` in the second"),
+               "the order of its mounts differs: `a`, `b` in the first build and `b`, `a` in the second"),
     "expectations": (
         (MountExpectation(mount="a", text="t", label="t", child_mount="b"),), "its expected parts of mounts differs"
     ),

@@ -59,18 +59,18 @@ def test_what_is_lost_has_its_line_and_its_reason(imported: Imported) -> None:
     lost = [(one["line"], one["what"], one["why"]) for one in json.loads(imported.files["import.json"])["losses"]]
     assert lost == [
         (4, "`boundmass` of `<compiler>`", "masses and shapes are imported as they are in the file"),
-        (5, "`<option>` of `<mujoco>`", "it is not imported"),
-        (20, "`<safety_controller>` of `<joint>`", "it is not imported"),
+        (5, "`<option>` of `<mujoco>`", "not imported"),
+        (20, "`<safety_controller>` of `<joint>`", "not imported"),
         (31, '`<kp>` of `<gazebo reference="base">`', "contact stiffness depends on the simulator"),
-        (32, '`<material>` of `<gazebo reference="base">`', "it refers to a Gazebo material"),
+        (32, '`<material>` of `<gazebo reference="base">`', "a reference to a Gazebo material"),
         (34, "rate, noise and plugins of sensor `imu`", "sensors in a document only have a type and a mount"),
         (41, "sensor `laser`", "sensors of type `ray` are not supported"),
         (44, '`<gazebo reference="hnad">`', "there is no such link or joint"),
-        (45, "`<plugin>` of `<gazebo>`", "it is a Gazebo plugin"),
+        (45, "`<plugin>` of `<gazebo>`", "Gazebo plugins are not imported"),
         (49, "`<mechanicalReduction>` -50", "drives are specified at the joint"),
-        (52, "`<hardware>` of `<ros2_control>`", "it is a ROS plugin"),
+        (52, "`<hardware>` of `<ros2_control>`", "ROS plugins are not imported"),
         (53, "the position command interface of joint `wrist`", "the controller defines the gains; the joint gets a motor"),
-        (54, "the command limits of joint `wrist`", "its own limits apply"),
+        (54, "the command limits of joint `wrist`", "the limits of the joint apply"),
     ]
 
 
@@ -107,7 +107,7 @@ def test_a_joint_that_mimics_none_moves_by_itself_and_is_a_warning(tmp_path: Pat
     imported = import_robot(str(path), report)
     assert imported is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span] == [("TC955", line)]
     assert "it moves independently" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
-    assert [loss.why for loss in imported.losses if "mimic of" in loss.what] == ["it moves independently: there is no such moving joint"]
+    assert [loss.why for loss in imported.losses if "mimic of" in loss.what] == ["omitted, because the other joint does not move"]
     alone = [joint for one in imported.robot.hangings for joint in one.joints if joint.follows is None]
     assert len(alone) == len([joint for one in imported.robot.hangings for joint in one.joints]) - text.count("<mimic") + 1
 
@@ -127,5 +127,5 @@ def test_what_drives_a_joint_that_is_not_there_is_a_warning_and_a_loss(block: st
         (joint,) = (joint for one in imported.robot.hangings for joint in one.joints)
         warned = [(one.message, one.help, one.span and one.span.line) for one in report.diagnostics]
         found.append((joint.drive is not None, warned, [loss.what for loss in imported.losses if "drive of" in loss.what]))
-    said = ("this drives joint `yah`, which does not exist", "did you mean `yaw`?", 2)
+    said = ("this element drives joint `yah`, which does not exist", "did you mean `yaw`?", 2)
     assert found == [(True, [], []), (False, [said], ["the drive of joint `yah`"])]

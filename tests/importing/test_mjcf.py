@@ -132,9 +132,9 @@ def test_nothing_of_what_is_left_out_is_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("steps", "why"), [
-    ('<pulley divisor="2"/><site site="a"/><site site="b"/>', "it starts with a pulley"),
-    ('<site site="a"/><site site="b"/><pulley divisor="0"/><site site="a"/><site site="b"/>', "it has a pulley of divisor 0"),
-    ('<site site="a"/><site site="c"/>', "it uses elements that are not imported"),
+    ('<pulley divisor="2"/><site site="a"/><site site="b"/>', "the tendon starts with a pulley"),
+    ('<site site="a"/><site site="b"/><pulley divisor="0"/><site site="a"/><site site="b"/>', "a pulley has the divisor 0"),
+    ('<site site="a"/><site site="c"/>', "the tendon uses elements that are not imported"),
 ])
 def test_paths_that_a_document_has_not_are_losses_and_so_are_their_drives(steps: str, why: str, tmp_path: Path) -> None:
     imported = _imported(tmp_path, f"""\
@@ -148,7 +148,7 @@ def test_paths_that_a_document_has_not_are_losses_and_so_are_their_drives(steps:
 </mujoco>
 """)
     lost = [(loss.what, loss.why) for loss in imported.losses]
-    assert lost[-2:] == [("tendon `cord`", why), ("actuator `pull`", "its tendon is not imported")]
+    assert lost[-2:] == [("tendon `cord`", why), ("actuator `pull`", "the tendon of the actuator is not imported")]
 
 
 COUPLED = """\

@@ -162,7 +162,7 @@ def test_mesh_root_of_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     ("package://lamp/a.stl", "there is no package `lamp`; looked for"),
     ("../meshes", "`../meshes` is not a file"),
     ("../meshes/none.stl", "there is no file `../meshes/none.stl`; looked for"),
-    ("https://example.org/a.stl", "`https://example.org/a.stl` is not a file of this machine"),
+    ("https://example.org/a.stl", "`https://example.org/a.stl` is not a local file"),
 ])
 def test_what_is_not_there(ground: Path, uri: str, said: str) -> None:
     with pytest.raises(NotFound, match="^") as fault:

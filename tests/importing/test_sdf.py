@@ -342,7 +342,7 @@ def test_what_is_built_of_screws_and_universal_joints_comes_in_again(tmp_path: P
     (sdf(joint("j", "a", "b", axis="<xyz>0 0 0</xyz>") + REST), "TC952", 6,
      "the axis of this joint is 0 0 0, which is not a direction"),
     (sdf(joint("j", "a", "b", axis="<xyz>0 0 1</xyz><limit><lower>2</lower><upper>1</upper></limit>") + REST),
-     "TC952", 6, "`lower` is 2 and above `upper`, 1"),
+     "TC952", 6, "`lower` (2) is above `upper` (1)"),
     (sdf(joint("j", "a", "b", axis="<xyz>0 0 1</xyz><mimic joint='q'/>") + REST), "TC952", 6,
      "joint `j` mimics `q`, which is not a moving joint"),
 ])

@@ -140,7 +140,7 @@ def test_a_document_that_nobody_has_edited_is_written_anew(lamp: Path, capsys: S
     edit(lamp, ("mass: 2 kg", "mass: 2.5 kg"))
     assert main(["import", "lamp.urdf"]) == 2
     said = capsys.readouterr().err
-    assert "imported files have changed since and were not overwritten: `lamp/lamp.yaml`\n  help: merge with `--update`" in said
+    assert "imported files have changed since the last import and were not overwritten: `lamp/lamp.yaml`\n  help: merge with `--update`" in said
 
 
 def test_meshes_are_merged_by_file(lamp: Path, capsys: Said) -> None:
@@ -244,5 +244,5 @@ def test_halves_of_two_axes_are_no_axis() -> None:
 
 def test_what_is_used_elsewhere_is_not_merged() -> None:
     texts = [read_text("/d.yaml", text, Report()) for text in ("a: 1\nb: 1", "a: 2\nb: 1", "a: &one 1\nb: *one\nc: 1")]
-    with pytest.raises(MergeConflict, match="`b` uses an anchor or an unusual form, so it cannot be changed separately"):
+    with pytest.raises(MergeConflict, match="`b` uses an anchor, or YAML syntax that thingc cannot edit"):
         Merge(*texts).merged()

@@ -90,7 +90,7 @@ def test_check_writes_nothing_and_says_what_would_be_lost(
     monkeypatch.chdir(tmp_path)
     assert main(["import", str(HERE / "robots" / "shapes.urdf"), "--check"]) == 0
     assert capsys.readouterr().out == (
-        "would import 3 links and 1 joint of shapes.urdf\nshapes.urdf:9: lost: a `<sphere>`: it has no volume\n"
+        "would import 3 links and 1 joint of shapes.urdf\nshapes.urdf:9: lost: a `<sphere>`: the shape has no volume\n"
     )
     assert main(["import", str(HERE / "wrong" / "inertias.urdf"), "--check", "--repair", "inertia=nearest"]) == 0
     assert "inertias.urdf:3: repaired: mass and inertia of `arm` (nearest)\n" in capsys.readouterr().out
@@ -127,4 +127,4 @@ def test_a_file_that_ends_too_early_is_not_read(tmp_path: Path, text: str) -> No
     report = Report()
     assert import_robot(str(tmp_path / "cut.urdf"), report) is None
     (found,) = report.diagnostics
-    assert found.message.startswith("this is not well-formed XML") and [note.message for note in found.notes] == ["`<robot>` is open here"]
+    assert found.message.startswith("this is not well-formed XML") and [note.message for note in found.notes] == ["`<robot>` is opened here"]

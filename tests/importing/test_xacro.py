@@ -69,7 +69,7 @@ def test_an_argument_that_only_yaml_uses(bot: Path) -> None:
     ("bot.urdf.xacro", "$(arg arms)", "$(arg legs)", "legs", 10),
     ("bot.urdf.xacro", "0.5 * 2", "[].__class__", "Use of invalid name(s)", 4),
     ("bot.urdf.xacro", "0.5 * 2", "[0] * 10**12", "MemoryError when evaluating expression '[0] * 10**12'", 4),
-    ("bot.urdf.xacro", "0.5 * 2", "9**9**9**9", "xacro cannot expand this: ", 1),
+    ("bot.urdf.xacro", "0.5 * 2", "9**9**9**9", "xacro cannot expand this file: ", 1),
 ])
 def test_what_is_wrong_is_said_at_its_line(
     bot: Path, file: str, old: str, new: str, words: str, line: int, monkeypatch: pytest.MonkeyPatch,
@@ -103,17 +103,17 @@ FREE = (
 )
 """Disables what Python refuses: what is left is the system."""
 REFUSED = {
-    "remove": ("import os; os.remove({victim!r})", "only its own temporary folder may be written"),
-    "rename": ("import os; os.rename({victim!r}, {beside!r})", "only its own temporary folder may be written"),
-    "truncate": ("open({victim!r}, 'w')", "only its own temporary folder may be written"),
-    "make": ("import os; os.mkdir({beside!r})", "only its own temporary folder may be written"),
+    "remove": ("import os; os.remove({victim!r})", "files may be written only to the temporary folder of this process"),
+    "rename": ("import os; os.rename({victim!r}, {beside!r})", "files may be written only to the temporary folder of this process"),
+    "truncate": ("open({victim!r}, 'w')", "files may be written only to the temporary folder of this process"),
+    "make": ("import os; os.mkdir({beside!r})", "files may be written only to the temporary folder of this process"),
     "connect": ("import socket; socket.create_connection(('127.0.0.1', {port}), 1)", "programs and network connections are not allowed"),
     "unix": ("import socket; socket.socket(socket.AF_UNIX)", "programs and network connections are not allowed"),
     "udp": ("import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM)", "programs and network connections are not allowed"),
-    "chmod": ("import os; os.chmod({victim!r}, 0o777)", "only its own temporary folder may be written"),
-    "terminal": ("open('/dev/tty', 'r+b')", "only its own temporary folder may be written"),
+    "chmod": ("import os; os.chmod({victim!r}, 0o777)", "files may be written only to the temporary folder of this process"),
+    "terminal": ("open('/dev/tty', 'r+b')", "files may be written only to the temporary folder of this process"),
     "run": ("import subprocess; subprocess.run(['/bin/true'], check=True)", "programs and network connections are not allowed"),
-    "read": ("raise ValueError(open({victim!r}).read())", "it is outside the robot's folder and all known packages"),
+    "read": ("raise ValueError(open({victim!r}).read())", "the file is outside the robot's folder and all known packages"),
 }
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has Landlock and /proc")
 
@@ -203,7 +203,7 @@ def test_files_outside_of_the_robot_are_not_read(bot: Path, tmp_path: Path, path
     bot.with_name("link.yaml").symlink_to(secret)
     bot.write_text(bot.read_text().replace("0.5 * 2", f"xacro.load_yaml('{path.format(secret.parent)}')"))
     imported, said = read(bot)
-    assert imported is None and "secret.yaml`: it is outside the robot's folder and all known packages" in said[0].message
+    assert imported is None and "secret.yaml`: the file is outside the robot's folder and all known packages" in said[0].message
     if "find" in path:
         (secret.parent / "package.xml").write_text("<package><name>theirs</name></package>")
         assert read(bot)[0] is not None
@@ -215,7 +215,7 @@ def test_an_include_outside_of_the_robot_is_not_read(bot: Path, tmp_path: Path) 
     shutil.copy(bot.with_name("arm.xacro"), other)
     bot.write_text(bot.read_text().replace("$(find xacro_bot)/urdf/arm.xacro", str(other)))
     imported, said = read(bot)
-    assert imported is None and f"cannot read `{other}`: it is outside the robot's folder and all known packages" in said[0].message
+    assert imported is None and f"cannot read `{other}`: the file is outside the robot's folder and all known packages" in said[0].message
     assert said[0].help == "to allow reading a folder, use `--package NAME=DIR`" and said[0].span is not None and said[0].span.line == 5
     report = Report()
     assert import_robot(str(bot), report, ImportRequest(packages={"theirs": str(other.parent)})) is not None and not report.failed

@@ -150,7 +150,7 @@ def test_only_what_is_taken_out_goes(name: str, path: str, lines: list[str]) -> 
 
 
 def test_what_an_anchor_names_is_not_taken_out() -> None:
-    with pytest.raises(CannotSetValue, match="`a.x` cannot be removed separately"):
+    with pytest.raises(CannotSetValue, match="`a.x` cannot be removed: an alias repeats the key"):
         without(document("a: &it {x: 1, z: 2}\nb: *it\n", "a.yaml"), ("a", "x"))
 
 
@@ -322,7 +322,7 @@ def test_an_id_of_a_batch_is_the_variant_of_its_table(here: Path, capsys: pytest
     assert main(["batch", "sweep.yaml", "--adopt", ids["sweep_1"]]) == 2
     assert (
         f"error[TC923]: no variant of `sweep.yaml` has the settings of `{ids['sweep_1']}` in `build/sweep` any more\n"
-        "  help: the documents have changed since that batch was built: build it again, and use an id from its table\n"
+        "  help: the documents have changed since that batch was built: build the batch again, and use an id from its table\n"
     ) in capsys.readouterr().err
     assert (here / "arm.yaml").read_text() == before
 

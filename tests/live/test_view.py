@@ -293,7 +293,7 @@ def test_builds_and_wrong_command_lines(
     assert run("build", "robot.yaml", "--emit", "bom")[0] == 0
     for folder in ("build/robot", "build"):
         code, said = run("view", folder, "--no-open")
-        assert code == 2 and "the build `build/robot` has no page" in said and "--emit html" in said
+        assert code == 2 and "the build `build/robot` has no HTML page" in said and "--emit html" in said
     assert run("build", "robot.yaml", "--emit", "html")[0] == 0
     for folder in ("build/robot", "build", "build/robot/html/robot.html"):
         assert run("view", folder, "--no-open") == (0, "build/robot/html/robot.html\n")

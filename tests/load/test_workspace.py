@@ -147,7 +147,7 @@ def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(
     (HEAD + 'parts = "parts"\n', Code.WRONG_TYPE, "expected a list, found the string `parts`", "write `[parts]`", (2, 9)),
     (HEAD + "parts = [3]\n", Code.WRONG_TYPE, "expected a string, found the number `3`", 'write `"3"`', (2, 10)),
     (HEAD + 'parts = ["prts"]\n', Code.WORKSPACE_FOLDER, "the workspace has no folder `prts`", "did you mean `parts`?", (2, 10)),
-    (HEAD + 'parts = ["../x"]\n', Code.OUTSIDE_WORKSPACE, "`../x` is outside the workspace", "use a folder below that of `thingc.toml`",
+    (HEAD + 'parts = ["../x"]\n', Code.OUTSIDE_WORKSPACE, "`../x` is outside the workspace", "use a folder inside the folder of `thingc.toml`",
      (2, 10)),
     (HEAD + 'parts = ["/x"]\n', Code.OUTSIDE_WORKSPACE, "`/x` is an absolute path", "write a path relative to `thingc.toml`", (2, 10)),
     (HEAD + 'build = "/tmp/x"\n', Code.OUTSIDE_WORKSPACE, "`/tmp/x` is an absolute path", "write a path relative to `thingc.toml`",

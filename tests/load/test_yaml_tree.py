@@ -414,7 +414,7 @@ def test_expressions_that_are_whole(text: str) -> None:
     ("a:\n  b:\n      c: 1\n    d: 2\n", "this line does not continue the mapping above it",
      "keys of a mapping must start in the same column, here 7 or 3", (4, 5, 4, 6)),
     ("a: \"x\" y\n", "this line does not continue the mapping above it",
-     "keys of a mapping must start in the same column; quote a string with quotes in it as a whole", (1, 8, 1, 9)),
+     "keys of a mapping must start in the same column; put the whole string in quotes if it contains quotes", (1, 8, 1, 9)),
     ("a: - 1\n", "a list item `-` is not allowed here", "start the list on the line after its key", (1, 4, 1, 5)),
     ("a:\n- 1\n  - 2\nb\n", None, None, None),
     ("a: \"\\q\"\n", "an unknown escape in double quotes", "write `\\\\` for a backslash, or use single quotes", (1, 5, 1, 6)),

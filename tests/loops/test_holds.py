@@ -231,7 +231,7 @@ def test_a_mode_must_close_where_it_starts(tmp_path: Path) -> None:
     ))
     assert found.said == [(
         "TC604", "mode `m` cannot hold `rear/sole` in place from pose `lifted`: at best it is 26.8 mm and 23.4 deg away",
-        "start from `arched`, which closes", 23,
+        "start from the pose `arched`, in which the loops close", 23,
     )]
 
 
@@ -406,12 +406,12 @@ def test_a_mount_is_held_once_under_all_its_names(tmp_path: Path) -> None:
         ("{arn.tip: here}", ("TC302", "this document has no component `arn`", "did you mean `arm`?", 12)),
         ("{arm.tip: there}", ("TC204", "expected `here`, found the string `there`", "did you mean `here`?", 12)),
         ("{arm.tip: {xyz: 0 0 3 kg}}", ("TC207", None, None, 12)),
-        ("{arm.tip: {}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
-        ("{arm.tip: {carries: force}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
+        ("{arm.tip: {}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write, for example, `at: here`", 12)),
+        ("{arm.tip: {carries: force}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write, for example, `at: here`", 12)),
         ("{arm.tip: {at: here, xyz: 0 0 0}}",
          ("TC212", "a hold cannot have both `at` and `xyz`", "remove `at` or `xyz`", 12)),
         ("{arm.tip: {xyz: 0 0 0, rpy: 0 0 90 deg, carries: force}}",
-         ("TC212", "a hold that carries only force fixes a point: `rpy` has no effect", "remove `rpy`", 12)),
+         ("TC212", "a hold with `carries: force` fixes only a point, so `rpy` has no effect", "remove `rpy`", 12)),
         ("{arm.tip: {at: here, carries: torque}}", ("TC204", None, None, 12)),
     ],
 )

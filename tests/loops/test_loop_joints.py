@@ -107,18 +107,18 @@ def test_limits_stay_in_the_tree_and_info_says_why_a_loop_is_cut_where_it_is(fou
         return lines[start : next(number for number, line in enumerate(lines) if "pose " in line)]
 
     assert told(found, "bench") == [
-        "  elbow (hinge) closes a loop of crank and coupler",
+        "  elbow (hinge) closes a loop between crank and coupler",
         "    through drive, which is driven",
         "    through pivot, which has limits",
         "    through wrist, which has limits",
     ]
     assert told(fourbar, "bench") == [
-        "  wrist (hinge) closes a loop of coupler and rocker",
+        "  wrist (hinge) closes a loop between coupler and rocker",
         "    through elbow, which places its child",
         "    through drive, which is driven",
         "    through pivot, which has limits",
     ]
-    assert told(fourbar, "other")[1:] == ["    through drive, elbow, wrist: cut as the mode specifies"]
+    assert told(fourbar, "other")[1:] == ["    through drive, elbow, wrist: cut at the joint that the mode lists under `cut`"]
     assert mode_data(fourbar.robot("bench"))["loops"] == [
         {"cut": "wrist", "through": {"elbow": "places its child", "drive": "is driven", "pivot": "has limits"}},
     ]

@@ -73,7 +73,7 @@ def test_keyframe_closes_at_the_nearest_values(foot: float, upper: float, tmp_pa
     said = [one.message for one in compiled.diagnostics if one.code.code == "TC618"]
     assert len(said) == 1 and said[0].startswith("pose `home` sets `")
     lost = [one["what"] for one in json.loads(found.files["import.json"])["losses"]]
-    assert [what for what in lost if what.startswith("the values of keyframe `home`: loop `heel` is open by ")]
+    assert [what for what in lost if what.startswith("the values of keyframe `home`: loop `heel` has a gap of ")]
 
 
 FOUR_BAR = f"""\

@@ -180,7 +180,7 @@ def test_where_a_force_is_read_elsewhere_is_a_loss(walker: Built) -> None:
         ("imu", "gravity in the accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"),
         ("hip", "the force at the mount: the sensor measures the force between its link and the world at `body/origin`", "approximated"),
     ]
-    assert lost("adrift") == [("hip", "this sensor: no link carries the root of a free base", "omitted")]
+    assert lost("adrift") == [("hip", "this sensor: no other link supports the root of a free base", "omitted")]
     assert lost("stand") == [
         (
             "leg/load", "the force at the mount: the sensor measures the force between its link and the world at `leg/sole`",
@@ -234,7 +234,7 @@ SENSORS = BODY.partition("sensors:")[0] + "sensors:\n"
         ("a: {type: imu, at: bady.imu}", "TC302", "this document has no component `bady`", "did you mean `body`?"),
         ("a: {type: imu, at: body}", "TC310", "`body` is a component, but a mount is required here",
          "use a mount of the component, for example `body.origin`"),
-        ("a: {type: imu}", "TC212", "a sensor of type `imu` needs `at`, found none", "write for example `at: body.top`"),
+        ("a: {type: imu}", "TC212", "a sensor of type `imu` needs `at`, found none", "write, for example, `at: body.top`"),
         ("a: {type: joint, joint: leg.ankel}", "TC304", "there is no joint `leg.ankel`", "did you mean `leg.ankle`?"),
         ("hop: {type: joint}", "TC304", "there is no joint `hop`", "did you mean `hip`?; set `joint: ...`"),
         ("a: {type: clock, volume: {sphere: {radius: 9 mm}}}", "TC212", "a sensor of type `clock` cannot have `volume`",
@@ -244,7 +244,7 @@ SENSORS = BODY.partition("sensors:")[0] + "sensors:\n"
         ("a: {type: force, at: body.imu, fovy: 40 deg}", "TC212", "a sensor of type `force` cannot have `fovy`",
          "remove `fovy`, or choose another `type`: `camera`"),
         ("a: {type: drive}", "TC212", "a sensor of type `drive` needs `joint` or `tendon`, found none",
-         "write for example `joint: knee`"),
+         "write, for example, `joint: knee`"),
         ("a: {type: drive, joint: leg.ankle}", "TC338", "joint `leg.ankle` has no drive to measure",
          "add a `drive`, or measure the joint"),
         ("a: {type: tendon, tendon: cord}", "TC363", "this document has no tendon `cord`", "there are no tendons here"),
@@ -252,7 +252,7 @@ SENSORS = BODY.partition("sensors:")[0] + "sensors:\n"
          "use a component of the assembly, for example `hand.finger`"),
         ("a: {type: imu, at: body.imu, noise: 0.1 rad/s}", "TC212",
          "a sensor of type `imu` measures several quantities: `noise` must specify which one",
-         "write for example `noise: {accelerometer: ...}`"),
+         "write, for example, `noise: {accelerometer: ...}`"),
         ("a: {type: pose, at: body.imu, noise: {quat: 1 deg}}", "TC212",
          "a sensor of type `pose` does not measure `quat`, so it has no `noise`",
          "known readings: `position`"),

@@ -84,4 +84,4 @@ def test_the_axes_stay_at_right_angles_while_it_moves(wobbler: Built) -> None:
 def test_info_says_why_another_joint_of_the_loop_is_cut(wobbler: Built) -> None:
     assert wobbler.compilation.assembly is not None
     told = as_text(wobbler.compilation.assembly, (wobbler.robot("bench"),))
-    assert "    through cross, which is neither a hinge nor a ball, which targets can close best" in told
+    assert "    through cross, which is not a hinge or ball joint, which are preferred for cuts" in told

@@ -55,7 +55,7 @@ def said(analysis: Analysis, text: str, marked: str) -> str:
      "**finger_0.seat**: Exported by `finger.yaml`: `bone.seat`.\n\nAt (0, 0, 0) mm, z along +z of `finger_0.bone`."),
     ("=(i + 1) * 5│0 g", "`=(i + 1) * 50 g` = **50 g ... 100 g**"),
     ("ba│se: {frame: true", "**base**: A frame: a component without geometry.\n\nMass 1 kg (stated).\n\nThe base; link `base`."),
-    ("fin│ger:\n", "**finger**: `finger.yaml`\n\n2 of them, `finger_0` to `finger_1`.\n\nMass 60 g (stated), 2 parts."),
+    ("fin│ger:\n", "**finger**: `finger.yaml`\n\n2 copies, `finger_0` to `finger_1`.\n\nMass 60 g (stated), 2 parts."),
     ("parent: base.to│p, child", "**base.top**: Added to `base`.\n\nAt (0, 0, 0) mm, z along +z of its component."),
     ("palm.se│at", "**palm.seat**: Exported by `palm.yaml`: `plate.seat`.\n\nAt (0, 0, 0) mm, z along +z of `palm.plate`."),
     ("li│ft: {type", "**lift**: Fixed, from `base.top` to `palm.seat`."),

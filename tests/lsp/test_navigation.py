@@ -181,20 +181,20 @@ REFUSED = {
     ("walker.yaml", "  bo|dy:\n", "Nose"): "there is already an exported mount `nose`, which differs from `Nose` only in case",
     ("walker.yaml", "  bo|dy:\n", "origin"): "`origin` is reserved and cannot be the name of a component",
     ("walker.yaml", "  bo|dy:\n", "a b"): "`a b` is not a valid name: use a letter, then letters, digits and `_`",
-    ("walker.yaml", "  bo|dy:\n", "true"): "`true` is a value if it is not quoted: choose another name",
+    ("walker.yaml", "  bo|dy:\n", "true"): "`true` is not a string in YAML unless it is quoted: choose another name",
     ("walker.yaml", "  stan|ce: 20", "sin"): "`sin` is reserved in expressions and cannot be the name of a parameter",
     ("walker.yaml", "  stan|ce: 20", "k"): "there is already an index `k`",
     ("walker.yaml", "as: |k}", "half"): "there is already a parameter `half`",
     ("walker.yaml", "  w|ag:\n", "leg_knee"):  # the pattern `*knee` would fit it
         "`wag` cannot be renamed to `leg_knee`: the text at walker.yaml:59 would change its meaning",
-    ("walker.yaml", '"str|*"', "x"): "`stretch` only matches the pattern here: rename it where it is defined",
+    ("walker.yaml", '"str|*"', "x"): "`stretch` only matches the pattern here: rename the element at its definition",
     ("walker.yaml", "assembly: hea|d.toml", "x"): "`thingc rename` does not rename files, such as `head.toml`",
-    ("walker.yaml", "  wag: {t|ype: joint}", "x"): "there is no name here",
+    ("walker.yaml", "  wag: {t|ype: joint}", "x"): "there is no name at this position",
     ("user.yaml", "brackets:W|ide", "x"): "`thingc rename` does not rename classes, such as `Wide`",
     ("user.yaml", "two.ri|m", "x"): "cannot find the definition of the mount of a part `rim` of `brackets:Wide` without running its code",
     ("user.yaml", "one.se|at", "rest"): "`Bracket` already has a `rest`",
     ("user.yaml", "one.se|at", "for"): "`for` is a Python keyword and cannot be the name of a mount of a part",
-    ("user.yaml", "materials: {re|d:", "blue"): "`parts/brackets.py` also uses the material `red`: rename it in Python",
+    ("user.yaml", "materials: {re|d:", "blue"): "`parts/brackets.py` also uses the material `red`: rename it there by hand",
 }
 
 
@@ -207,7 +207,7 @@ def test_what_cannot_be_is_refused_in_words(editor: Editor, user: Path) -> None:
 
 def test_another_part_that_may_have_the_mount_is_named(editor: Editor, user: Path) -> None:
     (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef seat_of(bracket):\n    return bracket.seat\n")
-    refused = "`seat` at parts/others.py:5 is possibly this mount of a part of `Bracket`: rename it in Python"
+    refused = "`seat` at parts/others.py:5 may refer to this mount of a part of `Bracket`: rename it there by hand"
     with pytest.raises(JsonRpcException, match=refused):
         ask(editor, "rename", user / "user.yaml", "one.se|at", newName="perch")
     (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef perch_of(other):\n    return other.perch\n")

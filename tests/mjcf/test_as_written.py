@@ -164,7 +164,7 @@ joints:
     }
 
 
-STRAIGHT = ": linearized at q = 0 of the followed joint: approximated"
+STRAIGHT = ": linearized at position 0 of the followed joint: approximated"
 
 
 def test_what_other_formats_lose(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -179,7 +179,7 @@ tendons: {grip: {joints: {shoulder: 20 mm/rad}}}
 """)
     assert main(["why", "--losses", str(document), "--emit", "urdf", "--emit", "sdf", "--emit", "usd", "--store", shared_store]) == 0
     said = [line.partition("chain.yaml:")[2] for line in capsys.readouterr().out.splitlines()]
-    bent = "the polynomial of the mimic of `shoulder`"
+    bent = "the polynomial in the mimic of `shoulder`"
     assert {line.partition(": ")[2] for line in said if "polynomial" in line or "stiffness" in line or "tendon" in line} == {
         *(f"{target}: grip: this tendon and its dynamics: omitted" for target in ("urdf", "sdf", "usd")),
         *(f"{target}: elbow: {bent}{STRAIGHT}" for target in ("urdf", "sdf", "usd")),

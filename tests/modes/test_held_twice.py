@@ -96,7 +96,7 @@ def test_a_hold_that_moves_is_said(made: Made) -> None:
     """The root rests, the other foot does not."""
     one, other = stir(np.random.default_rng(3), made.data("near")), made.data("bridge")
     before = other.mocap_pos.copy()
-    with pytest.raises(BaseMoves, match="^mode `bridge` holds `c8` still, but it moves at ") as refused:
+    with pytest.raises(BaseMoves, match="^mode `bridge` holds `c8` at rest, but this link moves at ") as refused:
         made.modes.switch(("near", one), ("bridge", other))
     assert (other.mocap_pos == before).all()
     dropped = made.modes.switch(("near", one), ("bridge", other), on_motion="drop")

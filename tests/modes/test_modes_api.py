@@ -217,7 +217,7 @@ WRONG: dict[str, tuple[Callable[[Made], object], type[Exception], str]] = {
     ),
     "a base that moves": (
         lambda made: made.modes.switch(made.modes["crawl"].state(base_twist=[0.3, 0.4, 0, 0, 0, 0]), "front"), ModesError,
-        "mode `front` holds `front` still, but it moves at 0.5 m/s and 0 rad/s: choose on_motion=\"drop\" (the joints' "
+        "mode `front` holds `front` at rest, but this link moves at 0.5 m/s and 0 rad/s: choose on_motion=\"drop\" (the joints' "
         "velocities stay as they are) or on_motion=\"impact\" (a perfectly inelastic catch)",
     ),
     "a base that is elsewhere": (
@@ -237,7 +237,7 @@ WRONG: dict[str, tuple[Callable[[Made], object], type[Exception], str]] = {
     ),
     "a state of another mode": (
         lambda made: made.modes["front"].poses(made.modes["rear"].state()), ModesError,
-        "expected a state of mode `front`, found one of mode `rear`: `switch` it first",
+        "expected a state of mode `front`, found a state of mode `rear`: call `switch` first",
     ),
     "a state without a joint": (
         lambda made: made.modes["front"].poses(dataclasses.replace(made.modes["front"].state(), v={"knee": 0.0})), ModesError,
@@ -277,7 +277,7 @@ def test_a_file_of_another_version(made: Made) -> None:
     del described["crawl"]["links"][0]["mass"]
     with pytest.raises(ModesError) as found:
         Modes.parse(json.dumps(described))
-    assert str(found.value) == "`modes.json` has no 'mass', which this version of thingc needs: build the robot again"
+    assert str(found.value) == "`modes.json` has no 'mass', which this version of thingc requires: build the robot again"
     described = json.loads(made.described)
     described["crawl"]["version"] = 1
     with pytest.raises(ModesError) as found:

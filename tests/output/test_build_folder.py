@@ -210,13 +210,13 @@ class TestStrangers:
         assert said.code is Code.UNEXPECTED
         assert said.span is None
         names = ", ".join(f"`note_{number}`" for number in range(8))
-        assert said.message == f"`arm` contains files that no build of `arm.yaml` wrote ({names} and 2 more) and is unchanged"
+        assert said.message == f"`arm` contains files that no build of `arm.yaml` wrote ({names} and 2 more); nothing was written"
         assert said.help == "move these files, or build into another folder with -o, or overwrite them with --force"
 
     def test_the_build_of_another_document(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         folder = build(tmp_path, with_manifest({"bom.csv": b"one"}, "other.yaml"), store, "other.yaml")
-        words = r"^`arm` contains the build of another document \(`other.yaml`, not `arm.yaml`\) and is unchanged$"
+        words = r"^`arm` contains the build of another document \(`other.yaml`, not `arm.yaml`\); nothing was written$"
         with pytest.raises(UnexpectedFilesError, match=words):
             build(tmp_path, FIRST, store)
         assert (folder / "bom.csv").read_bytes() == b"one"
@@ -254,14 +254,14 @@ class TestStrangers:
         before = content(folder)
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
-        assert raised.value.message == "`arm` contains files that have changed since the build (`bom.csv`) and is unchanged"
+        assert raised.value.message == "`arm` contains files that have changed since the build (`bom.csv`); nothing was written"
         assert raised.value.names == ("bom.csv",) and content(folder) == before
         (folder / "notes.txt").touch()
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
         assert raised.value.message == (
             "`arm` contains files that no build of `arm.yaml` wrote (`notes.txt`) and files that have changed since the build "
-            "(`bom.csv`) and is unchanged"
+            "(`bom.csv`); nothing was written"
         )
         build(tmp_path, SECOND, store, force=True)
         assert content(folder) == SECOND and os.listdir(tmp_path) == ["arm"]
@@ -427,7 +427,7 @@ class TestRefused:
         with pytest.raises(OutputError) as raised:
             build(tmp_path / "build", FIRST, store)
         assert raised.value.message == "cannot write the build to `build/arm`: File exists"
-        assert raised.value.hint == "move the file in its place, or build into another folder with -o"
+        assert raised.value.hint == "move the existing file, or build into another folder with -o"
 
     def test_a_name_that_is_too_long(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
@@ -435,7 +435,7 @@ class TestRefused:
             build(tmp_path, with_manifest({f"{'a' * 300}.stl": b"x"}), store)
         assert raised.value.message == "cannot write the build to `arm`: File name too long"
         assert raised.value.hint == (
-            "shorten the `name` of the document or the names in it, or build into another folder with -o"
+            "use shorter names in the document, or build into another folder with -o"
         )
 
     def test_a_system_that_takes_no_folders(self, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -216,4 +216,4 @@ def test_a_variable_that_is_missed_is_named(place: Any, define: Callable[..., An
     """))
     with place.service() as service:
         failure = service.realize([define("arm:part")])["arm:part"]
-    assert failure.message == "KeyError: 'WIDTH'; the environment of a part is fixed and does not contain `WIDTH`"
+    assert failure.message == "KeyError: 'WIDTH'; parts run in a fixed environment, which does not contain `WIDTH`"

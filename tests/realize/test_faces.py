@@ -146,7 +146,7 @@ def test_a_mesh_that_is_far_off_is_told(records: dict[str, PartRecord | PartFail
     coarse = read(module_place.store, scan.meshes["simulation"])
     (warning,) = scan.warnings
     said = re.fullmatch(
-        r"its mesh for simulators, of (\d+) triangles, is up to ([\d.]+) mm off its surface \(([\d.]+) % of its size\); increase "
+        r"its mesh for simulators, of (\d+) triangles, is up to ([\d.]+) mm away from its surface \(([\d.]+) % of its size\); increase "
         r"`faces`", warning.message,
     )
     assert said is not None and int(said[1]) == len(coarse.faces) <= 60

@@ -201,7 +201,7 @@ def test_a_surface_with_two_sides_is_one(change: Any, module_place: Any) -> None
         record = service.realize([filed("sides.stl", None)])["sides.stl"]
     assert isinstance(record, PartRecord), record
     assert record.volume == pytest.approx(24e-6, rel=1e-6)
-    assert [warning.message for warning in record.warnings] == ["back sides of other triangles removed: 12"]
+    assert [warning.message for warning in record.warnings] == ["triangles removed that are the back side of another triangle: 12"]
 
 
 def test_solids_of_a_file_that_overlap_are_united_where_it_is_made(module_place: Any) -> None:
@@ -210,7 +210,7 @@ def test_solids_of_a_file_that_overlap_are_united_where_it_is_made(module_place:
         record = service.realize([filed("two.stl", None)])["two.stl"]
     assert isinstance(record, PartRecord), record
     assert [warning.message for warning in record.warnings] == [
-        "its 2 solids overlap: 13120 of 48000 mm^3 are counted twice in volume and mass; unite them in the CAD program"
+        "its 2 solids overlap: 13120 of 48000 mm^3 are counted twice in volume and mass; unite the solids in the CAD program"
     ]
 
 
@@ -225,7 +225,7 @@ def binary(faces: list[list[tuple[float, ...]]], count: int) -> bytes:
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("open.stl", None, "its surface is not closed: 6 edges have no neighbour, so it has no volume"),
+        ("open.stl", None, "its surface is not closed: 6 edges belong to only one triangle, so it has no volume"),
         ("words.stl", b"no triangles at all", "the file is truncated: it has 19 bytes"),
         ("words.ply", b"no triangles at all", "the file is damaged, or is not PLY"),
         ("words.glb", b"no triangles at all", "the file is damaged, or is not GLB"),

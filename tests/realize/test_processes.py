@@ -226,7 +226,7 @@ def test_damage_is_mended_by_the_next_run(place: Any, define: Callable[..., Any]
     with place.service() as service:
         after = service.realize(definitions)
         assert service.modelled == ["parts_:Block(width=0.03)"]
-        assert service.decisions["parts_:Block(width=0.03)"].reason == "its files were missing from the store"
+        assert service.decisions["parts_:Block(width=0.03)"].reason == "its files were missing from the cache"
     assert after == before
     assert place.store.has(record.meshes["print"].sha256, record.meshes["print"].size)
 

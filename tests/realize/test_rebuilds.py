@@ -348,7 +348,7 @@ def test_a_file_part_that_is_none(place: Any, define_file: Callable[[str], Any])
     assert {text: failure.kind for text, failure in found.items()} == {
         "open.obj": "invalid", "text.step": "invalid", "gone.step": "missing", "../outside.step": "refused",
     }
-    assert found["open.obj"].message == "its surface is not closed: 3 edges have no neighbour, so it has no volume"
+    assert found["open.obj"].message == "its surface is not closed: 3 edges belong to only one triangle, so it has no volume"
     assert found["gone.step"].candidates == ("open.obj", "text.step")
 
 

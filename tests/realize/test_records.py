@@ -222,7 +222,7 @@ def test_a_thing_that_never_says_its_geometry_is_no_part(module_place: Any, reco
     assert isinstance(found["shapes:Without"], PartSchema)
     for name, words, line in (
         ("shapes:Base", "`shapes:Base` has no `result()`, which must return its geometry", "class Base(Thing):"),
-        ("shapes:Forgot", "`shapes:Forgot` has a `result()` that never returns anything", "def result(self):"),
+        ("shapes:Forgot", "`shapes:Forgot` has a `result()` without a `return` statement", "def result(self):"),
     ):
         failure = found[name]
         assert isinstance(failure, PartFailure) and failure.file is not None and failure.line is not None
@@ -557,7 +557,7 @@ def test_corners_have_no_noise(place: Place) -> None:
 
 
 @pytest.mark.parametrize(("offset", "words"), [
-    (5.0, ("its 2 solids overlap: 500 of 2000 mm^3 are counted twice in volume and mass; fuse them (`a + b`)",)), (9.9, ()), (10.0, ()),
+    (5.0, ("its 2 solids overlap: 500 of 2000 mm^3 are counted twice in volume and mass; fuse the solids (`a + b`)",)), (9.9, ()), (10.0, ()),
 ])
 def test_solids_that_overlap_are_told(place: Place, offset: float, words: tuple[str, ...]) -> None:
     place.write("parts/twins.py", f"""\

@@ -169,7 +169,7 @@ def test_upright_walls_are_cut_once_and_leaning_ones_in_every_layer() -> None:
 def test_what_has_no_layers() -> None:
     with pytest.raises(NotSliced, match="is lower than one layer"):
         slice_part(box(20, 20, 0.09), HOW)
-    with pytest.raises(NotSliced, match="is thinner than a line"):
+    with pytest.raises(NotSliced, match="is thinner than one printed line"):
         slice_part(box(20, 0.02, 5), HOW)
     with pytest.raises(NotSliced, match="would have 100000 layers"):
         slice_part(box(20, 20, 20), replace(HOW, layer=2e-7, line_width=4e-7))

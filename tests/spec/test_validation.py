@@ -48,7 +48,7 @@ def in_doubt(documents: Documents, report: Report) -> bool:
 @pytest.mark.parametrize(("line", "code", "message", "help", "written"), [
     # names of keys
     ("descripton: x", Code.UNKNOWN_KEY, "unknown key `descripton`", "did you mean `description`?", "descripton"),
-    ("links: {b-c: p}", Code.BAD_NAME, "`b-c` is not a valid name: use a letter, then letters, digits and `_`", "write for example `b_c`",
+    ("links: {b-c: p}", Code.BAD_NAME, "`b-c` is not a valid name: use a letter, then letters, digits and `_`", "write, for example, `b_c`",
      "b-c"),
     ("mounts: {2nd: p.x}", Code.BAD_NAME, "`2nd` is not a valid name: use a letter, then letters, digits and `_`", None, "2nd"),
     ("simulation: {timesteps: 2 ms}", Code.UNKNOWN_KEY, "unknown key `timesteps` in `simulation`", "did you mean `timestep`?",
@@ -102,17 +102,17 @@ def in_doubt(documents: Documents, report: Report) -> bool:
     ("parameters: {a: {valu: 5 mm}}", Code.UNKNOWN_KEY, "unknown key `valu` in `parameters.a`", "did you mean `value`?", "valu"),
     # vectors
     ("modes: {b: {at: {xyz: 0 0}}}", Code.BAD_QUANTITY, "expected three numbers and a unit, found two numbers (`0 0`)",
-     "write for example `0 120 30 mm` or `[0, 120 mm, 30 mm]`", "0 0"),
-    ("modes: {b: {at: {xyz: 0 0 4}}}", Code.BAD_UNIT, "a length needs a unit, found `0 0 4`", "write for example `0 0 4 mm`",
+     "write, for example, `0 120 30 mm` or `[0, 120 mm, 30 mm]`", "0 0"),
+    ("modes: {b: {at: {xyz: 0 0 4}}}", Code.BAD_UNIT, "a length needs a unit, found `0 0 4`", "write, for example, `0 0 4 mm`",
      "0 0 4"),
     ("modes: {b: {at: {xyz: 0 0 4 g}}}", Code.WRONG_DIMENSION, "expected a length (such as 120 mm), found a mass (`0 0 4 g`)",
      None, "0 0 4 g"),
     ("modes: {b: {at: {xyz: [0, 1 mm]}}}", Code.WRONG_LENGTH, "expected three values, each a length, found a list of 2 items",
-     "write for example `[120 mm, 0, 0]`", "[0, 1 mm]"),
+     "write, for example, `[120 mm, 0, 0]`", "[0, 1 mm]"),
     ("modes: {b: {at: {xyz: [0, 1 mm, 2 g]}}}", Code.WRONG_DIMENSION,
      "expected a length (such as 120 mm), found a mass (`2 g`)", None, "2 g"),
     ("modes: {b: {at: {xyz: 5}}}", Code.WRONG_TYPE, "expected three values, each a length, found the number `5`",
-     "write for example `0 120 30 mm` or `[120 mm, 0, 0]`", "5"),
+     "write, for example, `0 120 30 mm` or `[120 mm, 0, 0]`", "5"),
     # unions: one diagnostic, of the branch that was meant
     ("modes: {b: {gravity: flor}}", Code.UNKNOWN_CHOICE, "expected `floor`, `wall` or `ceiling`, found the string `flor`",
      "did you mean `floor`?", "flor"),
@@ -160,7 +160,7 @@ def test_one_fault_of_an_assembly(
 
 @pytest.mark.parametrize(("body", "code", "message", "help", "written"), [
     ("{}", Code.BROKEN_RULE, "a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
-     "write for example `part: arm:BasePlate`", "c"),
+     "write, for example, `part: arm:BasePlate`", "c"),
     ("{part: a:B, frame: true}", Code.BROKEN_RULE,
      "a component must have exactly one of `part`, `file`, `assembly`, `link`, `frame`, found `part` and `frame`",
      "keep only one of these keys", "frame"),
@@ -184,7 +184,7 @@ def test_one_fault_of_an_assembly(
     ("{part: a:B, inertia: 5}", Code.WRONG_TYPE,
      "expected a mapping with `value`, `source` or a mapping with `ixx`, `iyy`, `izz`, found the number `5`", None, "5"),
     ("{part: a:B, com: [0, 0]}", Code.WRONG_LENGTH, "expected three values, each a length, found a list of 2 items",
-     "write for example `[120 mm, 0, 0]`", "[0, 0]"),
+     "write, for example, `[120 mm, 0, 0]`", "[0, 0]"),
     ("{part: a:B, attach: {back: 3}}", Code.WRONG_TYPE, "expected a reference such as `plate.servo_seat`, found the number `3`",
      None, "3"),
     ("{part: a:B, attach: {mount: x, to: y.z, tun: 3 deg}}", Code.UNKNOWN_KEY, "unknown key `tun` in `components.c.attach`",
@@ -195,7 +195,7 @@ def test_one_fault_of_an_assembly(
     ("{part: a:B, repeat: {count: -1}}", Code.BAD_QUANTITY, "expected a whole number of at least 0, found the number `-1`", None,
      "-1"),
     ("{part: a:B, bom: {cost: 12.50}}", Code.WRONG_TYPE, "expected an amount and a currency, found the number `12.5`",
-     "write for example `12.5 EUR`", "12.50"),
+     "write, for example, `12.5 EUR`", "12.50"),
     ("{part: a:B, bom: {make: made}}", Code.UNKNOWN_CHOICE, "expected `buy`, `print` or `machine`, found the string `made`", None,
      "made"),
     ("{part: a:B, process: {infill: 15 mm}}", Code.WRONG_DIMENSION, "expected a number (such as 2), found a length (`15 mm`)",

@@ -129,7 +129,7 @@ def test_static_torques_of_two_level_bars(rig: Workspace) -> None:
     assert {name: abs(value) for name, value in efforts.items()} == pytest.approx({"shoulder": shoulder, "elbow": elbow}, rel=1e-12)
     assert answer["by_name"]["hold"]["measured"]["margin"] == pytest.approx(1 / shoulder, rel=1e-12)
     assert answer["diagnostics"][0]["message"].endswith(
-        f"drive `shoulder` needs {shoulder:.4g} N*m of at most 1 N*m: its margin is {1 / shoulder:.3g}, but at least 50 is required"
+        f"drive `shoulder` needs {shoulder:.4g} N*m, and its limit is 1 N*m: the margin is {1 / shoulder:.3g}, but at least 50 is required"
     )
 
 

@@ -312,7 +312,7 @@ def test_a_finished_thing_is_immutable() -> None:
         )
     with pytest.raises(AttributeError, match="^`Block` is immutable: `body` cannot be deleted$"):
         del block.body
-    with pytest.raises(AttributeError, match="^`Block` is immutable: `__init__` runs once$"):
+    with pytest.raises(AttributeError, match="^`Block` is immutable: `__init__` cannot be called again$"):
         block.__init__(70)  # type: ignore[misc]
     assert block is Block() and block.given[0] == 60
 
@@ -374,7 +374,7 @@ def test_a_thing_that_needs_itself_says_so() -> None:
         def __init__(self, size: Length = 1):
             self.bigger = self.adjust(size=2)
 
-    with pytest.raises(RuntimeError, match=r"^`Restless` cannot use its own adjust\(\) in `__init__`, before it is complete$"):
+    with pytest.raises(RuntimeError, match=r"^`Restless` cannot call its own adjust\(\) in `__init__`$"):
         Restless()
 
 
@@ -512,7 +512,7 @@ def test_adjust_through_two_levels() -> None:
         ({"height": "x"}, "`height` of `Servo` must be a length in mm, found 'x'"),
         ({"height__add": "x"}, "`height__add` of `Servo` must be a number, found 'x'"),
         ({"holes__mul": 0.5}, "`holes` of `Servo` must be a whole number, found 1.5"),
-        ({"lid__add": 1}, "`lid__add` of `Servo` needs a number to change, but `lid` is a boolean"),
+        ({"lid__add": 1}, "`lid__add` of `Servo` can only be used with a number, but `lid` is a boolean"),
     ],
 )
 def test_adjustments_are_checked(changes: dict[str, Any], message: str) -> None:

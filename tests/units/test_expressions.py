@@ -106,7 +106,7 @@ def test_a_unit_binds_without_spaces_only() -> None:
     ("=reach)", "expected an operator or the end of the expression, found `)`", "expression", (6, 7), None),
     ("=reach ^ 2", "expected an operator or the end of the expression, found `^`", "expression", (7, 8), "use `**` for powers"),
     ("=hand.size", "expected an operator or the end of the expression, found `.`", "expression", (5, 6),
-     "a name must be a single parameter of this document"),
+     "use the name of a parameter of this document, without `.`"),
     ("=", "expected an expression after `=`, found nothing", "expression", (0, 1), None),
     ("=reach +", "expected a number, a name or `(`, found the end of the expression", "expression", (7, 8), None),
     ("=reach + * 2", "expected a number, a name or `(`, found `*`", "expression", (9, 10), None),

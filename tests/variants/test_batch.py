@@ -351,7 +351,7 @@ def test_what_targets_cannot_say_is_counted(tmp_path: Path, shared_store: str) -
     first = batch(here, shared_store, "fast", pictures=0, limit=1)
     assert (first.lossy, first.losses) == (1, {"carried as custom data": 1})
     done = thingc_here("batch", "fast.yaml", "--resume", "--pictures", "none", "--jobs", "1", cwd=here, store=shared_store)
-    said = "2 variants with targets that cannot express 2 things (2 carried as custom data): see the column `losses`\n"
+    said = "2 variants with 2 export losses (2 carried as custom data): see the column `losses`\n"
     assert done.code == 0 and said in done.err
     table = rows(here / "build" / "fast")
     assert [(row["status"], row["losses"]) for row in table] == [("built", "1"), ("built", "1")]
@@ -478,7 +478,7 @@ def test_resume_does_not_mind_what_else_was_built_in_the_workspace(tmp_path: Pat
     ({"pictures": "all"}, "expected `pictures` to be a whole number of at least 0, found `all`"),
     ({"layout": "zipped"}, "there is no layout `zipped`: `folders`, `packed`"),
     ({"emit": ["mjcg"]}, "there is no target `mjcg`: did you mean `mjcf`"),
-    ({"executor": 5}, "expected `executor` to be one of `concurrent.futures`, found `5`"),
+    ({"executor": 5}, "expected `executor` to be an executor of `concurrent.futures`, found `5`"),
 ])
 def test_what_a_batch_cannot_be_asked_for_is_said_before_it_begins(given: dict[str, Any], words: str, tmp_path: Path) -> None:
     here = workspace(tmp_path)
@@ -520,7 +520,7 @@ def test_a_table_or_page_that_somebody_edited_is_not_overwritten(tmp_path: Path,
     with pytest.raises(BatchFault) as fault:
         batch(here, shared_store, "few", pictures=0)
     said = fault.value.diagnostic
-    assert said.code is Code.UNEXPECTED and said.message.endswith(f"or that have changed since, and is unchanged: `{name}`")
+    assert said.code is Code.UNEXPECTED and said.message.endswith(f"or that have changed since the batch; nothing was written: `{name}`")
     assert (folder / name).read_bytes() == before + b"mine"
     (folder / name).write_bytes(before)
     assert batch(here, shared_store, "few", pictures=0).statuses == {"built": 2}

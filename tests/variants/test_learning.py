@@ -177,7 +177,7 @@ def test_what_cannot_be_is_said_in_words(some: Path) -> None:
     for given, words in (
         ({}, "has 2 modes, `hanging`, `flying`: select one with `mode="),
         ({"mode": "hangin"}, "did you mean `hanging`"),
-        ({"mode": "hanging", "reward": "fast"}, "there is no task `fast`: known tasks: `forward`, `hold`"),
+        ({"mode": "hanging", "reward": "fast"}, "unknown task `fast`: known tasks: `forward`, `hold`"),
         ({"mode": "hanging", "descriptor": ("weight",)}, "has no column `weight`"),
         ({"mode": "hanging", "descriptor": ("name",)}, "expected numbers in the column `name`, found `some_01` for variant `some_01`"),
         ({"mode": "hanging", "weights": lambda variant: -1.0}, "expected weights that are not negative"),

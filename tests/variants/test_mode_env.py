@@ -125,7 +125,7 @@ def test_a_refused_switch_is_an_info_and_can_be_a_reward(family: thingc.RobotFam
     moving = make_env(family, modes=MODES, on_motion="raise")
     moving.reset(seed=1)
     moving.step(acting(0, 1.0, 1.0))
-    assert "holds `rear` still, but it moves at" in moving.step(acting(1))[4]["refused"]
+    assert "holds `rear` at rest, but this link moves at" in moving.step(acting(1))[4]["refused"]
 
 
 def everything(family: Any, **given: Any) -> dict[str, Any]:
@@ -266,7 +266,7 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily) -> None:
     for given, kind, words in (
         ({"observation": ("sensor",)}, UnknownVariant, "there is no observation `sensor`: did you mean `sensors`"),
         ({"modes": (), "mode": "front", "observation": "joints"}, FamilyError, "expected `modes` for the observation `joints`"),
-        ({"observation": ("qpos",)}, FamilyError, "the observation has 9 numbers in mode `loose`, but 2 in the first"),
+        ({"observation": ("qpos",)}, FamilyError, "the observation has 9 numbers in mode `loose`, but 2 numbers in the first mode"),
         ({"observation_noise": -1.0}, FamilyError, "expected `observation_noise` to be numbers of at least 0, found -1.0 for `joints`"),
         ({"observation_noise": {"sensor": 1.0}}, UnknownVariant, "there is no observation `sensor`"),
         ({"action_delay": (2, 1)}, FamilyError, r"expected `action_delay` to be a whole number .* found \(2, 1\)"),

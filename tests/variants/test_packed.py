@@ -97,7 +97,7 @@ def test_an_unpacked_variant_is_the_single_build(here: Path, boards: Path, share
     env = environment(shared_store)
     done = thingc("batch", "boards.yaml", "--layout", "packed", "--pictures", "2", "--jobs", "1", cwd=here, env=env)
     assert done.returncode == 0, done.stderr
-    assert "the variants are packed, 1024 per file; to write the folder of one: thingc batch boards.yaml --unpack ID" in done.stderr
+    assert "the variants are packed, 1024 per file; to write the folder of one variant: thingc batch boards.yaml --unpack ID" in done.stderr
     out = here / "build" / "boards"
     assert len(tree(out / "pictures")) == 2 and not (out / "variants").exists()
     first, second, _ = rows(out)
@@ -234,14 +234,14 @@ def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, t
     whole, file = sealed(out), out / "chunks" / name
     for damage in (b"", b"no table", file.read_bytes()[:-9]):
         file.write_bytes(damage)
-        damaged = f"`.*{name}` is damaged: delete the file, and continue with --resume, which builds its variants again"
+        damaged = f"`.*{name}` is damaged: delete the file, and continue with --resume, which builds the variants of this file again"
         with pytest.raises(OSError, match=damaged):
             load(out, mode="flying")
         with pytest.raises(BatchFault, match="is damaged") as caught:
             run(str(document), options=Options(store=shared_store), resume=True)
         assert caught.value.diagnostic.code is Code.BATCH_CHANGED
     file.unlink()
-    gone = "no longer exists: continue with --resume, which builds its variants again"
+    gone = "no longer exists: continue with --resume, which builds the variants of this file again"
     with pytest.raises(OSError, match=f"`.*{name}` {gone}"):
         load(out, mode="flying")
     for asked in (lambda: show_again(str(document)), lambda: find_variant(plan(str(document)), "some_00", str(out))):

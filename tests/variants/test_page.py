@@ -385,4 +385,4 @@ def test_page_only_needs_a_batch(tmp_path: Path, shared_store: str) -> None:
     done = thingc_here("batch", "sweep.yaml", "--page-only", cwd=here, store=shared_store)
     assert done.code == 2 and "error[TC924]" in done.err and not (here / "build").exists()
     wrong = thingc_here("batch", "sweep.yaml", "--pictures", "some", cwd=here, store=shared_store)
-    assert wrong.code == 2 and "expected a whole number from 1, `none` or `all`, found `some`" in wrong.err
+    assert wrong.code == 2 and "expected a whole number of at least 1, `none` or `all`, found `some`" in wrong.err

@@ -276,8 +276,8 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
         ({"num_envs": 0}, FamilyError, "expected `num_envs` to be a whole number of at least 1, found 0"),
         ({"num_envs": 2.5}, FamilyError, "expected `num_envs` to be a whole number of at least 1, found 2.5"),
         ({"threads": -1}, FamilyError, "expected `threads` to be a whole number of at least 1, found -1"),
-        ({"autoreset_mode": "SameSteps"}, FamilyError, "there is no `autoreset_mode` `SameSteps`: did you mean `SameStep`"),
-        ({"reward": "fast"}, UnknownVariant, "there is no task `fast`: known tasks: `forward`, `hold`"),
+        ({"autoreset_mode": "SameSteps"}, FamilyError, "unknown `autoreset_mode` `SameSteps`: did you mean `SameStep`"),
+        ({"reward": "fast"}, UnknownVariant, "unknown task `fast`: known tasks: `forward`, `hold`"),
         ({"descriptor": ("lenght",)}, UnknownVariant, "`pendulum` has no setting `lenght`: did you mean `length`"),
         ({"settings": []}, FamilyError, "expected at least one item in `settings`"),
         ({"settings": [5]}, FamilyError, "expected settings as a mapping from names to numbers or strings, found `5`"),
@@ -307,7 +307,7 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
     with pytest.raises(FamilyError, match="`reset` has no option `varient`: did you mean `variant`"):
         worlds.reset(options={"varient": 1})
     for seed in ([1, 2, 3], "ab", 1.5, [1, 2.5]):
-        with pytest.raises(FamilyError, match=re.escape(f"expected a seed, or 2 of them, one for each world, found `{seed}`")):
+        with pytest.raises(FamilyError, match=re.escape(f"expected a seed, or 2 seeds (one per world), found `{seed}`")):
             worlds.reset(seed=seed)
     with pytest.raises(FamilyError, match="expected `reset_mask` to be 2 flags"):
         worlds.reset(options={"reset_mask": np.zeros(2, dtype=bool)})
@@ -335,5 +335,5 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: P
     """))
     with pytest.raises(FamilyError, match="`pendulum` has no valid variants that satisfy the rules"):
         make_vec_env(folder / "none.yaml", 2)
-    with thingc.family(folder / "arms.yaml") as arms, pytest.raises(FamilyError, match=r"nq, nv, nu = 2, 2, 2, but others nq, nv, nu = 1"):
+    with thingc.family(folder / "arms.yaml") as arms, pytest.raises(FamilyError, match=r"nq, nv, nu = 2, 2, 2, but other settings have nq, nv, nu = 1"):
         make_vec_env(arms, 1).reset(options={"variant": 1})

@@ -377,7 +377,7 @@ def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
     at = len(text) - len(text.lstrip())
     scanned = scan_number(text, at)
     if scanned is None:
-        raise UnitError(f"expected a number with a unit, found `{shortened(text.strip())}`", help="write for example `120 mm`")
+        raise UnitError(f"expected a number with a unit, found `{shortened(text.strip())}`", help="write, for example, `120 mm`")
     number, at = scanned
     return _with_unit(text, number, at, wanted)
 

@@ -25,7 +25,7 @@ def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantit
         number, at = scanned
         numbers.append(number)
     count = {1: "one number", 2: "two numbers"}.get(len(numbers), f"{len(numbers)} numbers")
-    how = "write for example `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
+    how = "write, for example, `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
     if not numbers:
         raise UnitError(f"expected three numbers and a unit, found `{shortened(text.strip())}`", help=how)
     if len(numbers) != 3:

@@ -71,8 +71,8 @@ class AxisParser:
         """
         if isinstance(raw, Expression):
             self._error(
-                Code.VARIANT_VALUE, "a variant must have values; write expressions in the assembly", path,
-                help=f"write a value, or use a parameter of `{self.parameters.name}` with an expression",
+                Code.VARIANT_VALUE, "the settings of a variant must be values; expressions are only allowed in the assembly", path,
+                help=f"write a value, or define a parameter with this expression in `{self.parameters.name}`",
             )
             return None
         stated = as_value(raw)
@@ -200,7 +200,7 @@ class AxisParser:
             return None
         if not least <= raw <= most:
             rule = f"at least {least}" if raw < least else f"at most {most}"
-            help = f"write for example `{path[-1]}: {max(least, 16) if raw < least else most}`"
+            help = f"write, for example, `{path[-1]}: {max(least, 16) if raw < least else most}`"
             self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be {rule}, found `{raw}`", path, help=help)
             return None
         return int(raw)

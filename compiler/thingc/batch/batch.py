@@ -187,7 +187,7 @@ class _Batch:
             words = differences(self.before, self._described(finished=False))
             if words:
                 raise BatchFault(
-                    Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was started with other input: {'; '.join(words)}",
+                    Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was started with different input: {'; '.join(words)}",
                     "undo the change, delete the folder to start again, or use another folder with -o",
                 )
             folder_layout.sweep(self.folder)

@@ -237,7 +237,7 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
     raise BatchFault(
         Code.BATCH_CHANGED,
         f"no variant of `{plan.relative}` has the settings of `{wanted}` in `{shown_path(folder)}` any more",
-        "the documents have changed since that batch was built: build it again, and use an id from its table",
+        "the documents have changed since that batch was built: build the batch again, and use an id from its table",
     )
 
 

@@ -100,7 +100,7 @@ class Runners:
                 self.drop(runner)
                 raise
         self.raise_if_cancelled()
-        raise RunnersBroken(f"cannot start a runner: {said.splitlines()[0]}", said)
+        raise RunnersBroken(f"cannot start a process for variants: {said.splitlines()[0]}", said)
 
     def give_back(self, runner: RunnerProcess) -> None:
         """Return a runner process after use, so that another call can reuse the process."""
@@ -175,7 +175,7 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
         except ProcessLost as fault:
             pool.raise_if_cancelled()
             code = Code.VARIANT_HUNG if fault.hung else Code.VARIANT_DIED
-            what = f"its runner was terminated: {fault.words}" if fault.hung else f"its runner crashed: {fault.words}"
+            what = f"the process of the variant {'was terminated' if fault.hung else 'crashed'}: {fault.words}"
             take(row(left.pop(0), "failed", code=code.code, message=what, detail=runner.errors(), pid=runner.pid))
             pool.drop(runner)
         except BaseException:  # the state of the runner is unknown, so the runner is not reused

@@ -169,15 +169,15 @@ def begin(folder: str, document: str, assembly: str) -> None:
         before = read_batch(folder)
         if before is not None and before.get("document") != document:
             raise BatchFault(
-                Code.UNEXPECTED, f"`{shown_path(folder)}` contains the batch of another document, `{before.get('document')}`, and is "
-                "unchanged", "move the existing files, or use another folder with -o",
+                Code.UNEXPECTED, f"`{shown_path(folder)}` contains the batch of another document, `{before.get('document')}`; "
+                "nothing was written", "move the existing files, or use another folder with -o",
             )
         unexpected = sorted([*unexpected_files(folder, assembly), *_edited(folder)])
         if before is None or unexpected:
             raise BatchFault(
                 Code.UNEXPECTED,
-                f"`{shown_path(folder)}` contains files that no batch of `{document}` wrote, or that have changed since, and is "
-                f"unchanged: {quoted(unexpected, 8)}", "move these files, or use another folder with -o",
+                f"`{shown_path(folder)}` contains files that no batch of `{document}` wrote, or that have changed since the batch; "
+                f"nothing was written: {quoted(unexpected, 8)}", "move these files, or use another folder with -o",
             )
         if not before.get("finished"):
             raise BatchFault(
@@ -304,7 +304,7 @@ def in_words(folder: str, fault: OSError) -> BatchFault:
         )
     if isinstance(fault, (FileExistsError, NotADirectoryError)):
         return BatchFault(
-            Code.OUTPUT, f"cannot write the batch to `{shown_path(folder)}`: there is a file in place of a folder",
+            Code.OUTPUT, f"cannot write the batch to `{shown_path(folder)}`: a part of the path is a file, not a folder",
             "move the file, or use another folder with -o",
         )
     return BatchFault(

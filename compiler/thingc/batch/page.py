@@ -146,7 +146,7 @@ def show_again(
     """
     plan = variants_document.plan(document, options=options)
     folder = plan.folder_in(output)
-    described = begun(plan.relative, folder, "build it first, without --page-only")
+    described = begun(plan.relative, folder, "build the batch first, without --page-only")
     try:
         with locked(folder):
             whole(folder, described)

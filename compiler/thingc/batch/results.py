@@ -191,7 +191,7 @@ class BuiltVariant(OneLineRepr):
         except FileNotFoundError:
             raise FamilyError(
                 f"there is no `{shown_path(os.path.join(self.folder, 'mjcf', file))}`: the batch was built without the target "
-                "`mjcf`, or was moved or changed later", "build it again with `--emit mjcf`",
+                "`mjcf`, or was moved or changed later", "build the batch again with `--emit mjcf`",
             ) from None
 
 
@@ -275,7 +275,7 @@ class BatchResults(Sequence[BuiltVariant]):
         if isinstance(key, str):
             return self._named(key)
         if not -len(self) <= key < len(self):
-            raise IndexError(f"batch `{self.name}` has {counted(len(self), 'variant')} here, but none at index {key}")
+            raise IndexError(f"batch `{self.name}` has {counted(len(self), 'variant')}, but none at index {key}")
         return self._variant(self._indices[key])
 
     def _named(self, key: str) -> BuiltVariant:
@@ -286,7 +286,7 @@ class BatchResults(Sequence[BuiltVariant]):
         at = bisect_left(self._indices, index)
         if at == len(self) or self._indices[at] != index:
             row = _row(self.records.line(index))
-            known = f"it is `{row['status']}`" if row["status"] != "built" else "it is not loaded here"
+            known = f"its status is `{row['status']}`" if row["status"] != "built" else "the variant is not loaded"
             raise UnknownVariant(f"the variant `{key}` is not available: {known}{_because(row)}")
         return self._variant(index)
 

@@ -131,7 +131,7 @@ def read_rules(
                     names[use.name] = result
                     continue
                 message = "this document does not define the reach"
-                help = "add for example `reach: {of: tip, from: base}`, with two mounts of the assembly"
+                help = "add, for example, `reach: {of: tip, from: base}`, with two mounts of the assembly"
             except KeyError:
                 message = f"there is no parameter or result `{use.name}`"
                 known = [*parameters, *RESULTS, *(LENGTHS + joint for joint in lengths)]

@@ -78,13 +78,13 @@ def check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: i
     if not is_number(timeout) or not 0.0 < timeout <= LONGEST:
         raise BatchFault(Code.COMMAND_LINE, f"expected `timeout` to be a number of seconds, at most {LONGEST:.0f}, found `{timeout}`")
     if layout not in (None, FOLDERS, PACKED):
-        raise BatchFault(Code.COMMAND_LINE, f"there is no layout `{layout}`", f"`{FOLDERS}`, `{PACKED}`, or None for either")
+        raise BatchFault(Code.COMMAND_LINE, f"unknown layout `{layout}`", f"use `{FOLDERS}`, `{PACKED}`, or None for the default")
 
 
 def check_engine(executor: Executor | None, ship: bool) -> None:
     """Raise `BatchFault` if `executor` lacks the methods of an executor, or if `ship` is set and the executor cannot transfer files."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be one of `concurrent.futures`, found `{executor}`")
+        raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be an executor of `concurrent.futures`, found `{executor}`")
     if ship and not isinstance(executor, FileTransferExecutor):
         raise BatchFault(
             Code.COMMAND_LINE, "--ship can only be used with Dask workers",

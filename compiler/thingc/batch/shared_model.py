@@ -117,7 +117,7 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
         here = getattr(*owner_of(model, name), None)
         rows = values.shape[1:2] if name in LEADING else ()
         if here is None or values.shape[1:] != (*rows, *getattr(here, "shape", ())[len(rows):]):
-            raise FamilyError(f"the field `{name}` does not fit this model: they belong to different batches")
+            raise FamilyError(f"the field `{name}` and this model belong to different batches")
     for name, values in fields.items():
         owner, field = owner_of(model, name)
         here = getattr(owner, field)
@@ -200,7 +200,7 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
     for kind, _, count in _KINDS.values():
         if here[kind] != there[kind]:
             only = [name for name in (*here[kind], *there[kind]) if (name in here[kind]) != (name in there[kind])]
-            which = f"`{only[0]}` is only in one of the two" if only else "their order differs"
+            which = f"`{only[0]}` exists in only one of the two models" if only else "their order differs"
             raise StructuresDiffer(count, f"the elements of kind `{kind}` differ {both}: {which}")
     members = [name for name in dir(model) if not name.startswith("_") and name not in _FOLLOW]
     arrays = [name for name in members if isinstance(getattr(model, name), np.ndarray)]

@@ -241,7 +241,7 @@ def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | 
     the file and reports errors.
     """
     if len(data) > MAX_BYTES:
-        report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", line_of(path), help="remove content that is not for thingc")
+        report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", line_of(path), help="remove unused content")
         return None
     import tomllib
 
@@ -378,7 +378,7 @@ def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
     if os.path.isabs(text) or text.startswith("~"):
         return f"`{shown}` is an absolute path", "write a path relative to `thingc.toml`"
     if not _inside(os.path.join(root, text), root):
-        return f"`{shown}` is outside the workspace", "use a folder below that of `thingc.toml`"
+        return f"`{shown}` is outside the workspace", "use a folder inside the folder of `thingc.toml`"
     return None
 
 

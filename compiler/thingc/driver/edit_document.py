@@ -148,7 +148,8 @@ def _elsewhere(root: Document, path: str) -> Diagnostic | None:
     component, rest = through
     text = node_at(root.tree, ("components", component, "assembly"))
     inner = getattr(text, "text", "the nested document")
-    return _wrong(f"`{path}` is defined in `{inner}` and would apply to every component that uses it", f"`thingc set {inner} '{rest}=...'`")
+    message = f"`{path}` is defined in `{inner}`, so the change would affect every component that uses this document"
+    return _wrong(message, f"`thingc set {inner} '{rest}=...'`")
 
 
 def _wrong(message: str, help: str) -> Diagnostic:

@@ -127,7 +127,7 @@ class Environment:
         """The geometry service, which builds parts with the CAD kernel. The service is only available if code of the workspace may run."""
         from thingc.geometry.service import GeometryService
 
-        assert isinstance(self.parts, GeometryService), "code of the workspace must not run here"
+        assert isinstance(self.parts, GeometryService), "the geometry service requires permission to run code of the workspace"
         return self.parts
 
     def _lock(self) -> Lock | None:

@@ -365,7 +365,7 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
     place = f"`{shown_path(folder)}`"
     ours = unexpected.owner == document
     if unexpected.owner is not None and not ours:
-        message = f"{place} contains the build of another document (`{unexpected.owner}`, not `{document}`) and is unchanged"
+        message = f"{place} contains the build of another document (`{unexpected.owner}`, not `{document}`); nothing was written"
     else:
         said = [
             f"{what} ({quoted(names, 8)})"
@@ -374,7 +374,7 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
                 ("files that have changed since the build", unexpected.changed),
             ) if names
         ]
-        message = f"{place} contains {' and '.join(said)} and is unchanged"
+        message = f"{place} contains {' and '.join(said)}; nothing was written"
     return UnexpectedFilesError(folder, unexpected.names, message, ours=ours)
 
 
@@ -507,9 +507,9 @@ def _cure(fault: OSError) -> str:
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return "free some space, or"
     if fault.errno == errno.ENAMETOOLONG:
-        return "shorten the `name` of the document or the names in it, or"
+        return "use shorter names in the document, or"
     if fault.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return "make the folder writable, or"
     if fault.errno in (errno.EEXIST, errno.ENOTDIR):
-        return "move the file in its place, or"
+        return "move the existing file, or"
     return "fix the problem, or"

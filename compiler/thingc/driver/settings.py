@@ -143,7 +143,7 @@ class SettingsReader:
             if not names:
                 report = report or Report()
                 help = self._hint(given) if isinstance(given, str) else "a name must be a string such as `joints.NAME.limit.upper`"
-                report.add(Code.CHOICE_OPTION, f"the document has nothing named `{given}`", None, path=f"{SET}{given}", help=help)
+                report.add(Code.CHOICE_OPTION, f"the document has no element `{given}`", None, path=f"{SET}{given}", help=help)
             for name in names:
                 numbers.pop(name, None)
                 texts.pop(name, None)

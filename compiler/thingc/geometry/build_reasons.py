@@ -32,7 +32,7 @@ def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> st
     if last is None:
         return "parameters are new" if results.met_before(definition.reference) else "first time"
     if last.key == build_key.key:
-        return results.changed_read(build_key.key) or "its files were missing from the store"
+        return results.changed_read(build_key.key) or "its files were missing from the cache"
     return difference(last.ingredients, build_key.ingredients)
 
 

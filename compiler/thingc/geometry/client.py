@@ -308,7 +308,7 @@ class NoWorkers(Workers):
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
         """Yield a failure of the kind `ABSENT` for every request."""
         for request in requests:
-            yield request, {"failed": ABSENT, "words": "the store does not have it", "detail": ""}
+            yield request, {"failed": ABSENT, "words": "the cache does not contain the part", "detail": ""}
 
 
 class EndingWorkers(Workers):

@@ -137,7 +137,7 @@ def check(mode: Mode, model: Any) -> None:
         )
     if (elsewhere := find_displaced(mode, model, body_of)) is not None:
         raise WrongData(
-            f"the data for mode `{mode.name}` belongs to another variant: its {elsewhere[0]} is {elsewhere[1]:.3g} m (or rad) from that in "
+            f"the data for mode `{mode.name}` belongs to another variant: {elsewhere[0]} differs by {elsewhere[1]:.3g} (m or rad) from "
             "`modes.json`; read the `modes.json` of that variant, or use `family.modes(settings)`"
         )
 

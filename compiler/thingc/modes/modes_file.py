@@ -50,7 +50,7 @@ def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
             raise
         raise ModesError(f"`{name}` is not a {FILE} of thingc: {fault}") from fault
     except KeyError as fault:
-        raise ModesError(f"`{name}` has no {fault}, which this version of thingc needs: build the robot again") from fault
+        raise ModesError(f"`{name}` has no {fault}, which this version of thingc requires: build the robot again") from fault
 
 
 def _coordinates(described: Mapping[str, Any]) -> tuple[str, ...]:

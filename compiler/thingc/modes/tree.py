@@ -306,7 +306,7 @@ class Mode(OneLineRepr):
     def arrays(self, state: RobotState) -> State[Array]:
         """Convert a `RobotState` of this mode to a `State`, which contains arrays. The coordinates of joints that this mode cuts are 0."""
         if state.mode != self.name:
-            raise ModesError(f"expected a state of mode `{self.name}`, found one of mode `{state.mode}`: `switch` it first")
+            raise ModesError(f"expected a state of mode `{self.name}`, found a state of mode `{state.mode}`: call `switch` first")
         for what, values in (("q", state.q), ("v", state.v)):
             missing = next((joint.name for joint in self.joints if joint.name not in values), None)
             if missing is not None:

@@ -313,7 +313,7 @@ class _Lost:
                     what = f"the mimic of `{joint.mimic.joint.path}`"
                     yield from self(self.says["of_joints"]["mimic"], None, joint.path, what, joint.mimic.origin)
                     if joint.mimic.higher:
-                        what = f"the polynomial of the mimic of `{joint.mimic.joint.path}`"
+                        what = f"the polynomial in the mimic of `{joint.mimic.joint.path}`"
                         yield from self(self.says["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
 
     def of_drive(self, joint: TreeJoint | JointEdge) -> Iterator[Loss]:
@@ -345,16 +345,16 @@ class _Lost:
         mode, modes = robot.mode, self.says["modes"]
         for closure in robot.closures:
             cell = self.says["loops"]["hold" if closure.hold else closure.kind]
-            what = "the hold in place" if closure.hold else "the loop through this joint"
+            what = "the hold of this mount" if closure.hold else "the loop through this joint"
             yield from self(cell, mode.name, closure.path, what, closure.origin)
         for body in robot.bodies:
             link = robot.assembly.links[body.link]
             if not link.properties.mass:
-                cell, what = self.says["links"]["weightless" if body.joints else "weightless_base"], "the mass of 0"
+                cell, what = self.says["links"]["weightless" if body.joints else "weightless_base"], "the zero mass"
             elif link.properties.inertia == ZERO:
-                cell, what = self.says["links"]["point"], "the inertia of 0 (a point mass)"
+                cell, what = self.says["links"]["point"], "the zero inertia of a point mass"
             elif physical_fault(link.properties.inertia) is not None:
-                cell, what = self.says["links"]["line"], "the inertia of points in a line"
+                cell, what = self.says["links"]["line"], "the inertia of point masses in a line"
             else:
                 continue
             yield from self(cell, mode.name, link.name, what, link.origin)
@@ -362,7 +362,7 @@ class _Lost:
             (modes["gravity"], "the gravity", robot.gravity != GRAVITY),
             *self.of_base(robot),
             *self.stepping(mode.simulation),
-            (modes["exclude"], "excluded contacts, besides those of neighbours", bool(mode.exclude)),
+            (modes["exclude"], "excluded contacts, except between links that a joint connects", bool(mode.exclude)),
         )
         for cell, what, used in of_mode:
             if used:

@@ -102,15 +102,15 @@ class DaskCluster(FileTransferExecutor):
             if other:
                 words = ", ".join(f"{name} {theirs.get(name, 'none')} instead of {mine.get(name, 'none')}" for name in other)
                 raise BatchFault(
-                    Code.CLUSTER, f"the worker {worker} has other versions: {words}", "install the same versions on all machines",
+                    Code.CLUSTER, f"the worker {worker} has different versions: {words}", "install the same versions on all machines",
                 )
             for path, sha256 in files.items():
                 if hashes[path] != sha256:
                     what = "cannot find" if hashes[path] is None else "has different content for"
                     raise BatchFault(
                         Code.CLUSTER, f"the worker {worker} {what} `{path}`",
-                        "the documents and the folder of the batch (-o) must be on a file system that all machines share, under the same "
-                        "paths; otherwise use --ship, which copies the documents and fetches the results",
+                        "put the documents and the batch folder (-o) on a file system that all machines share under the same paths, "
+                        "or use --ship, which copies the documents and fetches the results",
                     )
 
     def fault(self) -> BatchFault | None:
@@ -178,7 +178,7 @@ class DaskCluster(FileTransferExecutor):
             raise
         except Exception as fault:
             raise WorkerLost(f"the worker {worker} does not respond: {_first_line(fault)}") from None
-        raise WorkerLost(f"the worker {worker} has disappeared")
+        raise WorkerLost(f"the connection to the worker {worker} was lost")
 
     def _plugin(self, name: str) -> str:
         return f"{name}@{self._client.id}"
@@ -209,7 +209,7 @@ class DaskCluster(FileTransferExecutor):
 
     def _lost(self, words: str) -> BatchFault:
         return BatchFault(
-            Code.CLUSTER, f"the scheduler at `{self.address}` has disappeared: {words}",
+            Code.CLUSTER, f"the connection to the scheduler at `{self.address}` was lost: {words}",
             "continue with --resume, on the cluster or (without --cluster) on this machine; built variants remain",
         )
 

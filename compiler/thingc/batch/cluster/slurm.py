@@ -84,9 +84,9 @@ def _minutes(text: str) -> int:
     try:
         quantity = parse_quantity(text)
     except UnitError as fault:
-        raise BatchFault(Code.COMMAND_LINE, f"slurm: `time`: {fault}", "write for example `time=2 h`") from fault
+        raise BatchFault(Code.COMMAND_LINE, f"slurm: `time`: {fault}", "write, for example, `time=2 h`") from fault
     if quantity.dimension != TIME or quantity.value <= 0.0:
-        raise BatchFault(Code.COMMAND_LINE, f"slurm: expected a time above 0 for `time`, found `{text}`", "write for example `time=2 h`")
+        raise BatchFault(Code.COMMAND_LINE, f"slurm: expected a time above 0 for `time`, found `{text}`", "write, for example, `time=2 h`")
     return max(1, math.ceil(quantity.value / 60.0))
 
 
@@ -146,7 +146,7 @@ class SlurmCluster(Cluster):
         if settings.cluster == "slurm" and shutil.which("sbatch") is None:
             raise BatchFault(
                 Code.CLUSTER, "there is no SLURM on this machine: the command `sbatch` is missing",
-                "run this on a machine that submits jobs, or use `slurm:cluster=local` to try it",
+                "run the command on a machine that can submit jobs, or use `slurm:cluster=local` for a test",
             )
         os.makedirs(folder, exist_ok=True)
         self._executor = submitit.AutoExecutor(folder=folder, cluster=settings.cluster)

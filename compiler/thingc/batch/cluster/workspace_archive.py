@@ -168,7 +168,7 @@ def _entries(folder: str) -> Iterator[os.DirEntry[str]]:
 
 def _unreadable(path: str, fault: OSError) -> BatchFault:
     reason = (fault.strerror or str(fault)).lower()
-    return BatchFault(Code.UNREADABLE, f"cannot read `{path}` to ship it: {reason}", "make the file readable, or move it elsewhere")
+    return BatchFault(Code.UNREADABLE, f"cannot read `{path}` to ship it: {reason}", "make the file readable, or move the file elsewhere")
 
 
 def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str | None) -> None:

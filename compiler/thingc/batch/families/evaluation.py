@@ -182,7 +182,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
 
         def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], ResultsShape]:
             if exchange is not None and first[1]:
-                raise NotTraceable("there are diagnostics, which may be about a part", list(form.modelled))
+                raise NotTraceable("diagnostics were reported that may depend on a part", list(form.modelled))
             shape = ResultsShape(rehearsal.made, first[1])
             return shape.outputs, shape
 

@@ -214,7 +214,7 @@ class RobotFamily:
                     raise OutputError(f"`{os.fsdecode(folder)!r}` cannot be a build folder", "use a separate folder")
                 write_build(parent, name, files, store, self._root.relative)
         except BlobMissing as fault:
-            words = f"the cache `{store.root}` no longer has the meshes of parts"
+            words = f"the cache `{store.root}` no longer contains the meshes of parts"
             raise OutputError(words, "create the family again, which rebuilds missing parts") from fault
         return problems
 
@@ -356,7 +356,7 @@ class RobotFamily:
             why = "; ".join(dict.fromkeys(form.why.values())) or form.refused
             if not why and isinstance(refused := next(models.each([(settings, read)], share=False)), NoModel):
                 return refused
-            return Explanation(name=name, mode=models.mode, way="passes", why=why or "it is not a number in the document")
+            return Explanation(name=name, mode=models.mode, way="passes", why=why or "the setting is not a number in the document")
         if isinstance(plan.made, ModelTemplate):
             return Explanation(name=name, mode=models.mode, way="text" if plan.exchange is None else "parts", why=plan.made.why)
         return Explanation(name=name, mode=models.mode, way="arrays", fields=tuple(sorted(plan.made.written)))

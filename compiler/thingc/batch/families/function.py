@@ -222,7 +222,7 @@ class FamilyFunction:
         self._require(self.start)
         plan, why = self._evaluation.plan_at(read)
         if plan is None or plan.exchange is not None or (set(self.names) & {read.names[at] for at, _ in plan.fixed}):
-            why = why or "a part depends on a number"
+            why = why or "a part depends on one of the numbers"
             raise FamilyError(f"JAX cannot compute {', '.join(self.outputs)}: {why}", "use `value` and `jacobian`")
         by = [plan.free.index(read.names.index(name)) for name in self.names]
         return jax_function(self._restricted(plan).program, by, [read.values[at] for at in plan.free], dtype)
@@ -233,7 +233,7 @@ class FamilyFunction:
         """Raise `FamilyError` if settings with these values are refused, or if one of the outputs is missing."""
         values = self.value(row)
         if not values.ok:
-            missing = "; ".join(f"there is no `{name}`" for name, value in zip(self.outputs, values, strict=True) if np.isnan(value))
+            missing = "; ".join(f"`{name}` does not exist" for name, value in zip(self.outputs, values, strict=True) if np.isnan(value))
             raise FamilyError(f"there are no results at {self._shown(row)}: {_errors(values.problems[0]) or missing}")
 
     def _restricted(self, plan: NumericPlan[ResultsShape]) -> NumericPlan[ResultsShape]:
@@ -276,7 +276,7 @@ class FamilyFunction:
                 found = one.derivatives(given)
             except NotSmooth as fault:
                 where = self._shown([read.values[read.names.index(name)] for name in self.names])
-                message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: a value that it depends on {fault.why}"
+                message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: an intermediate value {fault.why}"
                 raise NotDifferentiable(message, f"choose other settings, or remove `{self.outputs[fault.output]}`") from None
             except (ArithmeticError, ValueError):
                 continue
@@ -375,7 +375,7 @@ class FamilyFunction:
             name, problems = self.names[place], values.problems[int(np.argmin(values.ok))] if values.ok is not None else ()
             raise NotDifferentiable(
                 f"the derivative by `{name}` is estimated from `{name}` = {points[0, place]:g} to {points[-1, place]:g}, and some of these "
-                f"have no results: {_errors(problems) or 'a result does not exist'}", f"choose another value of `{name}`",
+                f"values have no results: {_errors(problems) or 'a result does not exist'}", f"choose another value of `{name}`",
             )
         return np.asarray(values)
 
@@ -405,7 +405,7 @@ class FamilyFunction:
         if kind is None and name not in read.names:
             known = [other for other, value in self._reader.parameters.items() if isinstance(value, Quantity)]
             if "." in name:
-                raise FamilyError(f"the document has no number at `{name}`", "correct the path, or write a value there in the document")
+                raise FamilyError(f"the document has no number at `{name}`", "correct the path, or add a value to the document")
             raise FamilyError(f"the document has no number `{name}`", did_you_mean(name, known, what="parameters"))
         if kind is not None:
             words = str(kind).lower() if isinstance(kind, bool) else str(kind)

@@ -169,7 +169,7 @@ class FamilyMjx:
         limited = np.flatnonzero((bias[:, 2] != 0.0) & (model.actuator_forcelimited != 0))
         if model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST and len(limited):
             raise FamilyError(
-                f"MJX integrates the damping of `{model.actuator(limited[0]).name}` with `implicitfast` even at its greatest force, unlike "
+                f"with `implicitfast`, MJX applies the damping of `{model.actuator(limited[0]).name}` even at the force limit, unlike "
                 "MuJoCo",
                 "use `at={\"simulation.integrator\": \"euler\"}`, or remove the effort or the damping of the drive"
             )

@@ -102,7 +102,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         plan = self.plan(read, form, text=True)
         if plan is not None and plan.outputs(read.values) is not None:
             return cast(NumericPlan[ModelTemplate], plan), "; ".join(f"`{name}`: {why}" for name, why in form.why.items())
-        return None, form.refused or "thingc decides differently there"
+        return None, form.refused or "the compilation takes a different branch for these settings"
 
     def plan(
         self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate], *, text: bool = False,
@@ -291,7 +291,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         try:
             return store.read(stored.sha256)
         except BlobMissing as fault:
-            words = "it no longer has the meshes of parts; create the family again, which rebuilds missing parts"
+            words = "the cache no longer contains the meshes of parts; create the family again, which rebuilds missing parts"
             raise StoreUnusable(store.root, words) from fault
 
     def _load(self, text: str) -> mujoco.MjModel:

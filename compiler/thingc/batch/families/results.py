@@ -47,7 +47,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
             return self.results[name]
         refused = next((one.message for one in self.problems if one.severity is Severity.ERROR), None)
         if refused is not None and not self.results:
-            raise UnknownVariant(f"there is no `{name}`: the settings {dict(self.settings)} are rejected: {refused}")
+            raise UnknownVariant(f"result `{name}` does not exist, because the settings {dict(self.settings)} are rejected: {refused}")
         raise UnknownVariant(f"there is no result `{name}`", did_you_mean(str(name), self.results, what="results"))
 
 
@@ -89,9 +89,9 @@ class Explanation(OneLineRepr, FrozenStruct):
 
     def __str__(self) -> str:
         how = {
-            "arrays": f"is written into {', '.join(self.fields) or 'nothing'} of one compiled model",
-            "text": "is written into the text of one model, which MuJoCo compiles again",
-            "parts": "is written into the text of one model with other parts, which MuJoCo compiles again",
+            "arrays": f"changes {', '.join(self.fields) or 'nothing'} of one compiled model",
+            "text": "changes the text of one model, which MuJoCo compiles again",
+            "parts": "changes the text and the parts of one model, which MuJoCo compiles again",
             "passes": "is compiled again",
         }[self.way]
         return f"{self.name} {how}{': ' + self.why if self.why else ''} (mode {self.mode})"

@@ -54,7 +54,7 @@ class SearchSpace(Sequence[SpaceDimension]):
             for dimension in self:
                 if dimension.name == key:
                     return dimension
-            raise UnknownVariant(f"there is no setting `{key}`", did_you_mean(key, self.names))
+            raise UnknownVariant(f"unknown setting `{key}`", did_you_mean(key, self.names))
         return self._dimensions[key]
 
     def __repr__(self) -> str:
@@ -105,7 +105,7 @@ class SearchSpace(Sequence[SpaceDimension]):
         Raises `UnknownVariant`, a `KeyError`, for an unknown name, and `ValueError` for an invalid point.
         """
         if not isinstance(point, Mapping):
-            raise ValueError(f"expected a point of `gymnasium()`, found `{point}`")
+            raise ValueError(f"expected a sample of the space `gymnasium()`, found `{point}`")
         dimensions = {name: self[name] for name in point}
         try:
             return {
@@ -113,7 +113,7 @@ class SearchSpace(Sequence[SpaceDimension]):
                 for name, one in dimensions.items()
             }
         except (TypeError, ValueError, IndexError, OverflowError):
-            raise ValueError(f"expected a point of `gymnasium()`, found `{point}`") from None
+            raise ValueError(f"expected a sample of the space `gymnasium()`, found `{point}`") from None
 
     def bounds(self) -> tuple[tuple[float, float], ...]:
         """Return the lower and upper bound of each bounded number, in the form that `scipy.optimize` requires.

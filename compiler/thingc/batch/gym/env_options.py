@@ -123,7 +123,7 @@ class EnvRules(FrozenStruct):
 
     def __post_init__(self) -> None:
         if isinstance(self.reward, str) and self.reward not in TASKS:
-            raise UnknownVariant(f"there is no task `{self.reward}`", did_you_mean(self.reward, TASKS, what="tasks"))
+            raise UnknownVariant(f"unknown task `{self.reward}`", did_you_mean(self.reward, TASKS, what="tasks"))
         for name, called in (("reward", self.reward_function), ("terminated", self.terminated)):
             if not callable(called) and (called is not None or name == "reward"):
                 raise FamilyError(f"expected `{name}` to be a function of a `StepInfo`, found `{called}`")
@@ -132,9 +132,10 @@ class EnvRules(FrozenStruct):
             raise FamilyError(f"expected `noise` to be a number of at least 0, found {self.noise}")
         delays, delay, push = self.delays, self.action_delay, self.push
         if len(delays) != 2 or not all(is_whole(one, 0) for one in delays) or delays[0] > delays[1]:
-            raise FamilyError(f"expected `action_delay` to be a whole number of at least 0, or the smallest and largest one, found {delay}")
+            what = "a whole number of at least 0, or a pair of such numbers (smallest, largest)"
+            raise FamilyError(f"expected `action_delay` to be {what}, found {delay}")
         if push is not None and (len(push) != 2 or not is_whole(push[0], 1) or not is_number(push[1])):
-            raise FamilyError(f"expected `push` to be a number of actions and an impulse [N s], found {push}")
+            raise FamilyError(f"expected `push` to be a pair (number of actions, impulse [N s]), found {push}")
         if self.on_motion not in CHOICES:
             raise FamilyError(f"expected `on_motion` to be \"raise\", \"drop\" or \"impact\", found `{self.on_motion}`")
         if self.render_mode not in (None, "rgb_array"):

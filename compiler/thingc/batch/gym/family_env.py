@@ -221,7 +221,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
             return [int(seed) + k for k in range(self.num_envs)]
         seeds = list(seed) if isinstance(seed, Iterable) and not isinstance(seed, str) else []
         if len(seeds) != self.num_envs or not all(one is None or isinstance(one, Integral) for one in seeds):
-            raise FamilyError(f"expected a seed, or {self.num_envs} of them, one for each world, found `{seed}`")
+            raise FamilyError(f"expected a seed, or {self.num_envs} seeds (one per world), found `{seed}`")
         return [None if one is None else int(one) for one in seeds]
 
     def _split(self, actions: Any) -> tuple[Sequence[int], Array]:
@@ -233,7 +233,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
             raise FamilyError(f"expected actions as a mapping with `mode` and `joints`, found `{actions}`")
         modes = np.asarray(actions["mode"])
         if modes.shape != shape[:1] or modes.dtype.kind not in "iu" or not ((modes >= 0) & (modes < len(self._modes))).all():
-            raise FamilyError(f"expected `mode` to be {self.num_envs} numbers of modes from 0 to {len(self._modes) - 1}, found `{modes}`")
+            raise FamilyError(f"expected `mode` to be {self.num_envs} mode indices from 0 to {len(self._modes) - 1}, found `{modes}`")
         return modes.tolist(), as_actions(actions["joints"], shape)
 
     def _image(self, k: int) -> Any:
@@ -332,7 +332,7 @@ def make_vec_env(
     at_least(1, num_envs=num_envs, threads=threads)
     resetting = [mode.value for mode in AutoresetMode]
     if autoreset_mode not in (*AutoresetMode, *resetting):
-        raise FamilyError(f"there is no `autoreset_mode` `{autoreset_mode}`", did_you_mean(str(autoreset_mode), resetting, what="modes"))
+        raise FamilyError(f"unknown `autoreset_mode` `{autoreset_mode}`", did_you_mean(str(autoreset_mode), resetting, what="modes"))
     if rules.render_mode is not None:
         try:
             ready()

@@ -96,7 +96,7 @@ class Morphologies:
         """
         if self.choices.draw is not None:
             if wanted is not None:
-                raise UnknownVariant(f"there is no variant `{wanted}`: a function draws the settings")
+                raise UnknownVariant(f"variant `{wanted}` cannot be selected, because a function draws the settings")
             settings = self.choices.draw(source)
             return settings_key(settings), settings
         place = int(self._likely.searchsorted(source.random(), side="right"))  # always draw, so that options do not change later draws
@@ -143,7 +143,7 @@ class Morphologies:
         for mode, mine, others in zip(self.modes, made.sizes, made.sizes if self._first is None else self._first.sizes):
             if mine != others:
                 sizes = [f"nq, nv, nu = {', '.join(map(str, one))}" for one in (mine, others)]
-                raise FamilyError(f"in mode `{mode}` the settings {dict(settings)} have {sizes[0]}, but others {sizes[1]}")
+                raise FamilyError(f"in mode `{mode}` the settings {dict(settings)} have {sizes[0]}, but other settings have {sizes[1]}")
         return made
 
     def episode(self, morphology: Morphology, before: tuple[Any, Morphology, Episode] | None) -> Episode:
@@ -186,7 +186,7 @@ def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None
     planned = [variant for variant in variants if variant.failed is None]
     kept = [variant for variant, evaluated in zip(planned, family.evaluate(planned)) if evaluated.kept]
     if not kept:
-        raise FamilyError(f"`{family.name}` has no valid variants that satisfy the rules", "use `settings` to specify what may be set")
+        raise FamilyError(f"`{family.name}` has no valid variants that satisfy the rules", "use `settings` to list settings")
     return MorphologyDistribution(
         many=[{**one.parameters, **one.choices} for one in kept], ids=[one.id for one in kept], names=[one.name for one in kept],
     )

@@ -88,5 +88,5 @@ class Observer:
         seen = np.concatenate([TERMS[name](episode) for name in self._names])
         if len(seen) != self.length:
             mode = episode.simulations[episode.mode].name
-            raise FamilyError(f"the observation has {len(seen)} numbers in mode `{mode}`, but {self.length} in the first")
+            raise FamilyError(f"the observation has {len(seen)} numbers in mode `{mode}`, but {self.length} numbers in the first mode")
         row[: self.length] = seen + source.uniform(-self._noise, self._noise) if self._noise.any() else seen

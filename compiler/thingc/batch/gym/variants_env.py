@@ -212,7 +212,7 @@ def _weights(family: BatchResults, weights: str | Callable[[BuiltVariant], float
         raise FamilyError(f"expected `weights` to be a column, or a function of a variant, found `{weights}`")
     numbers = np.array(_numbers(family, weights) if isinstance(weights, str) else [float(weights(variant)) for variant in family])
     if (numbers < 0.0).any() or not np.isfinite(numbers).all() or numbers.sum() <= 0.0:
-        raise FamilyError("expected weights that are not negative and not all 0")
+        raise FamilyError("expected non-negative weights, at least one of them above 0")
     return np.asarray(numbers / numbers.sum(), np.float64)
 
 

@@ -64,7 +64,7 @@ class Partials:
 
 _FLOOR = "-(({0} - {r}) / {1})"
 _ROUNDED = Partials(("1.0", "0.0"), kink="{1} < 6", why="is rounded")
-UNKNOWN = Partials(each="0.0", kink="True", why="is the result of a search, or of another operation without a rule")
+UNKNOWN = Partials(each="0.0", kink="True", why="is the result of an operation without a known derivative")
 RULES: dict[str, Partials] = {
     "+": Partials(("1.0", "1.0")), "-": Partials(("1.0", "-1.0")), "*": Partials(("{1}", "{0}")),
     "/": Partials(("1.0 / {1}", "-{r} / {1}")),
@@ -73,7 +73,7 @@ RULES: dict[str, Partials] = {
     "remainder": Partials(("1.0", _FLOOR), kink="2.0 * abs({r}) == abs({1})", why="is at a jump of a remainder"),
     "abs": Partials(("copysign(1.0, {0})",), kink="{0} == 0.0", why="is the absolute value of 0", bounded=True),
     "copysign": Partials(
-        ("copysign(1.0, {0}) * copysign(1.0, {1})", "0.0"), kink="{0} == 0.0 or {1} == 0.0", why="has the sign of 0",
+        ("copysign(1.0, {0}) * copysign(1.0, {1})", "0.0"), kink="{0} == 0.0 or {1} == 0.0", why="uses the sign of 0",
     ),
     "sqrt": Partials(("0.5 / {r}",), kink="{r} == 0.0", why="is the square root of 0"),
     "hypot": Partials(each="{i} / {r}", kink="{r} == 0.0", why="is the length of a vector of length 0", bounded=True),
@@ -86,8 +86,8 @@ RULES: dict[str, Partials] = {
         kink="{0} == 0.0 and {1} <= 0.0", why="is an angle of 180 deg",
     ),
     "radians": Partials((repr(math.pi / 180.0),)), "degrees": Partials((repr(180.0 / math.pi),)), "_fsum": Partials(each="1.0"),
-    "min": Partials(each="float({i} == {r})", why="is the smallest of equal values", bounded=True),
-    "max": Partials(each="float({i} == {r})", why="is the greatest of equal values", bounded=True),
+    "min": Partials(each="float({i} == {r})", why="is the minimum of equal values", bounded=True),
+    "max": Partials(each="float({i} == {r})", why="is the maximum of equal values", bounded=True),
     "round": _ROUNDED, "rounded": _ROUNDED,
     "negative": Partials(("-1.0",)), "item": Partials(("1.0",)), "cosine of": Partials(("-sin({0})",)), "sine of": Partials(("cos({0})",)),
 }

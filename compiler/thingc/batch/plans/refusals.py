@@ -108,13 +108,13 @@ class Refusals(PlanChecker["DiagnosticsTemplate", Diagnostics]):
         If no plan can be created, store the reason in `form` and return None.
         """
         if self.whole(read) != problems:  # MuJoCo or the writing of files has refused the settings
-            form.refused = "it is not refused by a compilation"
+            form.refused = "a compilation with these settings succeeds"
             return None
 
         def reported(compilation: Compilation, tape: Tape) -> tuple[Diagnostics, int]:
             found = tuple(compilation.report.ordered())
             if not compilation.report.failed or _cause(found) != _cause(problems):
-                raise NotTraceable("it has other diagnostics there")
+                raise NotTraceable("other diagnostics are reported for other values")
             return found, len(compilation.decisions)
 
         def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], DiagnosticsTemplate]:
@@ -140,9 +140,9 @@ class DiagnosticsTemplate:
         plain = [*rehearsal.tape.quoted, *(rehearsal.parts.words if rehearsal.parts is not None else ())]
         self._templates = {text: TextTemplate(text) for text in texts if "⟦" in text}
         if any("⟦" in text for text in fixed) or any(CUT in text for text in self._templates):
-            raise NotTraceable("a text of a diagnostic cannot have slots")
+            raise NotTraceable("a diagnostic contains text that the plan cannot compute")
         if any(word in text for word in plain for text in (*texts, *fixed)):
-            raise NotTraceable("a diagnostic quotes a number")
+            raise NotTraceable("a diagnostic contains a number")
         self.numbers = NumberSlots(rehearsal.tape, [name for one in self._templates.values() for name in one.slots])
 
     def diagnostics(self, outputs: Sequence[float]) -> Diagnostics:

@@ -67,7 +67,7 @@ class SearchMemo(Memo):
         def repeated(*values: float) -> tuple[float, ...]:
             given, found = build(values), list[float]()
             if _structure(function(*given), _outside(given), found) != structure:
-                raise ValueError("a search has another result")
+                raise ValueError("a search has a different result for these numbers")
             return tuple(found)
 
         name = f"search_{len(tape.operations)}"

@@ -186,7 +186,7 @@ class Traced(Recorded):
         return int(self.tape.pin(self))
 
     def __index__(self) -> int:
-        raise TypeError("a varying number cannot be a count")
+        raise TypeError("a number that varies between variants cannot be used as a count")
 
     def __float__(self) -> float:
         return float(self.tape.pin(self))

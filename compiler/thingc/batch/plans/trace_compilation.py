@@ -83,14 +83,15 @@ def trace_compilation(
     try:
         compilation = session.passes(environment, sources, settings, modes)
         if lost := [name for name in quantities if name not in quantities.used]:
-            raise NotTraceable("it is not used", lost, unused=True)
+            raise NotTraceable("the number is not used", lost, unused=True)
         if not refused and compilation.report.failed:
-            raise NotTraceable("it is not valid there")
+            raise NotTraceable("the document has errors with other values")
         made = make(compilation, tape)
     except PartDependsOnNumber as fault:
-        raise NotTraceable(f"the part `{fault.label}` depends on it", _names(tape, list(numbers), fault.number), modelled=True) from None
+        why = f"the part `{fault.label}` depends on the number"
+        raise NotTraceable(why, _names(tape, list(numbers), fault.number), modelled=True) from None
     except BlobMissing:
-        raise NotTraceable("a pass reads the mesh of a part that depends on it") from None
+        raise NotTraceable("a pass reads the mesh of a part that depends on the number") from None
     except (TypeError, ValueError, ArithmeticError, AttributeError) as fault:
         raise NotTraceable(f"a pass does not support a varying number ({type(fault).__name__}: {fault})") from fault
     return TraceResult(made=made, tape=tape, names=tuple(numbers), parts=parts if parts.before is not None else None)

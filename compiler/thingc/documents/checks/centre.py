@@ -42,7 +42,7 @@ class WithinSpec(Model):
     @model_validator(mode="after")
     def _one(self) -> WithinSpec:
         if self.x is None and self.y is None and self.z is None:
-            raise rule("`within` must bound at least one of `x`, `y` and `z`", "write for example `x: [-10 mm, 10 mm]`")
+            raise rule("`within` must bound at least one of `x`, `y` and `z`", "write, for example, `x: [-10 mm, 10 mm]`")
         return self
 
 

@@ -73,7 +73,7 @@ class NoCollisionTest(Model):
     @model_validator(mode="after")
     def _sweep(self) -> NoCollisionTest:
         if self.samples is not None and not self.joints:
-            help = "remove `samples`, or add for example `joints: {elbow: all}`"
+            help = "remove `samples`, or add, for example, `joints: {elbow: all}`"
             raise rule("`samples` needs `joints`", help)
         return self
 

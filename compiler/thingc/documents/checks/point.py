@@ -55,7 +55,7 @@ class PointTest(Model):
     @model_validator(mode="after")
     def _angle(self) -> PointTest:
         if self.angle is not None and self.direction is None:
-            raise rule("`angle` needs a `direction`", "write for example `direction: [0, 0, -1]`")
+            raise rule("`angle` needs a `direction`", "write, for example, `direction: [0, 0, -1]`")
         return self
 
 
@@ -84,7 +84,7 @@ def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
         x, y, z = (reader.number(value, ("direction", index), NUMBER, what) for index, value in enumerate(written.direction))
         length = hypot(x, y, z)
         if length == 0.0:
-            reader.error(Code.OUT_OF_RANGE, "`direction` must not be zero", "direction", help="write for example `direction: [0, 0, -1]`")
+            reader.error(Code.OUT_OF_RANGE, "`direction` must not be zero", "direction", help="write, for example, `direction: [0, 0, -1]`")
         direction = (x / length, y / length, z / length) if length > 0.0 else None
     angle = reader.number(written.angle, "angle", ANGLE, above=0.0, default=ANGLE_OFF)
     if mount is None or at is None:

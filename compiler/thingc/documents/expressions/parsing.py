@@ -40,8 +40,8 @@ _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.(?:[A-Za-z_]\w*|\d+))*", re.ASCII)
 _OPERATOR = re.compile(r"\*\*|<=|>=|==|!=|[-+*/<>(),]")
 _FOREIGN = {
     "^": "use `**` for powers", "%": "`%` is a unit here: `15 %`", "=": "use `==` for equality",
-    ".": "a name must be a single parameter of this document",
-    "&": "there is no `and`", "|": "there is no `or`", "[": "use round parentheses", "{": "use round parentheses",
+    ".": "use the name of a parameter of this document, without `.`",
+    "&": "`and` is not supported", "|": "`or` is not supported", "[": "use round parentheses", "{": "use round parentheses",
     "$": "in expressions, write the index as `i`, without `$`", "'": "expressions cannot contain strings",
     '"': "expressions cannot contain strings",
 }

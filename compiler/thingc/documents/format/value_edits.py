@@ -32,7 +32,7 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     for keys, value in values.items():
         after = _parse_document(document, set_one(document, keys, value))
         if after is None or after.tree.plain() != _put(document.tree.plain(), keys, _meant(value)):
-            what = "the value is repeated by an alias, or has a form that thingc cannot edit"
+            what = "an alias repeats the value, or thingc cannot edit this YAML syntax"
             raise CannotSetValue(f"`{'.'.join(keys)}` cannot be set separately: {what}")
         document = after
     return document
@@ -45,7 +45,7 @@ def without(document: Document, keys: Keys) -> Document:
     """
     after = _parse_document(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
     if after is None or after.tree.plain() != _take_out(document.tree.plain(), keys):
-        raise CannotSetValue(f"`{'.'.join(keys)}` cannot be removed separately: an alias repeats the key, or thingc cannot edit its form")
+        raise CannotSetValue(f"`{'.'.join(keys)}` cannot be removed: an alias repeats the key, or thingc cannot edit this YAML syntax")
     return after
 
 

@@ -68,7 +68,7 @@ def load(
         return None
     if not workspace.contains(path):
         report.add(
-            Code.OUTSIDE_WORKSPACE, f"`{name}` is a link to a file outside the workspace", None,
+            Code.OUTSIDE_WORKSPACE, f"`{name}` is a symbolic link to a file outside the workspace", None,
             help="use the file that the link points to",
         )
         return None
@@ -358,7 +358,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
             found = "a list" if isinstance(node, SequenceNode) else "a mapping"
         report.add(
             Code.HEADER, f"`thingc` must specify kind and version, found {found}", tree.keys["thingc"] if value is None else node.span,
-            help=f"write for example `{head_line(file, usual)}`",
+            help=f"write, for example, `{head_line(file, usual)}`",
         )
         return None
     kind, slash, version = value.partition("/")

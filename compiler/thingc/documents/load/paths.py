@@ -62,7 +62,7 @@ def find_file(
         return None
     if not os.path.isfile(path):
         if os.path.isdir(path):
-            report.add(Code.MISSING_FILE, f"`{shown}` is a folder, not a file", where, help="use a file in it")
+            report.add(Code.MISSING_FILE, f"`{shown}` is a folder, not a file", where, help="use a file in this folder")
         else:
             report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_near(path, text, beside, suffixes))
         return None

@@ -130,7 +130,7 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
             )
         return SyntaxFault(
             message="this line does not continue the mapping above it", start=at, end=end,
-            help="keys of a mapping must start in the same column; quote a string with quotes in it as a whole",
+            help="keys of a mapping must start in the same column; put the whole string in quotes if it contains quotes",
             note=("the mapping starts here", began),
         )
     if "block collection" in context or "block sequence" in context:

@@ -61,7 +61,7 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
             raise RenameRefused(f"the index `{name.text}` is the default: first add `as: {name.text}` under `repeat`")
         raise RenameRefused(f"cannot find the definition of the {what} `{name.text}` of `{name.owner}` without running its code")
     if name.what == "sensor" and any(one.name.what == "joint" and one.span == sight.index.declared(name) for one in sight.index.places):
-        raise RenameRefused(f"`{name.text}` measures the joint of the same name: first add `joint: {name.text}` to it")
+        raise RenameRefused(f"the sensor `{name.text}` measures the joint with the same name: first add `joint: {name.text}` to the sensor")
     for path, text in sight.broken.items():
         if mentioned(text, name.text):
             raise RenameRefused(f"`{sight.relative(path)}` contains `{name.text}` but cannot be parsed: fix the file first")
@@ -71,11 +71,11 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
         other = sight.parts.elsewhere(PartName(name.what, name.file, name.text, name.owner))
         if other is not None:
             where = f"{sight.relative(other[0])}:{other[1]}"
-            raise RenameRefused(f"`{name.text}` at {where} is possibly this {what} of `{name.owner}`: rename it in Python")
+            raise RenameRefused(f"`{name.text}` at {where} may refer to this {what} of `{name.owner}`: rename it there by hand")
     if name.what == "material":
         for path in sight.parts.files():
             if f'"{name.text}"' in (text := sight.read(path) or "") or f"'{name.text}'" in text:
-                raise RenameRefused(f"`{sight.relative(path)}` also uses the material `{name.text}`: rename it in Python")
+                raise RenameRefused(f"`{sight.relative(path)}` also uses the material `{name.text}`: rename it there by hand")
 
 
 def rename_edits(sight: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
@@ -111,7 +111,7 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
     if not _NAME.fullmatch(new) or len(new) > 1000:
         raise RenameRefused(f"`{escape_control(shortened(new))}` is not a valid name: use a letter, then letters, digits and `_`")
     if new.lower() in ("true", "false", "null"):
-        raise RenameRefused(f"`{new}` is a value if it is not quoted: choose another name")
+        raise RenameRefused(f"`{new}` is not a string in YAML unless it is quoted: choose another name")
     if new in RESERVED and name.what in _RESERVING:
         raise RenameRefused(f"`{new}` is reserved and cannot be the name of a {what}")
     if name.what == "parameter" and (new in CONSTANTS or new in FUNCTIONS):
@@ -174,7 +174,7 @@ def _compare(before: WorkspaceIndex, after: WorkspaceIndex, name: Name, new: str
         astray = old.tree.span if now is None else next(_differing(old.tree, now.document.tree, spans), None)
         if astray is not None:
             where = f"{before.relative(path)}:{astray.line}"
-            raise RenameRefused(f"`{name.text}` at {where} has a form that thingc cannot edit: rename it by hand")
+            raise RenameRefused(f"`{name.text}` at {where} uses YAML syntax that thingc cannot edit: rename the element by hand")
     along = {place.name for place in before.index.places if place.role == "declared" and place.span in spans}
     section = {"component": "components", "joint": "joints"}.get(name.what, "")
 

@@ -274,7 +274,7 @@ class ComponentSpec(ComponentDefaults):
         kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
         if not kinds:
             raise rule("a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
-                        "add `link: true` next to `shapes`" if self.shapes else "write for example `part: arm:BasePlate`")
+                        "add `link: true` next to `shapes`" if self.shapes else "write, for example, `part: arm:BasePlate`")
         if len(kinds) > 1:
             named = " and ".join(f"`{k}`" for k in kinds)
             raise rule(
@@ -307,7 +307,7 @@ class ComponentSpec(ComponentDefaults):
         if isinstance(self.attach, dict) and len(self.attach) != 1:
             raise rule(f"`attach` must contain one mate `{{my_mount: other.mount}}`, found {len(self.attach)}",
                         "use only one mate, which places the component completely" if self.attach
-                        else "write for example `{back: plate.servo_seat}`", "attach")
+                        else "write, for example, `{back: plate.servo_seat}`", "attach")
         return self
 
 
@@ -424,7 +424,7 @@ class TurnSpec(Model):
     @model_validator(mode="after")
     def _one(self) -> TurnSpec:
         if (self.rpy is None) == (self.quat is None):
-            raise rule("the rotation of a ball must be either `rpy` or `quat`", "write for example `{rpy: 0 20 0 deg}`")
+            raise rule("the rotation of a ball must be either `rpy` or `quat`", "write, for example, `{rpy: 0 20 0 deg}`")
         return self
 
 

@@ -86,5 +86,5 @@ class DriveSpec(Model):
             if getattr(self, key) is not None:
                 raise rule(f"a {self.kind} drive cannot have `{key}`", f"remove `{key}`", key)
         if self.kind == "position" and self.kp is None and self.component is None:
-            raise rule("a position drive needs `kp`", "write for example `kp: 20 N*m/rad`")
+            raise rule("a position drive needs `kp`", "write, for example, `kp: 20 N*m/rad`")
         return self

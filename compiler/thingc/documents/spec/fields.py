@@ -275,13 +275,13 @@ def _vector(dimension: Dimension) -> FieldValidator:
             except UnitError as error:
                 if error.kind == "unit" and error.offset is None:
                     meant = f"{' '.join(value.split())} {suggested_units(dimension, value)[0]}"
-                    error = UnitError(error.message, kind="unit", help=f"write for example `{meant}`")
+                    error = UnitError(error.message, kind="unit", help=f"write, for example, `{meant}`")
                 raise _of_unit(error) from None
             return x, y, z
         if not isinstance(value, (list, tuple)):
-            raise fault("type", f"expected {words}, found {found(value)}", help=f"write for example `{short}` or `{listed}`")
+            raise fault("type", f"expected {words}, found {found(value)}", help=f"write, for example, `{short}` or `{listed}`")
         if len(value) != 3:
-            raise fault("vector", f"expected {words}, found {found(value)}", help=f"write for example `{listed}`")
+            raise fault("vector", f"expected {words}, found {found(value)}", help=f"write, for example, `{listed}`")
         items: list[Value] = []
         wrong: list[PydanticCustomError] = []
         for index, item in enumerate(value):
@@ -333,7 +333,7 @@ def name_of(value: Any) -> str:
 
     plain = re.sub("[\u0300-\u036f]+", "", normalize("NFD", value.strip()))  # letters without their accents
     cleaned = re.sub(r"\W+", "_", plain, flags=re.ASCII).strip("_")
-    help = f"write for example `{cleaned}`" if _NAME.fullmatch(cleaned) else None
+    help = f"write, for example, `{cleaned}`" if _NAME.fullmatch(cleaned) else None
     raise fault("name", f"`{shortened(value)}` is not a valid name: use a letter, then letters, digits and `_`", help=help)
 
 
@@ -416,7 +416,7 @@ def _cost(value: Any) -> str:
     amount = value if isinstance(value, (int, float)) and not isinstance(value, bool) else "12.50"
     raise fault(
         "quantity" if isinstance(value, str) else "type", f"expected an amount and a currency, found {found(value)}",
-        help=f"write for example `{amount} EUR`",
+        help=f"write, for example, `{amount} EUR`",
     )
 
 

@@ -92,7 +92,7 @@ class ShapeSpec(Model):
             these = "found " + " and ".join(kinds) if kinds else "found none"
             raise rule(
                 f"a shape must have exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}, {these}",
-                "write each shape as a separate item: `- {...}`" if kinds else "write for example `box: 40 40 20 mm`",
+                "write each shape as a separate item: `- {...}`" if kinds else "write, for example, `box: 40 40 20 mm`",
             )
         for key in ("unit", "scale"):
             if getattr(self, key) is not None and self.mesh is None:

@@ -62,10 +62,10 @@ class HoldSpec(PoseSpec):
         if self.at is not None and placed:
             raise rule(f"a hold cannot have both `at` and `{placed[0]}`", f"remove `at` or `{placed[0]}`", placed[0])
         if self.at is None and not placed:
-            raise rule("a hold needs `at: here`, or `xyz` and `rpy`", "write for example `at: here`")
+            raise rule("a hold needs `at: here`, or `xyz` and `rpy`", "write, for example, `at: here`")
         if self.carries == "force" and placed[-1:] in (["rpy"], ["quat"]):
             key = placed[-1]
-            raise rule(f"a hold that carries only force fixes a point: `{key}` has no effect", f"remove `{key}`", key)
+            raise rule(f"a hold with `carries: force` fixes only a point, so `{key}` has no effect", f"remove `{key}`", key)
         return self
 
 

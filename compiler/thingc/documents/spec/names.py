@@ -15,7 +15,7 @@ from thingc.documents.spec.name_types import DrivenKey, OwnComponentKey, OwnExpo
 def _file_name(value: Any) -> str:
     """Validate a name in output files."""
     if not isinstance(value, str):
-        raise fault("type", f"expected a name, found {found(value)}", help="write it in quotes")
+        raise fault("type", f"expected a name, found {found(value)}", help="put the name in quotes")
     if not is_file_name(value):
         raise fault(
             "name", f"expected a name, found {found(value)}",

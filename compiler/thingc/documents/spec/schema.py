@@ -41,7 +41,7 @@ def json_schema(kind: str) -> dict[str, Any]:
             _complete(name, field, definitions)
     properties: dict[str, Any] = cleaned["properties"]
     properties["$schema"] = {
-        "type": "string", "title": "Schema", "description": "Where this schema is, for editors.",
+        "type": "string", "title": "Schema", "description": "The path or URL of the JSON Schema of this document, for editors.",
         "examples": [f"../schemas/{kind}-1.json"],
     }
     return {"$schema": DIALECT, **cleaned, "title": f"thingc {kind} document, version 1"}

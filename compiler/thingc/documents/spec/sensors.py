@@ -121,7 +121,7 @@ class SensorSpec(Model):
             if len(written) != 1:
                 wanted = " or ".join(f"`{key}`" for key in group)
                 here = "found both" if written else "found none"
-                help = "keep only one of the two keys" if written else f"write for example `{_EXAMPLES[group[0]]}`"
+                help = "keep only one of the two keys" if written else f"write, for example, `{_EXAMPLES[group[0]]}`"
                 raise rule(f"a sensor of type `{self.type}` needs {wanted}, {here}", help)
         return self
 

@@ -39,7 +39,7 @@ class AroundSpec(Model):
     def _one_shape(self) -> AroundSpec:
         if (self.sphere is None) == (self.cylinder is None):
             here = "found none" if self.sphere is None else "found both"
-            help = "write for example `cylinder: 12 mm`, its radius"
+            help = "write, for example, `cylinder: 12 mm`, its radius"
             raise rule(f"`around` needs exactly one of `sphere` and `cylinder`, {here}", help)
         return self
 
@@ -86,7 +86,7 @@ class TendonSpec(Model):
     def _one_way(self) -> TendonSpec:
         if (self.joints is None) == (self.path is None):
             here = "found none" if self.joints is None else "found both"
-            raise rule(f"a tendon needs exactly one of `joints` and `path`, {here}", "write for example `path: [arm.hook, hand.hook]`")
+            raise rule(f"a tendon needs exactly one of `joints` and `path`, {here}", "write, for example, `path: [arm.hook, hand.hook]`")
         if self.width is not None and self.path is None:
             raise rule("`width` can only be used with `path`", "remove `width`: a tendon over joints has no path in space", "width")
         return self

@@ -32,7 +32,7 @@ def _rule_text(value: Any) -> Expression:
             "unit" if error.kind == "unit" else "expression", error.message, help=error.help, offset=error.offset, end=error.end,
         ) from None
     if not expression.compares:
-        raise fault("expression", f"expected a comparison, found {found(value)}", help=f"write for example `{shortened(value)} > 0`")
+        raise fault("expression", f"expected a comparison, found {found(value)}", help=f"write, for example, `{shortened(value)} > 0`")
     return expression
 
 
@@ -53,7 +53,7 @@ _SETTING_SCHEMA = {
 }
 _PATH_SCHEMA = {
     "type": "string", "pattern": r"^(components\.[A-Za-z]\w*\.)*(part|file|assembly|material|defaults\.component\.material)$",
-    "description": "What is chosen.", "examples": ["components.foot.part", "defaults.component.material"],
+    "description": "The path of a part, file, assembly or material.", "examples": ["components.foot.part", "defaults.component.material"],
 }
 _RULE_SCHEMA = {
     "type": "string", "description": "A comparison over parameters and results.",
@@ -125,7 +125,7 @@ class VariantsSpec(Model):
     """The assembly document."""
     name: Name
     """The name of the batch and of its folder."""
-    description: str = Field(default="", examples=["How long its legs should be."])
+    description: str = Field(default="", examples=["Robots with legs of different lengths."])
     """A description of the variants."""
     parameters: dict[SettingField, list[AnyQuantityField] | AxisSpec | AnyQuantityField] = Field(
         default={}, examples=[{"leg_length": ["80 mm", "100 mm"], "body_width": {"from": "60 mm", "to": "90 mm", "count": 4}}],

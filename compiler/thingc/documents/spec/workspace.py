@@ -43,23 +43,23 @@ def _maintainer(value: Any) -> str:
 
 def _license(value: Any) -> str:
     if not isinstance(value, str) or not one_line(value):
-        raise fault("type", f"expected a license in one line, found {found(value)}", help="write for example `Apache-2.0`")
+        raise fault("type", f"expected a license in one line, found {found(value)}", help="write, for example, `Apache-2.0`")
     return value
 
 
 def _version(value: Any) -> str:
     if not isinstance(value, str) or re.fullmatch(VERSION, value) is None:
-        raise fault("type", f"expected three whole numbers separated by dots, found {found(value)}", help='write for example `"1.0.0"`')
+        raise fault("type", f"expected three whole numbers separated by dots, found {found(value)}", help='write, for example, `"1.0.0"`')
     return value
 
 
 def _memory(value: Any) -> str:
     if not isinstance(value, str) or re.fullmatch(MEMORY, value) is None:
-        raise fault("type", f"expected an amount of memory, found {found(value)}", help="write for example `4 GB`")
+        raise fault("type", f"expected an amount of memory, found {found(value)}", help="write, for example, `4 GB`")
     return value
 
 
-_MAINTAINER_HINT = "write for example `Ada Lovelace <ada@example.org>`"
+_MAINTAINER_HINT = "write, for example, `Ada Lovelace <ada@example.org>`"
 
 MemoryField = Annotated[str, FieldValidator(_memory, "an amount of memory", {"type": "string", "pattern": f"^{MEMORY}$"})]
 MaintainerField = Annotated[str, FieldValidator(_maintainer, "a name and a mail address", {"type": "string", "pattern": f"^{MAINTAINER}$"})]

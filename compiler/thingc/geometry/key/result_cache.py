@@ -137,7 +137,7 @@ class Results:
 
 def _change_text(path: str, state: str, now: str) -> str:
     if state.startswith("folder:") and now.startswith("folder:"):
-        return f"folder {path} holds other files"
+        return f"folder {path} contains other files"
     if state == "absent":
         return f"file {path} appeared"
-    return f"file {path} is gone" if now == "absent" else f"file {path} changed"
+    return f"file {path} is missing" if now == "absent" else f"file {path} changed"

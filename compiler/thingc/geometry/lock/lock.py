@@ -123,7 +123,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
     if not os.path.isfile(path) or not workspace.contains(path):
         report.add(
             Code.LOCK_BROKEN, f"`{LOCK_FILE}` is not a file of this workspace", None,
-            help="remove the file (links out of the workspace are not followed); then " + REMAKE,
+            help="remove the file (symbolic links to files outside the workspace are not followed); then " + REMAKE,
         )
         return None
     return read_lock_file(path, report)
@@ -165,17 +165,17 @@ def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity 
 def parse_lock(path: str, data: bytes) -> Lock:
     """Parse the content of a lock file. Raises `BadLock` if the lock file contains an invalid value."""
     if len(data) > MAX_BYTES:
-        raise BadLock("", f"it has more than {MAX_BYTES} bytes")
+        raise BadLock("", f"the file has more than {MAX_BYTES} bytes")
     try:
         value = json.loads(data.decode("utf-8"), object_pairs_hook=_once, parse_constant=_refuse)
     except UnicodeDecodeError:
-        raise BadLock("", "it is not UTF-8") from None
+        raise BadLock("", "the file is not UTF-8") from None
     except RecursionError:
-        raise BadLock("", "it is nested too deeply") from None
+        raise BadLock("", "the file has too many levels of nesting") from None
     except json.JSONDecodeError as fault:
         raise BadLock("", f"line {fault.lineno}, column {fault.colno} is not valid JSON") from None
     except ValueError:
-        raise BadLock("", "a whole number in it has too many digits") from None
+        raise BadLock("", "a whole number in the file has too many digits") from None
     table = mapping(value, "")
     if table.get("thingc") != VERSION:
         raise BadLock("thingc", f'expected "{VERSION}"')
@@ -212,5 +212,5 @@ def _states(value: Any, path: str) -> dict[str, str]:
     states = mapping(value, path)
     for file, state in states.items():
         if not isinstance(state, str) or os.path.isabs(file) or ".." in file.split("/") or "\0" in file:
-            raise BadLock(path, "expected a mapping from paths inside the workspace to states of files")
+            raise BadLock(path, "expected a mapping from paths inside the workspace to file hashes")
     return dict(states)

@@ -238,14 +238,14 @@ class LockOnlyGeometry:
         thing = answers.lock.things.get(reference)
         if thing is None:
             if reference in answers.lock.others:
-                return PartFailure(subject=reference, kind="invalid", message="it is not a part class", file=file, line=line)
+                return PartFailure(subject=reference, kind="invalid", message="this is not a part class", file=file, line=line)
             message = f"`{LOCK_FILE}` does not contain this part"
             return PartFailure(subject=reference, kind="unlocked", message=message, file=file, line=line)
         schema = self._tried(partial(answers.schema, reference))
         if schema is not None:
             return schema
         if answers.current(reference):
-            return PartFailure(subject=reference, kind="unlocked", message=f"its entry in `{LOCK_FILE}` is invalid")
+            return PartFailure(subject=reference, kind="unlocked", message=f"the entry of this part in `{LOCK_FILE}` is invalid")
         what = "its code" if thing.code != hash_of(reference, code, self._parts) else "a file that it reads"
         return PartFailure(
             subject=reference, kind="stale", message=f"{what} has changed since `{LOCK_FILE}` was written", file=file, line=line,

@@ -53,7 +53,7 @@ def mesh_records(listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, r
         try:
             record = memo(("mesh record", file.path, file.scale, read), measured, file, store, read)
         except BadMesh as fault:
-            report.add(Code.PART_INVALID, f"`{file.path}` {fault}", origin, help="export it again as STL, OBJ, COLLADA, PLY or glTF")
+            report.add(Code.PART_INVALID, f"`{file.path}` {fault}", origin, help="export the mesh again as STL, OBJ, COLLADA, PLY or glTF")
             continue
         if record is not None:
             records[file] = record

@@ -73,7 +73,7 @@ class _Beside(trimesh.resolvers.Resolver):
         return self
 
     def write(self, name: str, data: bytes) -> None:
-        raise OSError("mesh files are only read")
+        raise OSError("mesh files are read-only")
 
 
 def read_mesh(file: MeshFile, store: Store) -> MeshRecord:

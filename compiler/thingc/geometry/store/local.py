@@ -45,7 +45,7 @@ class BlobMissing(Exception):
     """Raised if a blob is not in the store, or was damaged and has been removed."""
 
     def __init__(self, sha256: str) -> None:
-        super().__init__(f"the cache has no valid blob {sha256}")
+        super().__init__(f"the cache does not contain a valid blob {sha256}")
         self.sha256 = sha256
 
 

@@ -45,7 +45,7 @@ def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
     for family, parameter, change in pinned:
         call = next((call for call in _parents(base) if call.family is family), None)
         if call is None:
-            message = f"`{cls.__name__}` with these parameters does not call the `__init__` that takes `{parameter.name}`"
+            message = f"`{cls.__name__}` with these parameters does not call the `__init__` that accepts `{parameter.name}`"
             raise CallError(message, owner=cls.__name__, parameter=parameter.name)
         value = _applied(parameter, change, call.values[parameter.name], cls.__name__)
         values = adjustments.setdefault(family, {})
@@ -91,6 +91,6 @@ def _applied(parameter: Parameter, change: Change, current: Value, owner: str) -
         return parameter.canonical(value, owner)
     amount = Parameter(name=f"{parameter.name}__{operation}", kind="number", required=True, default=None)
     if parameter.kind not in NUMERIC:
-        raise amount.error(f"needs a number to change, but `{parameter.name}` is {parameter.noun}", owner)
+        raise amount.error(f"can only be used with a number, but `{parameter.name}` is {parameter.noun}", owner)
     number, start = float(amount.canonical(value, owner)), float(current)
     return parameter.canonical(start + number if operation == "add" else start * number, owner)

@@ -192,7 +192,7 @@ def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
     def construct(self: Thing, *args: object, **kwargs: object) -> None:
         construction = self._construction
         if construction.finished:
-            raise AttributeError(f"`{cls.__name__}` is immutable: `__init__` runs once")
+            raise AttributeError(f"`{cls.__name__}` is immutable: `__init__` cannot be called again")
         given = family_signature(cls).bind(args, kwargs)
         call = InitCall(family=cls, given=given, values={**given, **construction.adjustments.get(cls, {})})
         construction.calls.append(call)

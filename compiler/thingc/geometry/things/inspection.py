@@ -118,7 +118,7 @@ def lacking_result(part: PartLike) -> MissingMember | None:
     ends = (ast.Return, ast.Raise, ast.Yield, ast.YieldFrom, ast.Lambda)
     if tree is None or any(isinstance(node, ends) for node in ast.walk(tree)):
         return None
-    return MissingMember(words="has a `result()` that never returns anything", place=_code_location(function))
+    return MissingMember(words="has a `result()` without a `return` statement", place=_code_location(function))
 
 
 def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFunctionDef | None:
@@ -297,7 +297,7 @@ def up_of(thing: Thing) -> Vector | None:
         return None
     what = f"`print` of `{type(thing).__name__}`"
     if not isinstance(stated, Mapping) or set(stated) != {"up"}:
-        raise TypeError(f"{what} must have one key, `up`: write for example {{\"up\": (0, 0, 1)}}; found {stated!r}")
+        raise TypeError(f"{what} must have one key, `up`: write, for example, {{\"up\": (0, 0, 1)}}; found {stated!r}")
     up = _vector(what, stated["up"])
     length = math.hypot(*up)
     if not length > 0.0:

@@ -135,7 +135,7 @@ class Thing(Framed, metaclass=ThingType):
 
     def _must_be_finished(self, what: str) -> None:
         if not self._construction.finished:
-            raise RuntimeError(f"`{type(self).__name__}` cannot use its own {what}() in `__init__`, before it is complete")
+            raise RuntimeError(f"`{type(self).__name__}` cannot call its own {what}() in `__init__`")
 
     if not TYPE_CHECKING:  # hidden from type checkers, which would otherwise accept any attribute
 

@@ -158,7 +158,7 @@ def _wrap_environment() -> None:
         except KeyError as fault:  # existing variables have fixed values, or the part itself set them
             name = _name_text(key)
             if _ask(ImpureInputs.ENVIRONMENT, f"reads the environment variable `{name}`, which is not available to parts"):
-                fault.add_note(f"the environment of a part is fixed and does not contain `{name}`")
+                fault.add_note(f"parts run in a fixed environment, which does not contain `{name}`")
             raise
 
     family.__getitem__ = getitem

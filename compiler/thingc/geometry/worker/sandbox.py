@@ -35,7 +35,7 @@ class ForbiddenWrite(PermissionError):
     The exception is a `PermissionError`. Libraries catch this exception if they do not need the file.
     """
 
-    def __init__(self, path: str, words: str = "only its own temporary folder may be written") -> None:
+    def __init__(self, path: str, words: str = "files may be written only to the temporary folder of this process") -> None:
         super().__init__(errno.EACCES, words, path)
 
 
@@ -58,7 +58,7 @@ _FOLLOWING = frozenset({"os.chmod", "os.chown", "os.removexattr", "os.setxattr",
 
 _STARTING = ("os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "subprocess.Popen", "socket.__new__", "ctypes.dlopen")
 
-OUTSIDE = "it is outside the robot's folder and all known packages"
+OUTSIDE = "the file is outside the robot's folder and all known packages"
 """The reason in an error message about a file that the code must not read."""
 
 _allowed: tuple[str, ...] = ()

@@ -86,7 +86,7 @@ class _Field(FrozenStruct, kw_only=False):
             return RecordDifference(self.name, f"its {self.name} differ: {_listed(names)}")
         if list(first) != list(second):
             orders = f"{_listed(first)} in the first build and {_listed(second)} in the second"
-            return RecordDifference(self.name, f"its {self.name} change order: {orders}")
+            return RecordDifference(self.name, f"the order of its {self.name} differs: {orders}")
         return None
 
 

@@ -30,8 +30,8 @@ from thingc.model.assembly.types import Assembly, Connected, Mate, Occurrence
 from thingc.model.resolve.types import AssemblyDefinition
 
 ABSENT = {
-    "decompose": "it has no convex decomposition", "part": "its part class has no `collision()`", "hull": "it has no hull",
-    "mesh": "it has no mesh",
+    "decompose": "the part has no convex decomposition", "part": "its part class has no `collision()`",
+    "hull": "the part has no convex hull", "mesh": "the part has no mesh",
 }
 """Reasons for a missing collision shape, by the value of the key `collision`."""
 

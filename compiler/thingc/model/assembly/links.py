@@ -109,8 +109,9 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[i
             if other is not None and other.document == naming.document:
                 before = other.name.rsplit("/", 1)[-1]
                 findings.error(
-                    Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name the same link: no joint moves between them", naming.origin,
-                    path=naming.name, help="remove one of the two names", notes=noted(f"`{before}` is written here", other.origin),
+                    Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name the same link: no joint separates their components",
+                    naming.origin, path=naming.name, help="remove one of the two names",
+                    notes=noted(f"`{before}` is written here", other.origin),
                 )
             elif other is None or naming.depth < other.depth:
                 chosen[link] = naming

@@ -68,7 +68,7 @@ def _warn(owner: Occurrence, one: MountExpectation, others: Sequence[tuple[Occur
         findings.warn(Code.EXPECTATION, f"{cut}, but nothing is attached to it", owner.origin, path=owner.path, help=help, allow=True)
         return
     if _is(other, one, owner):
-        message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` is attached to it by `{mount}`"
+        message = f"{cut} with its mount `{one.child_mount}`, but `{other.component.name}` is attached with its mount `{mount}`"
     else:
         message = f"{cut}, but `{other.component.name}` (`{found}`) is attached to it"
     notes = noted(f"`{name}` is defined here", owner.origin)

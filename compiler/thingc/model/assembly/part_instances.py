@@ -161,7 +161,7 @@ class PartInstances:
             if failure.candidates:
                 help = did_you_mean(failure.subject, failure.candidates, what="parts")
             elif component.definition.kind == "file" and failure.kind in ("invalid", "raised", "crashed"):
-                help = "open the file in a CAD program and export it again as a solid"
+                help = "open the file in a CAD program, and export the part again as a solid"
             elif component.definition.kind == "file" and code is Code.PART_EMPTY:
                 unit = "" if said_by_file(component.definition) else "set the unit of the file (such as `unit: m`; default: mm), or "
                 help = f"{unit}export it again as a solid"
@@ -227,7 +227,7 @@ class PartInstances:
             volumes = ", ".join(f"{float(f'{1e6 * volume:.3g}'):g}" for volume in record.apart[:_SHOWN_PLACES])
             more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
             if key not in self._warned and findings.warn(
-                Code.APART, f"{of} is {len(record.apart)} separate solids ({volumes}{more} cm^3)", origin, path=path,
+                Code.APART, f"{of} consists of {len(record.apart)} separate solids ({volumes}{more} cm^3)", origin, path=path,
                 notes=place, help="make the solids overlap, or return a list if separate solids are intended: `return [a, b]`",
                 allow=True,
             ):
@@ -365,7 +365,7 @@ class PartInstances:
             Code.HIGH_LAYERS, f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only "
             f"{1e3 * (process.line_width or 0.0):g} mm: a line must be at least as wide as it is high",
             material.process_origin if of_material and material is not None else origin, path=path,
-            help="write for example `layer: 0.2 mm, line_width: 0.45 mm`",
+            help="write, for example, `layer: 0.2 mm, line_width: 0.45 mm`",
             notes=noted(f"`{component.name}` is made of this material", origin) if of_material else
             noted(f"the process of `{material.name}` is defined here", material.process_origin) if material is not None else (),
         )

@@ -433,7 +433,7 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
         of, place, notes = f"`{key}` of joint `{joint.name}`", _origin_of(joint, key, joint.origin), _elsewhere(joint, key)
         if turns and key != "lead":
             yield _Offset(
-                words=f"{of} is an advance of", length=length, path=joint.name, origin=place, notes=notes,
+                words=f"{of} corresponds to a travel of", length=length, path=joint.name, origin=place, notes=notes,
                 mind=f"unit (`deg`, `rev`): the lead is {length_words(lead)}",
             )
         else:

@@ -97,7 +97,7 @@ def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
             thick = "" if size is None else f", together {length_words(count * size)}"
             yield _Doubt(
                 key=key, words=f"`{key}` is {count} {unit}{thick}",
-                help=f"`{key}` is a number of {unit}, usually {some}; for a solid part, use `infill: 100 %`",
+                help=f"the number of {unit} is usually {some}; for a solid part, use `infill: 100 %`",
             )
     for key, share in (("infill", process.infill), ("overlap", process.overlap)):
         if key in keys and share is not None and 0.0 < share < LEAST_SHARE:

@@ -157,7 +157,7 @@ def weight_of(definition: LinkDefinition, material: Material | None, meshes: Mes
     weights = [(density, _matter(shape, meshes)) for shape, density in dense]
     others = [shape for shape in solid_shapes(definition) if shape not in [one for one, _ in dense]]
     if weights and any(_matter(shape, meshes).mass > 0.0 for shape in others):
-        raise MissingDensity("gets its mass from the densities of its shapes, but some of them have no density")
+        raise MissingDensity("gets its mass from the densities of its shapes, but some shapes have no density")
     return total(matter.with_mass(density * matter.mass) for density, matter in weights)
 
 

@@ -85,7 +85,7 @@ def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mappin
             if x * x + y * y + (z * z if step.shape == "sphere" else 0.0) <= step.radius**2:
                 findings.error(
                     Code.TENDON_PATH, f"`{step.side.path}` is inside the {step.shape} around which the tendon wraps", step.origin,
-                    help="set `side` to a mount outside it: the tendon passes on that side", path=step.side.path,
+                    help="set `side` to a mount outside the shape; the tendon passes the shape on this side", path=step.side.path,
                 )
                 return tendon
     if tendon.dynamics.stiffness is None or tendon.dynamics.rest is not None:

@@ -144,12 +144,13 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
         elif key != kind:
             said, help = f"is defined by `{kind}`, not by `{key}`", f"set `components.{label}.{kind}`"
             if kind in ("link", "frame"):
-                said = "is a frame, without geometry" if kind == "frame" else "is a link, whose shapes are listed"
-                help = "set it on a component with geometry" if kind == "frame" else "set its material, or use another component"
+                said = "is a frame, without geometry" if kind == "frame" else "is a link with inline shapes"
+                help = "use a component with geometry" if kind == "frame" else "set the material of the link, or use another component"
             context.say_of_option(path, f"component `{label}` {said}", help)
             continue
         if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):
-            context.say_of_option(path, f"`{shortened(text)}` contains its unit, but `{label}` has `unit: {spec.unit}`", UNIT_OF_ITS_OWN)
+            said = f"`{shortened(text)}` specifies its own unit, but component `{label}` has `unit: {spec.unit}`"
+            context.say_of_option(path, said, UNIT_OF_ITS_OWN)
             continue
         taken[key] = text
     inside = below(table.choices, *names)

@@ -139,7 +139,7 @@ def _coordinates(
             continue
         if count > 1:
             words = f"joint `{item.name}` is {kind.name} and has {count} coordinates: `{key}` must be a list of {count} items"
-            help = "write for example `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` to set only some coordinates"
+            help = "write, for example, `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` to set only some coordinates"
         else:
             words, help = f"joint `{item.name}` is {kind.name}: `{key}` must not be a list", "write the value without a list"
         scope.error(
@@ -195,7 +195,7 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
     if not isinstance(written, list) or len(written) > 3:
         scope.error(
             Code.DRIVE, f"joint `{name}` is a ball: its `drive` must be a list of one to three drives, each with its own axis", path,
-            key=True, help="write for example `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
+            key=True, help="write, for example, `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
         )
         return {}
     drives: dict[int, Drive] = {}
@@ -205,7 +205,7 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
                 Code.DRIVE, f"drive {number} of ball joint `{name}` needs an `axis`" if isinstance(spec, DriveSpec)
                 else f"drive {number} of ball joint `{name}` is a component, which has no `axis`: it must be written inline",
                 (*path, number),
-                help="write for example `{axis: [1, 0, 0], kind: motor, effort: 2 N*m}`; axis in the parent mount's frame, at q = 0",
+                help="write, for example, `{axis: [1, 0, 0], kind: motor, effort: 2 N*m}`; axis in the parent mount's frame, at q = 0",
             )
             continue
         place = (*path, number, "axis")
@@ -230,7 +230,7 @@ def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, cod
     size = 0.0 if axis is None else hypot(*axis)
     if axis is None or size > 0.0:
         return None if axis is None else (axis[0] / size, axis[1] / size, axis[2] / size)
-    scope.error(code, f"{what} has length 0 and thus no direction", place, help="write for example `[1, 0, 0]`")
+    scope.error(code, f"{what} has length 0 and thus no direction", place, help="write, for example, `[1, 0, 0]`")
     return None
 
 
@@ -310,7 +310,7 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
         if kind.leads and not scope.doubts.touch(path):
             scope.error(
                 Code.LEAD, f"joint `{name}` is a {kind.name} and needs a `lead`, the advance per turn", path, key=True,
-                help="write for example `lead: 8 mm`; use a negative value for a left-hand thread",
+                help="write, for example, `lead: 8 mm`; use a negative value for a left-hand thread",
             )
         return None
     if not kind.leads:
@@ -383,7 +383,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
             scope.error(
                 Code.LIMIT, f"joint `{name}` is {kind.name} and needs {' and '.join(missing)}",
                 (*path, "limit") if item.spec.limit is not None else path, key=True,
-                help=f"write for example `limit: {example}`" + (_ENDLESS if coordinate == ANGLE else ""),
+                help=f"write, for example, `limit: {example}`" + (_ENDLESS if coordinate == ANGLE else ""),
             )
         if low is not None and high is not None and lower is not None and upper is not None and not low < high:
             fault = "are reversed" if low > high else "are equal"

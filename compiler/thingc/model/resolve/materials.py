@@ -186,7 +186,7 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
     if match is None:
         scope.error(
             Code.REFERENCE, f"a library material must be `bd_materials:NAME`, found `{shortened(text)}`", path,
-            help=f"write for example `bd_materials:{shortened(text.strip().rpartition(':')[2]) or 'abs'}`",
+            help=f"write, for example, `bd_materials:{shortened(text.strip().rpartition(':')[2]) or 'abs'}`",
         )
         return None
     try:

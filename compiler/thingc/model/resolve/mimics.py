@@ -59,7 +59,7 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
     if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
         scope.error(
             Code.DIMENSION, f"joint `{item.name}` and `{name}` have different units: `mimic` needs a `multiplier` that is {ratio.words}",
-            path, key=True, help=f"write for example `multiplier: {ratio.example}`", notes=notes,
+            path, key=True, help=f"write, for example, `multiplier: {ratio.example}`", notes=notes,
         )
         return None
     raw = spec.multiplier

@@ -77,8 +77,8 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
         if cuttable or (fitting and not known):
             continue
         if known:
-            fixed = "is fixed: it makes" if pattern in joints else "matches only fixed joints: they make"
-            message = f"`{pattern}` {fixed} one link of two components, so no loop can be cut there"
+            fixed = "is a fixed joint" if pattern in joints else "matches only fixed joints"
+            message = f"`{pattern}` {fixed}; a loop can only be cut at a joint that moves"
             scope.error(Code.CUT, message, at, help=suggested(pattern, moving, what="joints"))
         elif not table.unsure_joints():
             report_unmatched(scope, pattern, moving, at, "joint")
@@ -128,7 +128,7 @@ def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) ->
     if not fitting and not table.unbuilt:
         scope.error(
             Code.NO_MATCH, f"pattern `{text}` matches no mount", path,
-            help=suggested(components, table.nodes, what="components") if components else "write for example `leg_*.sole`",
+            help=suggested(components, table.nodes, what="components") if components else "write, for example, `leg_*.sole`",
         )
     shown = (references.shown_mount(table, scope, one, path) for one in fitting)
     return [one for one in shown if one is not None]
@@ -233,7 +233,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
             return None
         scope.error(
             Code.NO_ROOT, f"mode `{name}` needs a `root`", ("modes", name), key=True,
-            help=f"write for example `root: {table.base or next(iter(table.nodes), 'plate')}`",
+            help=f"write, for example, `root: {table.base or next(iter(table.nodes), 'plate')}`",
         )
         return None
     reference = references.root(table, scope, *root)
@@ -253,7 +253,7 @@ def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: Base
     said, path = layers.pick("at_in") or ({}, ())
     poses: dict[str, Pose] = {}
     if said and base not in ("free", "held"):
-        scope.error(Code.STANDING, f"the base is `{base}`, so it is at the same place in all poses", path, help="remove `at_in`")
+        scope.error(Code.STANDING, f"the base is `{base}`, so its place in the world is the same in all poses", path, help="remove `at_in`")
     for name, spec in said.items():
         place = (*path, name)
         pose = scope.pose(spec, place)

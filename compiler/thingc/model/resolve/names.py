@@ -57,7 +57,7 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
                 scope.error(
                     Code.SAME_NAME, f"`{other}` and `{own}` would both be named `{name}` in files", place,
                     help="rename one of the two elements",
-                    notes=scope.beside(f"`{other}` gets this name here", ("names", kind, other), place),
+                    notes=scope.beside(f"`{other}` is defined here", ("names", kind, other), place),
                 )
                 continue
             path = CoordinateName(own).path if kind == "actuators" else own

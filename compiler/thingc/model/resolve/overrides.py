@@ -100,7 +100,7 @@ def _up(scope: Scope, layers: DefaultLayers) -> Vector | None:
         return None
     length = hypot(x, y, z)
     if not length > 0.0:
-        scope.error(Code.OUT_OF_RANGE, "`up` must not be zero, found `0 0 0`", path, help="write for example `up: [0, 0, 1]`")
+        scope.error(Code.OUT_OF_RANGE, "`up` must not be zero, found `0 0 0`", path, help="write, for example, `up: [0, 0, 1]`")
         return None
     return x / length + 0.0, y / length + 0.0, z / length + 0.0
 

@@ -72,7 +72,7 @@ def unit_meant(definition: object, size: float) -> str:
     if not isinstance(definition, PartDefinition) or definition.kind != "file":
         return "part code uses millimetres: check the units of its `params`"
     if said_by_file(definition):
-        return "the file contains its unit: export it again in the right unit"
+        return "the file specifies its own unit: export the file again in the right unit"
     unit = str(dict(definition.parameters).get("unit", FILE_UNIT))
     number = size / parse_quantity(f"1 {unit}").value
     sizes = {other: number * parse_quantity(f"1 {other}").value for other in LIKELY_UNITS}

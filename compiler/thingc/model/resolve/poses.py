@@ -91,7 +91,7 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
     if not isinstance(raw, TurnSpec):
         scope.error(
             Code.POSE, f"joint `{key}` is a ball: its value in a pose must be `rpy` or `quat`", path, key=True,
-            help=f"write for example `{key}: {{rpy: 0 20 0 deg}}`", notes=_joint_notes(key, ball),
+            help=f"write, for example, `{key}: {{rpy: 0 20 0 deg}}`", notes=_joint_notes(key, ball),
         )
         return
     if raw.rpy is not None:
@@ -137,7 +137,7 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
         if joint.kind.at_once:
             scope.error(
                 Code.POSE, f"joint `{name.joint}` is a ball: a pose cannot set a single coordinate", path, key=True,
-                help=f"write for example `{name.joint}: {{rpy: 0 20 0 deg}}`", notes=_joint_notes(name.joint, joint),
+                help=f"write, for example, `{name.joint}: {{rpy: 0 20 0 deg}}`", notes=_joint_notes(name.joint, joint),
             )
             continue
         coordinate = joint.twist.coordinate if joint.twist is not None else None
@@ -287,7 +287,8 @@ def _report_unknown(table: DocumentScope, scope: Scope, known: Joints, key: str,
     repeated = table.spec.joints.get(key)
     if repeated is not None and repeated.repeat is not None:
         scope.error(
-            Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True, help=f"`{key}` is repeated: write `{key}_0`, or `{key}_*`",
+            Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True,
+            help=f"joint `{key}` is repeated: write `{key}_0`, or `{key}_*`",
         )
         return
     names.extend(prefix[:-1] for prefix in table.unbuilt_joints if prefix)

@@ -53,7 +53,7 @@ def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
     if not isinstance(sections, Mapping):
         scope.error(
             Code.VALUE_KIND, "`add` must be a mapping of sections", path,
-            help=f"write for example `tendon: [...]` with elements such as {_EXAMPLE}",
+            help=f"write, for example, `tendon: [...]` with elements such as {_EXAMPLE}",
         )
         return ()
     for section in sections:
@@ -86,14 +86,14 @@ def text(value: object) -> str:
 
 def _elements(scope: Scope, section: str, written: Any, path: Path) -> Iterator[RawElement]:
     if not isinstance(written, list):
-        scope.error(Code.VALUE_KIND, f"`{path[-1]}` must be a list of elements", path, help=f"write for example {_EXAMPLE}")
+        scope.error(Code.VALUE_KIND, f"`{path[-1]}` must be a list of elements", path, help=f"write, for example, {_EXAMPLE}")
         return
     for number, one in enumerate(written):
         place: Path = (*path, number)
         if not (isinstance(one, Mapping) and len(one) == 1 and isinstance(next(iter(one.values())), Mapping)):
             scope.error(
                 Code.VALUE_KIND, "an element must be a mapping with one key, its tag, whose value contains the attributes", place,
-                help=f"write for example {_EXAMPLE}",
+                help=f"write, for example, {_EXAMPLE}",
             )
             continue
         ((tag, attributes),) = one.items()
@@ -139,7 +139,7 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
         if not isinstance(attributes, Mapping):
             scope.error(
                 Code.VALUE_KIND, f"raw attributes of `{target}` must be a mapping, found `{text(attributes)}`", path,
-                help=f"write for example `{target}: {{joint: {{yaw: {EXAMPLES[target]}}}}}`",
+                help=f"write, for example, `{target}: {{joint: {{yaw: {EXAMPLES[target]}}}}}`",
             )
             continue
         laid = {key: one for key, one in attributes.items() if target != "mjcf" or key not in (ADD, ORDER)}  # see `added` for ADD
@@ -158,7 +158,7 @@ def _ordered(scope: Scope, written: Any, path: Path) -> Iterator[RawAttribute]:
         if kind not in ORDERED or not isinstance(names, list) or any(isinstance(one, (Mapping, list)) for one in names):
             message = f"`{ORDER}` must list the names of {' or '.join(f'`{one}`' for one in ORDERED)} elements"
             where = (*path, kind) if kind else path
-            scope.error(Code.VALUE_KIND, message, where, help="write for example `order: {actuator: [hip, knee]}`")
+            scope.error(Code.VALUE_KIND, message, where, help="write, for example, `order: {actuator: [hip, knee]}`")
             continue
         for number, name in enumerate(names):
             origin = scope.origin((*path, kind, number))

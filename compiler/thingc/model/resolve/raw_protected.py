@@ -38,16 +38,16 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
 """Attributes that affect names, files or units of the whole model, each with the help text that suggests a replacement."""
 
 SAID_BY: Mapping[str, str] = {
-    "actuator": "set `drive:` of the joint: drives are named after their joints",
+    "actuator": "set `drive:` of the joint: a drive has the name of its joint",
     "body": "rename links under `links:`: each link is a body",
     "camera": "define the camera under `sensors:`",
     "equality": "set `mimic:` or `loop: true` on the joint",
     "geom": "set `material:`, `visual:` or `collision:` of the component",
     "joint": "define the joint under `joints:`, with its name, `type:`, mounts and `offset:`",
-    "key": "keyframes are named after the poses: rename the pose under `poses:`",
-    "material": "materials follow from the colours of components: set `material:`, or `color:` of the material",
+    "key": "a keyframe has the name of its pose: rename the pose under `poses:`",
+    "material": "materials are created from the colours of components: set `material:`, or `color:` of the material",
     "mesh": "meshes come from the parts: set `part:`, `visual:` or `collision:` of the component",
-    "numeric": "velocity limits are named after their joints: rename the joint under `joints:`",
+    "numeric": "a velocity limit has the name of its joint: rename the joint under `joints:`",
     "sensor": "define the sensor under `sensors:`",
     "site": "rename mounts under `mounts:`: each mount is a site",
     "tendon": "define the tendon under `tendons:`",

@@ -110,7 +110,7 @@ class _Reader:
             if len(able) > 1:
                 self.scope.error(
                     Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` measures several quantities: `{key}` must specify which one",
-                    place, help=f"write for example `{key}: {{{next(iter(able))}: ...}}`",
+                    place, help=f"write, for example, `{key}: {{{next(iter(able))}: ...}}`",
                 )
                 return {}
             return self._number(key, written, place, *next(iter(able.items())))

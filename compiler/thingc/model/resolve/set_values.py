@@ -128,7 +128,7 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
             if (index := node.index(key)) is None:
                 last = len(node.items) - 1
                 help = f"use an index, from `{here}.0` to `{here}.{last}`" if last >= 0 else f"set `{here}` as a whole"
-                return PathNotFound(f"`{here}` is a list of {last + 1} and has no `{shortened(key)}`", help)
+                return PathNotFound(f"`{here}` is a list of {last + 1} items and has no item `{shortened(key)}`", help)
             listed = next((branch for branch in branches if branch.kind == "list"), None)
             node, shape = node.items[index], shape if listed is None else shape_of(listed.members[0])
             continue

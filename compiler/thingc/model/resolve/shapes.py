@@ -60,7 +60,7 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> Mes
         if stat.st_size > LARGEST:
             scope.error(
                 Code.TOO_LARGE, f"`{shortened(spec.mesh or '')}` is {stat.st_size // 1_000_000} MB, but mesh files may have at most "
-                f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh: some ten thousand triangles are enough",
+                f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh: tens of thousands of triangles are enough",
             )
             return None
         beside = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))
@@ -93,7 +93,7 @@ def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
     if x is None or y is None or z is None:
         return None
     if not x * y * z:
-        scope.error(Code.OUT_OF_RANGE, "a factor of `scale` is 0, which removes the mesh", at, help="write for example `scale: [1, 1, -1]`")
+        scope.error(Code.OUT_OF_RANGE, "a factor of `scale` is 0", at, help="write, for example, `scale: [1, 1, -1]`")
         return None
     said = spec.mesh is not None and spec.mesh.lower().endswith(SUFFIXES_WITH_UNIT)
     unit = 1.0 if said else parse_quantity(f"1 {spec.unit or FILE_UNIT}").value

@@ -220,7 +220,10 @@ def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution
         if own is None:
             return
         closure, residual = next(c for c in loops.closures if c.path == own.path), own.residual
-        help = f"start from `{keyframes[0].name}`, which closes" if keyframes else "start from a pose that is closer to a closed loop"
+        help = (
+            f"start from the pose `{keyframes[0].name}`, in which the loops close" if keyframes
+            else "start from a pose that is closer to a closed loop"
+        )
         where = f" from pose `{own.name}`"
     else:
         closure, residual = _worst(loops, best)

@@ -31,10 +31,10 @@ class CutPriority(NamedTuple):
 
 
 _WORDS: Mapping[str, str] = {
-    "uncut": "is not named by `cut`",
+    "uncut": "is not listed under `cut`",
     "driven": "is driven",
-    "coupled": "mimics a joint or is mimicked",
-    "unclosable": "is neither a hinge nor a ball, which targets can close best",
+    "coupled": "is coupled to another joint by `mimic`",
+    "unclosable": "is not a hinge or ball joint, which are preferred for cuts",
     "limited": "has limits",
     "dynamic": "has dynamics",
     "placing": "places its child",

@@ -73,10 +73,10 @@ def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, b
     shown = Quantity(float(f"{depth:.3g}"), LENGTH)
     raised = Quantity(float(f"{height + math.ceil(1e4 * depth) / 1e4:.6g}"), LENGTH)
     stands = any(one.collides for one in robot.assembly.occurrences)
-    help = f"write for example `at: {{xyz: 0 0 {raised}}}`{', or put the robot on the floor: `at: {on: floor}`' if stands else ''}"
+    help = f"write, for example, `at: {{xyz: 0 0 {raised}}}`{', or put the robot on the floor: `at: {on: floor}`' if stands else ''}"
     if height == 0.0 and mode.origin and stands:
         typed = shlex.join(["thingc", "set", shown_path(mode.origin[0].file), f"modes.{mode.name}.at.on=floor"])
-        help = f"run `{typed}` to put the robot on the floor, or write for example `at: {{xyz: 0 0 {raised}}}`"
+        help = f"run `{typed}` to put the robot on the floor, or write, for example, `at: {{xyz: 0 0 {raised}}}`"
     if height < 0.0:
         help = f"check the sign of the height in `at`: it is {Quantity(height, LENGTH)}"
     notes = [Note(message=f"`{part.path}` is defined here", span=part.origin[0])] if part.origin else []

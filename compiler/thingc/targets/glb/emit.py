@@ -47,7 +47,7 @@ _CHAIN: Supported[JointForm] = Supported("nodes", "a node for each coordinate")
 CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "joints": {
         "single": _NODE, "several": _CHAIN, "universal": _CHAIN, "ball": Supported("node"),
-        "screw": Lossy("nodes", "omitted", ": the node of the joint must be rotated and shifted together"),
+        "screw": Lossy("nodes", "omitted", ": glTF cannot couple the rotation and the translation of a node"),
     },
     "of_joints": {
         "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,

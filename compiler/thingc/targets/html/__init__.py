@@ -9,5 +9,5 @@ from thingc.targets.target import Target
 
 TARGET = Target(
     position=10, says="the robot in a browser", emitters=("thingc.targets.html.emit:emit",), writes=("html/*.html",), unasked=False,
-    files={"html/NAME.html": "the robot in a browser, all modes"}, numbers_in_text=False,
+    files={"html/NAME.html": "a page that shows all modes of the robot"}, numbers_in_text=False,
 )

@@ -48,7 +48,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "links": {
         "frames": Supported(None, "sites"), "colours": SAYS, "friction": SAYS, "rolling": SAYS, "adhesion": Supported(None, "an actuator"),
         "weightless": Supported(None, "several joints on one body"),
-        "weightless_base": SAYS, "point": SAYS, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point"),
+        "weightless_base": SAYS, "point": SAYS, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point mass"),
     },
     "shapes": {
         "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS,

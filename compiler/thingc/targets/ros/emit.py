@@ -89,7 +89,7 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
         try:
             met = meetings(tree, uri, shapes.meshes, starts, adjacent(request.assembly), request.store)
         except ValueError:
-            what = "which links never collide: MuJoCo cannot read their shapes"
+            what = "disabled collisions: MuJoCo cannot read the shapes of the links"
             lost += [Loss.of(robot.mode.origin, "ros", robot.mode.name, robot.mode.name, what, "omitted") for robot, _ in group]
         else:
             by_mode |= {robot.mode.name: met for robot, _ in group}

@@ -19,7 +19,7 @@ SensorForm = Literal["imu", "force_torque", "camera", "magnetometer", "gpu_lidar
 
 _EACH: Supported[JointForm] = Supported("each")
 _CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": a joint for each coordinate, with links of 1e-9 kg between these joints")
-_LOOP: Supported[LoopForm] = Supported("joint", "a joint; in the zero pose of the model, the loop is closed")
+_LOOP: Supported[LoopForm] = Supported("joint", "a joint; the loop is closed if all joints of the model are at 0")
 _PLUGIN = ", which only Gazebo reads"
 _LIGHT = Lossy(None, "approximated", ": the link has a mass of 1e-9 kg in the file")
 _SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 in the file")
@@ -31,7 +31,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": SAYS,
         "mimic": Supported(None, "from SDFormat 1.11 on"),
-        "polynomial": Lossy(None, "approximated", ": linearized at q = 0 of the followed joint"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": linearized at position 0 of the followed joint"), "tendon": OMITTED,
     },
     "drives": {
         "position": Lossy("position controller", "carried as custom data", _PLUGIN),
@@ -47,8 +47,9 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "planar": Lossy(None, _CHAIN.how, _CHAIN.words), "ball": SAYS,
     },
     "modes": {
-        "gravity": Lossy(None, "carried as custom data", ", which is only in the world file"),
-        "poses": Omitted(": not supported by SDF"), "exclude": OMITTED, "timestep": Supported(None, "in the world"), "simulation": OMITTED,
+        "gravity": Lossy(None, "carried as custom data", ", which is written only to the world file"),
+        "poses": Omitted(": not supported by SDF"), "exclude": OMITTED,
+        "timestep": Supported(None, "in the world file"), "simulation": OMITTED,
     },
     "links": {
         "frames": Supported(None, "`<frame>`"), "colours": SAYS, "friction": SAYS, "rolling": OMITTED, "adhesion": OMITTED,
@@ -62,7 +63,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "imu": Supported("imu"), "force": Supported("force_torque"), "camera": Supported("camera"),
         "joint": Omitted(": SDF has no joint sensor"),
         "accelerometer": Supported("imu", "an `imu`"), "gyro": Supported("imu", "an `imu`"), "magnetometer": Supported("magnetometer"),
-        "rangefinder": Supported("gpu_lidar", "a `gpu_lidar` of one ray"), "contact": Supported("contact"),
+        "rangefinder": Supported("gpu_lidar", "a `gpu_lidar` with one ray"), "contact": Supported("contact"),
     },
     "of_sensors": {"noise": OMITTED, "cutoff": OMITTED},
 }

@@ -60,10 +60,10 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
         yield from _of_joint(connection, len(chain(connection, zero.q)))
     yield from _of_sensors(robot)
     if zero.pose is not None:
-        what = f"the zero pose: in the file, all joints are at 0 in the pose `{zero.pose}`, in which loops and holds are closed"
+        what = f"the zero pose: joint positions of 0 in the file mean the pose `{zero.pose}`, in which all loops are closed"
         yield _loss(mode.name, mode.name, what, "approximated", mode.origin)
     for closure in robot.closures if not zero.closed else ():
-        what = "the hold in place" if closure.hold else "the loop through this joint"
+        what = "the hold of this mount" if closure.hold else "the loop through this joint"
         yield _loss(mode.name, closure.path, f"{what}: the mode has no pose in which it is closed", "omitted", closure.origin)
 
 
@@ -88,7 +88,7 @@ def _of_sensors(robot: Robot) -> Iterator[Loss]:
     mode = robot.mode.name
     for sensor in robot.assembly.sensors:
         if sensor.kind == "force" and on_free_root(robot, sensor):
-            yield _loss(mode, sensor.path, "this sensor: no link carries the root of a free base", "omitted", sensor.origin)
+            yield _loss(mode, sensor.path, "this sensor: no other link supports the root of a free base", "omitted", sensor.origin)
         elif sensor.kind == "force" and (place := elsewhere(robot, sensor)) is not None:
             what = f"the force at the mount: the sensor measures the force {place}"
             yield _loss(mode, sensor.path, what, "approximated", sensor.origin)

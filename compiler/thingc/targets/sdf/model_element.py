@@ -137,7 +137,7 @@ class _Builder:
         """Add the SDF joints between two links. Also add the intermediate links, which have the pose of the child link."""
         *before, last = steps
         for step in before:
-            between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
+            between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the child link of joint `{step.path}`")
             link = model.add("link", {"name": between}, connection.origin)
             _set_pose(link, NO_POSE, child)
             _weigh(link, MassProperties(mass=LEAST_MASS, centre=step.at))

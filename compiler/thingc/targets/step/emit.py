@@ -65,7 +65,7 @@ def emit(request: EmitRequest) -> Artifacts:
     if not isinstance(begun, _Begun):
         begun = _begun(request)
     if begun.file is None:
-        what = "nothing in the robot has exact geometry" if begun.losses else "nothing in the robot has geometry"
+        what = "no part of the robot has exact geometry" if begun.losses else "no part of the robot has geometry"
         whole = Loss.of(assembly.definition.origin, "step", None, assembly.name, what, "omitted")
         return Artifacts(files={}, losses=(*begun.losses, whole))
     try:
@@ -91,7 +91,7 @@ def _begun(request: EmitRequest) -> _Begun:
         if not occurrence.drawn and not occurrence.touching and (record is None or record.box is None):
             continue
         if record is None or record.brep is None:
-            what = f"`{occurrence.definition.label}` {'is a mesh' if record is not None else 'lists shapes,'} without exact surfaces"
+            what = f"`{occurrence.definition.label}` {'is a mesh' if record is not None else 'consists of shapes'} without exact surfaces"
             losses.append(Loss.of(occurrence.origin, "step", None, occurrence.path, what, "omitted"))
             continue
         instances.append(

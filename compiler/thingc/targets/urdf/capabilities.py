@@ -18,7 +18,7 @@ ShapeForm = Literal["itself", "cylinder and balls"]
 _EACH: Supported[JointForm] = Supported("each")
 _CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": a joint for each coordinate, with links of 1e-9 kg between these joints")
 _BALL: Lossy[JointForm] = Lossy("each", "approximated", ": three hinges in series, whose angles differ from the coordinates of the ball")
-_LOOP = Omitted(", which stays open: URDF only supports trees")
+_LOOP = Omitted(": URDF supports only trees, so the loop stays open")
 _GAINS: Lossy[DriveForm] = Lossy("transmission", "approximated", ": a transmission without gains")
 _NONE = Omitted(": not supported by URDF")
 _ITSELF: Supported[ShapeForm] = Supported("itself")
@@ -27,12 +27,12 @@ BALL_DRIVE = Omitted(": no joint in the file has this axis")
 CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     "joints": {
         "single": _EACH, "several": _CHAIN, "universal": _CHAIN,
-        "screw": Lossy("threaded", "approximated", ": a slide mimics the rotation; without mimics, the slide moves freely"),
+        "screw": Lossy("threaded", "approximated", ": a prismatic joint mimics the rotation, and moves freely without support for mimics"),
         "ball": _BALL,
     },
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": OMITTED, "mimic": SAYS,
-        "polynomial": Lossy(None, "approximated", ": linearized at q = 0 of the followed joint"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": linearized at position 0 of the followed joint"), "tendon": OMITTED,
     },
     "drives": {
         "position": _GAINS, "velocity": _GAINS, "motor": Supported("transmission", "`<transmission>`"), "universal": _GAINS,
@@ -44,7 +44,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     },
     "bases": {
         "held": Lossy(None, "approximated", ": the base is fixed in the file"),
-        "free": Supported(None, "no link `world`, `<static>` false"),
+        "free": Supported(None, "no link `world`, and `<static>` is false"),
         "start": Omitted(": the program that loads the file places a free base"), "planar": Lossy(None, _CHAIN.how, _CHAIN.words),
         "ball": Lossy(None, _BALL.how, _BALL.words),
     },
@@ -55,10 +55,11 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     "links": {
         "frames": Supported(None, "massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
         "weightless": Lossy(None, "approximated", ": a moving link has a mass of 1e-9 kg in the file"), "weightless_base": SAYS,
-        "point": SAYS, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point"),
+        "point": SAYS, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point mass"),
     },
     "shapes": {
-        "box": _ITSELF, "cylinder": _ITSELF, "capsule": Supported("cylinder and balls", "a cylinder between two balls"), "sphere": _ITSELF,
+        "box": _ITSELF, "cylinder": _ITSELF,
+        "capsule": Supported("cylinder and balls", "a cylinder between two spheres"), "sphere": _ITSELF,
         "ellipsoid": Omitted(": not supported by URDF"), "plane": Omitted(": not supported by URDF"), "hull": _ITSELF, "mesh": _ITSELF,
     },
     "sensors": all_sensors(_NONE),

@@ -129,7 +129,7 @@ class _Builder:
             return
         for number_, move in enumerate(chain):
             last = number_ == len(chain) - 1
-            end = child if last else self.links.take(f"{move.path}{LINK}", move.joint.origin, f"the link behind joint `{move.path}`")
+            end = child if last else self.links.take(f"{move.path}{LINK}", move.joint.origin, f"the child link of joint `{move.path}`")
             if not last:
                 _weigh(self.root.add("link", {"name": end}, move.joint.origin), BETWEEN)
             self._moving(move, parent, end)

@@ -19,7 +19,7 @@ ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
 _SINGLE: Supported[JointForm] = Supported("single")
 _GENERIC: Supported[JointForm] = Supported("generic", "a generic joint (D6)")
 _EXCLUDED: Supported[LoopForm] = Supported("joint", "a joint that is excluded from the articulation")
-_CUSTOM = Lossy(None, "carried as custom data", ", which Newton reads, and PhysX reads except for balls; not written for generic joints")
+_CUSTOM = Lossy(None, "carried as custom data", ", read by Newton, and by PhysX except for ball joints; not written for generic joints")
 _LIGHT = Lossy(None, "approximated", ": the link has a mass of 1e-9 kg in the file")
 _SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 in the file")
 _DRIVE: Supported[DriveForm] = Supported("drive")
@@ -28,16 +28,16 @@ _NONE = Omitted(": not supported by UsdPhysics")
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
     "joints": {
         "single": _SINGLE, "several": _GENERIC, "ball": Supported("spherical"),
-        "universal": Lossy("generic", "approximated", ": X rotates before Y, which is the order of Newton; UsdPhysics defines none"),
+        "universal": Lossy("generic", "approximated", ": rotates about X before Y, as in Newton; UsdPhysics does not define the order"),
         "screw": Lossy("generic", "approximated", ": rotation and translation are independent"),
     },
     "of_joints": {
         "cone": Lossy(None, "approximated", ": the file limits the tilt of an axis, but not the rotation about this axis"),
         "velocity": _CUSTOM, "damping": _CUSTOM, "friction": _CUSTOM, "armature": _CUSTOM, "stiffness": OMITTED,
         "mimic": Lossy(
-            None, "carried as custom data", ", which Newton reads, and PhysX for hinges with limits; if both are hinges or both are slides",
+            None, "carried as custom data", ", for two hinges or two slides; read by Newton, and by PhysX for hinges with limits",
         ),
-        "polynomial": Lossy(None, "approximated", ": linearized at q = 0 of the followed joint"), "tendon": OMITTED,
+        "polynomial": Lossy(None, "approximated", ": linearized at position 0 of the followed joint"), "tendon": OMITTED,
     },
     "drives": {"position": _DRIVE, "velocity": _DRIVE, "motor": _DRIVE, "universal": _DRIVE, "ball": OMITTED},
     "loops": {

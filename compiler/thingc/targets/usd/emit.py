@@ -70,7 +70,7 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
             yield from _infinite(link.name, what, value, unit, link.origin)
     for follower in followers(robot).values():
         if not follower.said:
-            what = f"the mimic of `{follower.leader}`: only a hinge can mimic a hinge, and a slide a slide"
+            what = f"the mimic of `{follower.leader}`: a hinge can mimic only a hinge, and a slide only a slide"
             yield _loss(None, follower.path, what, "omitted", follower.origin)
     if not _closed(robot):
         what = "the start pose: the file has q = 0, where loops and holds are open"

@@ -91,7 +91,7 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
     if key == SCHEMAS:
         schemas = value if isinstance(value, list) else [value]
         if not all(isinstance(one, str) and re.fullmatch(_NAME, one, re.ASCII) for one in schemas):
-            return f"`{SCHEMAS}` must be a list of names of schemas", "write for example `[PhysxJointAPI]`", last
+            return f"`{SCHEMAS}` must be a list of names of schemas", "write, for example, `[PhysxJointAPI]`", last
         prim.schemas += [one for one in dict.fromkeys(schemas) if one not in prim.schemas]
         return None
     if (named := _KEY.fullmatch(key)) is None:

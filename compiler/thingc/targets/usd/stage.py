@@ -171,7 +171,7 @@ class _Builder:
         parent, X_0 = self.path if connection.parent is None else f"{self.path}/{names[connection.parent]}", connection.X_0
         *before, last = chain(connection)
         for step in before:
-            between = self.names.take(f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
+            between = self.names.take(f"{step.path}{LINK}", connection.origin, f"the child link of joint `{step.path}`")
             start = Pose() if connection.parent is None else poses[connection.parent]
             self._body(between, MassProperties(mass=0.0, centre=step.frame.translation), start @ connection.X_0)
             self._joint(holder, step, connection, (parent, X_0), (f"{self.path}/{between}", Pose()))

@@ -105,7 +105,7 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
             raise console.WrongCommandLine(f"{written} applies to {meant}, not to {_article(what)}", "remove the option")
     if arguments.to is None:
         if what not in ("part", "assembly"):
-            help = f"write for example `thingc add {what} {arguments.name} --to robot.yaml`"
+            help = f"write, for example, `thingc add {what} {arguments.name} --to robot.yaml`"
             raise console.WrongCommandLine(f"{_article(what)} requires a document", help)
         for option in ("on", "at", "by"):
             if getattr(arguments, option) is not None:

@@ -244,7 +244,7 @@ def _joint_edit(arguments: argparse.Namespace, documents: Documents | None) -> D
     root = documents.root
     name = _new(root, "joints", arguments.name)
     if arguments.parent is None or arguments.child is None:
-        help = "write for example `--parent base.top --child bracket.bottom`"
+        help = "write, for example, `--parent base.top --child bracket.bottom`"
         raise console.WrongCommandLine("a joint requires --parent and --child, two mounts", help)
     kind = KINDS[arguments.type or "revolute"]
     value: dict[str, Written] = {"type": kind.name, "parent": arguments.parent, "child": arguments.child}
@@ -271,7 +271,7 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Documen
         known = ", ".join(f"`{kind}`" for kind in kinds())
         there = "--kind is missing" if arguments.kind is None else f"found `{arguments.kind}`"
         close = nearest(arguments.kind or "", kinds())
-        hint = f"did you mean `{close}`?" if close else "write for example `--kind mass`"
+        hint = f"did you mean `{close}`?" if close else "write, for example, `--kind mass`"
         raise console.WrongCommandLine(f"expected --kind ({known}); {there}", hint)
     mounts = _section(root.tree, "mounts")
     last = list(_section(root.tree, "components"))[-1]
@@ -374,7 +374,7 @@ def _identifier(name: str) -> str:
         raise console.WrongCommandLine(f"`{name}` is not a valid name: YAML reads it as another value", "choose another name")
     if not re.fullmatch(NAME, name):
         near = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
-        hint = f"write for example `{near}`" if re.fullmatch(r"[A-Za-z]\w*", near, re.ASCII) else "choose another name"
+        hint = f"write, for example, `{near}`" if re.fullmatch(r"[A-Za-z]\w*", near, re.ASCII) else "choose another name"
         raise console.WrongCommandLine(f"`{name}` is not a valid name: use a letter, then letters, digits and `_`", hint)
     return name
 

@@ -211,7 +211,7 @@ def _pictures(text: str) -> int:
     try:
         return console.positive(text)
     except argparse.ArgumentTypeError:
-        raise argparse.ArgumentTypeError(f"expected a whole number from 1, `none` or `all`, found `{text}`") from None
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, `none` or `all`, found `{text}`") from None
 
 
 def _time(seconds: float) -> str:
@@ -235,13 +235,13 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     lines = [f"{shown_path(summary.folder)}: {counted(summary.count, 'variant')}{earlier}: {counts}; {modelled}"]
     lines += [f"{counted(summary.duplicates, 'duplicate')} omitted"] if summary.duplicates else []
     if summary.lossy:
-        number = counted(sum(summary.losses.values()), "thing")
+        number = counted(sum(summary.losses.values()), "export loss")
         how = ", ".join(f"{count} {how}" for how, count in summary.losses.items())
-        lines.append(f"{counted(summary.lossy, 'variant')} with targets that cannot express {number} ({how}): see the column `losses`")
+        lines.append(f"{counted(summary.lossy, 'variant')} with {number} ({how}): see the column `losses`")
     where = f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
     command = f"thingc batch {shlex.quote(arguments.document)}{where}"
     if summary.layout == PACKED:
-        lines.append(f"the variants are packed, {CHUNK} per file; to write the folder of one: {command} --unpack ID")
+        lines.append(f"the variants are packed, {CHUNK} per file; to write the folder of one variant: {command} --unpack ID")
     if arguments.pictures is None and summary.count > MANY:
         asked = f"{command} --page-only --pictures {MOST}"
         lines.append(f"by default, the page of more than {MANY} variants has no pictures; to draw them: {asked}")
@@ -330,9 +330,9 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
     duplicates = planned.written - planned.count
     if duplicates:
         lines.append(f"{counted(duplicates, 'duplicate')} omitted")
-    lines.extend(f"{count} kept out by the rule `{rule}`" for rule, count in forecast.failing.items())
+    lines.extend(f"{count} excluded by the rule `{rule}`" for rule, count in forecast.failing.items())
     if forecast.looked_at < forecast.left:
-        lines.append(f"in a sample of {forecast.looked_at} of the remaining {forecast.left}:")
+        lines.append(f"in a sample of {forecast.looked_at} of the {forecast.left} remaining variants:")
     for code, count in sorted(forecast.unsound.items()):
         name, wrong = forecast.examples[code]
         lines.append(f"{count} would be rejected: {code} ({wrong.code.title}), first `{name}`: {wrong.message}")

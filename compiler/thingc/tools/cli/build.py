@@ -142,12 +142,12 @@ def _stands(answer: Mapping[str, Any], store: Store) -> bool:
 def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     """Print a summary of the build to standard error. The last line shows the folder and the number of files."""
     if answer.get("twice"):
-        console.say(f"{counted(answer['twice'], 'part')} built twice: equal", stream=sys.stderr)
+        console.say(f"{counted(answer['twice'], 'part')} built twice, with equal results", stream=sys.stderr)
     if lost := answer["losses"]:
         words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
                             *(f"--compat={word}" for word in arguments.compat)])
         counts = ", ".join(f"{count} in {target}" for target, count in lost.items())
-        console.say(f"{counted(sum(lost.values()), 'feature')} not expressed ({counts}); to list: {words}", stream=sys.stderr)
+        console.say(f"{counted(sum(lost.values()), 'export loss')} ({counts}); to list: {words}", stream=sys.stderr)
     folder, files = shown_path(answer["folder"]), counted(len(answer["artifacts"]), "file")
     if answer.get("unchanged"):
         console.say(f"{folder} is up to date ({files})", stream=sys.stderr)
@@ -179,7 +179,7 @@ def add_compat(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--compat", metavar="C", action="append", default=[],
         help=f"also check the MuJoCo models with this program: {', '.join(CONSUMERS)} (may be repeated; "
-        "default: the programs of the workspace)",
+        "default: the programs in thingc.toml)",
     )
 
 
@@ -203,7 +203,7 @@ def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list
     for _, message, hint in unknown(arguments.emit):
         raise console.WrongCommandLine(message, hint)
     if arguments.emit and not chosen(arguments.emit):
-        raise console.WrongCommandLine("`--emit` has no target", "write for example --emit mjcf,urdf")
+        raise console.WrongCommandLine("`--emit` has no target", "write, for example, --emit mjcf,urdf")
     if arguments.emit and arguments.compat and not {"mjcf", "mjz"} & {*chosen(arguments.emit)}:
         raise console.WrongCommandLine("`--compat` requires MuJoCo models, but `--emit` does not include `mjcf`", "add `mjcf` to `--emit`")
     if arguments.emit:

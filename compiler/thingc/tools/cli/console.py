@@ -64,10 +64,10 @@ def document_meant() -> str:
         )
         robots = _unnested(assemblies)
     if len(robots) == 1:
-        say(f"using {shown_path(robots[0])}, the only robot here", stream=sys.stderr)
+        say(f"using {shown_path(robots[0])}, the only robot in this folder", stream=sys.stderr)
         return shown_path(robots[0])
     hint = did_you_mean("", map(shown_path, robots), what="robots") if robots else "run `thingc new NAME` to create one"
-    raise WrongCommandLine(f"missing: DOC, and there are {len(robots) or 'no'} robots here", hint)
+    raise WrongCommandLine(f"the argument DOC is required, because there are {len(robots) or 'no'} robots in this folder", hint)
 
 
 def _unnested(assemblies: Sequence[str]) -> list[str]:
@@ -144,7 +144,7 @@ def one_of(known: Sequence[str]) -> Callable[[str], str]:
 def positive(text: str) -> int:
     """Parse a positive integer. This function is an argparse type."""
     if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number from 1, found `{text}`")
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, found `{text}`")
     return int(text)
 
 
@@ -161,7 +161,7 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
             by_path = "." in name and value != ""
             raise WrongCommandLine(
                 f"expected -p NAME=VALUE, found `{word}`",
-                f"to set a value by its path, write --set '{name}={value}'" if by_path else "write for example -p 'reach=120 mm'",
+                f"to set a value by its path, write --set '{name}={value}'" if by_path else "write, for example, -p 'reach=120 mm'",
             )
         if name in values:
             raise WrongCommandLine(f"-p sets `{name}` twice", "keep only one of the two values")
@@ -179,7 +179,7 @@ def paths(words: Sequence[str], form: str, example: str, twice: str, name: Calla
     for word in words:
         path, equals, text = (piece.strip() for piece in word.partition("="))
         if not equals or not path or not text:
-            raise WrongCommandLine(f"expected {form}, found `{word}`", f"write for example {example}")
+            raise WrongCommandLine(f"expected {form}, found `{word}`", f"write, for example, {example}")
         if name(path) in map(name, texts):
             raise WrongCommandLine(twice.format(path), "keep only one of the two values")
         texts[path] = text
@@ -189,7 +189,7 @@ def paths(words: Sequence[str], form: str, example: str, twice: str, name: Calla
 def refuse_modules_of_others() -> None:
     """Raise `WrongCommandLine` if Python can import modules from the working folder, because its files are untrusted."""
     if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
-        message = "Python looks for modules in the working folder, which may be part of the change"
+        message = "Python imports modules from the working folder, which may contain untrusted files"
         raise WrongCommandLine(message, "run `thingc`, or `python -I -m thingc`")
 
 
@@ -201,10 +201,10 @@ def time_of(option: str, text: str) -> float:
     try:
         quantity = parse_quantity(text)
     except UnitError as fault:
-        raise WrongCommandLine(f"{option}: {fault}", f"write for example {option} '30 s'") from fault
+        raise WrongCommandLine(f"{option}: {fault}", f"write, for example, {option} '30 s'") from fault
     if quantity.dimension != TIME or not 0.0 < quantity.value <= LONGEST:
         bounds = "above 0" if quantity.value <= LONGEST else f"of at most {LONGEST:.0f} s"
-        raise WrongCommandLine(f"{option}: expected a time {bounds}, found `{text}`", "write for example '30 s'")
+        raise WrongCommandLine(f"{option}: expected a time {bounds}, found `{text}`", "write, for example, '30 s'")
     return quantity.value
 
 
@@ -464,7 +464,7 @@ def of_exception(fault: Exception) -> Diagnostic:
     if isinstance(fault, UnknownChoice | OutputError):
         return error(fault.message, fault.hint, fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE)
     if isinstance(fault, FileNotFoundError) and working_folder() is None:
-        help = "it was deleted or recreated: `cd` to an existing folder"
+        help = "the folder was deleted or recreated: `cd` to an existing folder"
         return error("the working folder no longer exists", help, Code.WORKING_FOLDER)
     if isinstance(fault, StoreUnusable):
         help = "choose a writable folder with --store or THINGC_STORE"
@@ -485,7 +485,7 @@ _CURES: Mapping[type[OSError], str] = {
     FileExistsError: "move or delete the existing file", NotADirectoryError: "move or delete the file; a folder is required here",
     IsADirectoryError: "move or delete the folder; a file is required here",
     PermissionError: "change the permissions, or choose another folder",
-    FileNotFoundError: "it was moved or deleted during the run: run the command again",
+    FileNotFoundError: "the file was moved or deleted during the run: run the command again",
 }
 
 

@@ -88,7 +88,7 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousI
         raise OutputError(message, "choose another folder with -o; for the same robot, merge with `--update`")
     edited = [shown_path(os.path.join(earlier.folder, name)) for name in earlier.edited()]
     if edited and not arguments.update and not arguments.check:
-        message = f"imported files have changed since and were not overwritten: {quoted(edited, 6)}"
+        message = f"imported files have changed since the last import and were not overwritten: {quoted(edited, 6)}"
         raise OutputError(message, "merge with `--update`, or choose another folder with -o")
     now = update(earlier, imported.document, imported.files, report)
     if now is None:
@@ -173,7 +173,7 @@ def _told(arguments: argparse.Namespace, imported: Imported, folder: str, change
     if imported.repaired:
         said.append(f"repaired: {quoted([one.link.name for one in imported.repaired], 6)}; old and new numbers are in import.json")
     if imported.losses:
-        said.append(f"not in the document: {len(imported.losses)}, listed in {os.path.join(here, 'import.json')}")
+        said.append(f"not imported: {counted(len(imported.losses), 'element')}, listed in {os.path.join(here, 'import.json')}")
         said += [f"  {one.what}: {one.why}" for one in imported.losses if one.what.startswith("the indices of")]
     document = shlex.quote(os.path.join(here, imported.document))
     steps = [

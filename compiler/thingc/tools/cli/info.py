@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from thingc.targets.networkx_export import Loop
 
 EPILOG = """\
-Masses are exact integrals of the geometry times density, or values of the document or the part. The source of each mass is shown:
+Masses are exact integrals of the geometry times density, or values from the document or the part. The source of each mass is shown:
 `derived`, `estimated (layers)` for prints with an infill, `measured`, `vendor` or `stated`.
 
   thingc info assemblies/arm.yaml
@@ -35,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     console.add_document(parser, what="an assembly document (YAML or TOML), or a robot of another format (.urdf, .xacro, .sdf, .xml)")
     robot_files.configure(parser)
-    parser.add_argument("--mates", action="store_true", help="also show mated mounts: which child axis lies along which parent axis")
+    parser.add_argument("--mates", action="store_true", help="also show mated mounts, and the axes of the child in the parent frame")
     console.add_no_code(parser)
     console.add_format(parser)
     console.add_compiling(parser)
@@ -102,7 +102,7 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
         f"{counted(len(assembly.links), 'link')}, {counted(sum(1 for mate in assembly.mates if mate.joints), 'joint')}",
         "centre of mass  " + "  ".join(f"{1000.0 * x:z.3f}" for x in whole.centre) + "  mm, in the frame of "
         f"`{assembly.occurrences[assembly.base].path}` at q = 0",
-        f"inertia         {moments}  kg mm^2, about the centre",
+        f"inertia         {moments}  kg mm^2, about the centre of mass",
         "mass by source  " + _shares(assembly),
         "",
     ]
@@ -150,7 +150,7 @@ def _loops(robot: Robot) -> list[str]:
             turns = ", free to rotate" if closure.kind == "ball" else ""
             lines.append(f"  {names[closure.child]} is held at {closure.path}{turns}")
         else:
-            lines.append(f"  {closure.path} ({closure.kind}) closes a loop of {names[closure.parent]} and {names[closure.child]}")
+            lines.append(f"  {closure.path} ({closure.kind}) closes a loop between {names[closure.parent]} and {names[closure.child]}")
             lines += [line for loop in loops if loop.cut == closure.path for line in _why_cut(loop, robot)]
     for frame in robot.keyframes:
         if frame.residual is not None:
@@ -170,7 +170,7 @@ def _cut(robot: Robot) -> tuple[Loop, ...]:
 def _why_cut(loop: Loop, robot: Robot) -> list[str]:
     """Describe the joints of a closed loop, and the reason why the loop is cut at one of these joints."""
     if any(one.joint == loop.cut for one in robot.mode.cut):
-        return [f"    through {', '.join(loop.through)}: cut as the mode specifies"]
+        return [f"    through {', '.join(loop.through)}: cut at the joint that the mode lists under `cut`"]
     return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in loop.through.items()]
 
 

@@ -48,8 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
         with signals.held():  # each file is written atomically, but without this, an interrupt could leave a lock file behind
             folder = write_new(arguments.place, files)
     except ValueError as fault:
-        hint = f"write for example `thingc new {name}_robot`"
-        raise console.WrongCommandLine(f"invalid name of a robot: {fault}", hint) from fault
+        hint = f"write, for example, `thingc new {name}_robot`"
+        raise console.WrongCommandLine(f"invalid robot name: {fault}", hint) from fault
     except OutputError as fault:
         fault.diagnose(report)
         return console.print_text(report.diagnostics, stream=sys.stderr, debug=False)
@@ -65,22 +65,22 @@ def robot_name(place: str) -> str:
     here = place != "" and os.path.normpath(place) == os.curdir
     word = os.path.basename(os.getcwd() if here else os.path.normpath(place)) if place else ""
     if word in ("", os.pardir):
-        raise console.WrongCommandLine(f"cannot create a folder `{place}`", "write for example `thingc new rover`")
+        raise console.WrongCommandLine(f"cannot create a folder `{place}`", "write, for example, `thingc new rover`")
     stem, ending = os.path.splitext(word)
     if ending.lower() in DOCUMENT_SUFFIXES and not here:
         near = shlex.quote(os.path.join(os.path.dirname(place), stem))
         message = f"expected a folder, found the name of a document `{word}`"
         raise console.WrongCommandLine(message, f"write `thingc new {near}`, which creates the document in it")
     if word.startswith("-") and not here:
-        raise console.WrongCommandLine(f"`{word}` would be read as an option", "choose a name that starts with a letter")
+        raise console.WrongCommandLine(f"`{word}` would be parsed as an option", "choose a name that starts with a letter")
     name = re.sub(r"[-. ]+", "_", _plain(word)).strip("_")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         near = re.sub(r"\W+", "_", f"robot_{name}", flags=re.ASCII).strip("_")
         message = f"`{word}` is not a valid name: use a letter (a to z), then letters, digits and `_`"
-        raise console.WrongCommandLine(message, f"write for example `thingc new {near}`")
+        raise console.WrongCommandLine(message, f"write, for example, `thingc new {near}`")
     if name.lower() in RESERVED or not isinstance(core_value(name), str):
         message = f"`{name}` is reserved in the files of a robot"
-        raise console.WrongCommandLine(message, f"write for example `thingc new {name}_robot`")
+        raise console.WrongCommandLine(message, f"write, for example, `thingc new {name}_robot`")
     return name
 
 

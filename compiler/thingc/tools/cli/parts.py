@@ -23,9 +23,9 @@ WIDTH = 120
 """Maximum number of characters in a line of names."""
 
 EPILOG = """\
-Lists the Things of the workspace: those of its part folders and of the packages that it allows. For parts given as arguments, it also
-shows, for default parameters, the frames of their mounts (the axes of the part along x, y and z of the mount) and the names of their
-reference geometry. You can name everything that a document can use, including shapes, functions, and classes of other installed packages.
+Lists the Things in the part folders of the workspace and in the allowed packages. For parts given as arguments, the command also shows the
+frames of their mounts for default parameters (the axes of the part along x, y and z of the mount) and the names of their reference
+geometry. An argument can be any part that a document can use, such as a shape, a function, or a class of another installed package.
 
   thingc parts
   thingc parts thingc_stock bd_warehouse.fastener:SocketHeadCapScrew
@@ -196,7 +196,7 @@ def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> l
     if schema.actuator:
         lines.append("  has an actuator: use it in `drive` of a joint")
     if record is None:
-        lines.append("  mounts: unknown for its default parameters")
+        lines.append("  mounts: unknown for the default parameters")
     elif record.mounts and whole:
         lines += [f"  {line}" for line in _mounts(record.mounts)]
     elif record.mounts:

@@ -77,5 +77,5 @@ def _named(sight: WorkspaceIndex, document: str, path: str) -> Name:
     span = written.document.span(keys, key=True)
     place = sight.index.at(written.path, span.line, span.column + 1)
     if place is None or not span.holds(place.span) or place.role != "declared":
-        raise console.WrongCommandLine(f"`{path}` cannot be renamed", "write for example `components.NAME` or `joints.NAME`")
+        raise console.WrongCommandLine(f"`{path}` cannot be renamed", "write, for example, `components.NAME` or `joints.NAME`")
     return place.name

@@ -54,7 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--azimuth", metavar="DEG", type=_degrees(360.0),
         help="view direction: 0 along x, 90 along y; on a wall, 0 faces the wall (default: 140; on a wall 40)",
     )
-    add("--elevation", metavar="DEG", type=_degrees(90.0), help="view angle upwards; negative looks down (default: -22; at a ceiling 16)")
+    add("--elevation", metavar="DEG", type=_degrees(90.0), help="view elevation; negative looks down (default: -22; at a ceiling 16)")
     add("--mounts", action="store_true", help="draw mounts with attached components, and mounts that the document exports or adds")
     add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap")
     add("--joints", action="store_true", help="draw joint axes, with arrows in the positive direction")
@@ -80,7 +80,7 @@ def _check_output(path: str | None) -> None:
     if path is None:
         return
     if not path.lower().endswith(".png"):
-        raise console.WrongCommandLine(f"-o: expected the name of a .png file, found `{path}`", "write for example -o arm.png")
+        raise console.WrongCommandLine(f"-o: expected the name of a .png file, found `{path}`", "write, for example, -o arm.png")
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
         raise console.WrongCommandLine(f"-o: there is no folder `{folder}`", "create the folder, or choose another one", Code.OUTPUT)

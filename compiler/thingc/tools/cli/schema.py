@@ -91,4 +91,4 @@ def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options
     console.say(f"{folder}: schemas of {counted(len(outcome.documents), 'document')}: {', '.join(said)}")
     for name in outcome.kept:
         document = shown_path(os.path.join(workspace.root, name))
-        console.say(f"{document}: it or one of its parts has a syntax error; its previous schema is unchanged")
+        console.say(f"{document}: the document or one of its parts has a syntax error; the previous schema is unchanged")

@@ -15,7 +15,7 @@ from thingc.driver.environment import Options
 from thingc.tools.cli import console
 
 EPILOG = """\
-Paths are those of the option --set of other commands. For a parameter of the document, write its name, or parameters.NAME.
+A path has the same form as in the option --set of other commands. For a parameter of the document, write its name, or parameters.NAME.
 If the document would have errors, nothing is written.
 
   thingc set assemblies/arm.yaml 'joints.elbow.limit.upper=90 deg' 'reach=120 mm'

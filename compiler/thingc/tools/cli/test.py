@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from thingc.model.assembly.types import Assembly
 
 EPILOG = """\
-Runs the tests of the document, not those of nested documents. Each failure is reported as an error at the value that it
-contradicts. The exit code is 0 if all tests pass.
+Runs the tests of the document, but not the tests of nested documents. A failed test is reported as an error at the violated
+value. The exit code is 0 if all tests pass.
 
   thingc test assemblies/arm.yaml
   thingc test assemblies/arm.yaml --only weight --only 'holds_*'

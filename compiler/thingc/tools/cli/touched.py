@@ -26,7 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc touched` to the parser."""
     parser.epilog = EPILOG
     parser.add_argument("files", metavar="FILE", nargs="*", help="a changed file (it may be deleted)")
-    parser.add_argument("--since", metavar="REVISION", help="add all files that have changed since the current branch left REVISION (Git)")
+    parser.add_argument("--since", metavar="REVISION", help="add all files that have changed since the common ancestor with REVISION (Git)")
     parser.add_argument("--all", action="store_true", help="list every document below the working folder")
     parser.add_argument("-0", "--null", action="store_true", help="print unescaped paths, each terminated by a NUL, for scripts")
     parser.add_argument("--roots", action="store_true", help="list only assemblies that have modes or are not nested in others")
@@ -76,7 +76,7 @@ def _changed(files: Sequence[str], since: str | None) -> list[str]:
     from thingc.tools.affected.dependents import NotARepository, changed_since
 
     if not files and since is None:
-        raise console.WrongCommandLine("expected files that have changed, or --since", "write for example --since origin/main")
+        raise console.WrongCommandLine("expected files that have changed, or --since", "write, for example, --since origin/main")
     for file in files:
         if os.path.isdir(file) and not os.path.islink(file):
             hint = "list the changed files, or add --all"

@@ -61,7 +61,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     ))
     robot_files.configure(parser)
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="show only this mode (may be repeated; default: all)")
-    parser.add_argument("--against", metavar="DOC", help="show a second document as an overlay, or the current state of the same document")
+    parser.add_argument(
+        "--against", metavar="DOC",
+        help="show a second document as a transparent robot; with the same document, show its state at the start",
+    )
     parser.add_argument("--port", metavar="N", type=_port, default=0, help="port of the server (default: a free port)")
     parser.add_argument("--no-open", action="store_true", help="print the address, do not open a browser")
     parser.add_argument(
@@ -204,7 +207,7 @@ def _open_build(arguments: argparse.Namespace) -> int:
     folder = Path(arguments.document) if _is_page(arguments.document) else _build_meant(arguments.document)
     pages = [folder] if folder.is_file() else sorted(folder.glob("html/*.html"))
     if not pages:
-        message = f"the build `{shown_path(str(folder))}` has no page"
+        message = f"the build `{shown_path(str(folder))}` has no HTML page"
         raise console.WrongCommandLine(message, "build it with `--emit html`, or view its document", Code.NO_DOCUMENT)
     given = [name for key, name in OF_DOCUMENTS.items() if getattr(arguments, key) not in ([], 0, None, False, EDITOR)]
     if given:

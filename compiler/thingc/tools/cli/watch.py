@@ -24,7 +24,7 @@ from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 
 EPILOG = """\
 Watches all inputs of the build: documents, part modules and the files that they read, materials, thingc.toml. If a save has errors,
-they are reported and the last successful build stays. The CAD kernel is loaded once.
+they are reported and the last successful build remains. The CAD kernel is loaded once.
 
   thingc watch assemblies/arm.yaml
   thingc watch assemblies/arm.yaml --mode bench --emit mjcf

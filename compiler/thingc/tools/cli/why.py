@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc why`, and return the exit code, which is 2 for an unknown occurrence."""
     if (arguments.occurrence is None) != arguments.losses:
-        help = "write for example `thingc why assemblies/arm.yaml hand/cap`"
+        help = "write, for example, `thingc why assemblies/arm.yaml hand/cap`"
         raise console.WrongCommandLine("missing: OCCURRENCE, or --losses", help)
     console.require_document(arguments.document)
     diagnostics = attempted(arguments.document, console.options_of(arguments), partial(_answered, arguments))

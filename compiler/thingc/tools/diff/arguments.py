@@ -87,7 +87,7 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
     if "lock" in kinds and kinds != {"lock"} or "revision" in kinds and not kinds <= {"revision", "checkout"}:
         one, other = ("build folder" if side.kind == "build" else side.kind for side in sides)
         message = f"`{old.name}` and `{new.name}` cannot be compared: one is a {one}, the other a {other}"
-        raise UnknownComparison(message, "compare two revisions, two locks, or documents and build folders")
+        raise UnknownComparison(message, "compare two revisions, two lock files, or documents and build folders")
     return ComparisonRequest(old=old, new=new, documents=tuple(documents))
 
 

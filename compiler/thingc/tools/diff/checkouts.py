@@ -143,7 +143,7 @@ def compared(
     render pictures of the changes. Source locations refer to files in the user's checkout. In the errors of a side that cannot be compiled,
     file names start with the name of the side. Raises `UnknownComparison`.
     """
-    assert both.old is not None and both.new is not None, "there is nothing to compare it with"
+    assert both.old is not None and both.new is not None, "both sides of the comparison are required"
     with ExitStack() as stack:
         sides: list[Subject | Snapshot] = []
         homes: list[SourceOf] = []
@@ -206,7 +206,7 @@ def _snapshot(laid: Checkout) -> Snapshot:
     except UnreadableSide as fault:
         if fault.diagnostics:
             raise BrokenDocument(fault.diagnostics) from fault
-        raise UnknownComparison(str(fault), "build it again, or compare documents") from fault
+        raise UnknownComparison(str(fault), "build the folder again, or compare documents") from fault
 
 
 def subject(laid: Checkout, options: Options) -> Subject:

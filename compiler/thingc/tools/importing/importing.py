@@ -56,7 +56,7 @@ def refuse_endless(robot: SourceRobot, report: Report) -> None:
             report.add(Code.SOURCE_VALUE, message, where, help="check the unit: masses are in kilograms")
         elif (most := max(map(abs, sum(of.inertia, ())))) > LARGEST_MOMENT:
             message = f"link `{link.name}` has a moment of inertia of {most:.3g} kg m^2, but at most {LARGEST_MOMENT:g} kg m^2 is supported"
-            report.add(Code.SOURCE_VALUE, message, where, help="check the units: they are kilograms and metres")
+            report.add(Code.SOURCE_VALUE, message, where, help="check the units: masses are in kilograms, and lengths in metres")
         elif (most := max(map(abs, of.centre))) > FARTHEST:
             message = f"the centre of mass of link `{link.name}` is {most:.3g} m away, but at most {FARTHEST:g} m is supported"
             report.add(Code.SOURCE_VALUE, message, where, help=_METRES)

@@ -131,7 +131,7 @@ def _refuse(said: str, worst: Sequence[SourceLink], members: Sequence[SourceLink
     where = first.where if first.weight is None else first.weight.where
     help = {
         None: "correct it, or import the robot with `--repair inertia=nearest` (the nearest physical inertia) or `--repair inertia=shapes`",
-        "shapes": "it has no closed shapes to compute it from: use `--repair inertia=nearest`",
+        "shapes": "the link has no closed shapes from which the inertia could be computed: use `--repair inertia=nearest`",
         "nearest": "write the mass and the inertia of these links into the file",
     }[how]
     notes = [

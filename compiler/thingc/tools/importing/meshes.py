@@ -64,7 +64,8 @@ def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping
         size = _corner(files.get(paths[shape.mesh or ""], b""), paths[shape.mesh or ""]) * max(map(abs, shape.size))
         if size > LARGE and size > SUSPECT * reach > 0.0:
             report.warn(
-                Code.SOURCE_DOUBT, f"`{shape.mesh}` reaches {size:.3g} m, but no joint is more than {reach:.3g} m from the previous one",
+                Code.SOURCE_DOUBT,
+                f"`{shape.mesh}` reaches {size:.3g} m from its origin, but no joint is more than {reach:.3g} m from the previous joint",
                 shape.where, help='the numbers in the file are probably in millimetres: write scale="0.001 0.001 0.001"',
             )
             return
@@ -119,7 +120,7 @@ def gathered(
             contents[uri] = packages.read(uri)[1]
             bounded(os.path.splitext(uri)[1].lower(), contents[uri])
         except BadMesh as fault:
-            report.add(Code.SOURCE_FILE, f"`{uri}` {fault}", shape.where, help="export it again, or omit all meshes with `--no-meshes`")
+            report.add(Code.SOURCE_FILE, f"`{uri}` {fault}", shape.where, help="export the mesh again, or use `--no-meshes`")
         except NotFound as fault:
             report.add(Code.SOURCE_FILE, str(fault), shape.where, help=fault.help)
     digests = {uri: hashlib.sha256(content).hexdigest() for uri, content in contents.items()}

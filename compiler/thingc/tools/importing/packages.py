@@ -61,7 +61,7 @@ class Packages:
         """Return the absolute path of the file that a URI refers to. Raises `NotFound` if the file is missing or must not be read."""
         scheme, _, rest = uri.rpartition("://")
         if scheme not in ("", "file", "package", "model"):
-            raise NotFound(f"`{uri}` is not a file of this machine", "write `package://NAME/...`, or a path relative to the robot's file")
+            raise NotFound(f"`{uri}` is not a local file", "write `package://NAME/...`, or a path relative to the robot's file")
         name, _, inside = rest.lstrip("/").partition("/")  # some URIs have three slashes
         places: list[str] = []
         if scheme in ("package", "model") and inside and name != "..":

@@ -84,7 +84,7 @@ class Includes:
         self.folders[path] = uri.rpartition("/")[0] or "."
         self._expand(model := models[0])
         for child in (one for one in include.children if one.tag not in READ):
-            self.losses.note(f"`<{child.tag}>` of `<include>`", "it is not imported", child.where)
+            self.losses.note(f"`<{child.tag}>` of `<include>`", "not imported", child.where)
         kept = [child for child in model.children if child.tag not in said]
         names = {str(tag): said[tag].text for tag in ("name", "placement_frame") if tag in said}
         own = [said[tag] for tag in ("pose", "static") if tag in said]
@@ -355,7 +355,7 @@ class _Sdf:
             kind = "continuous"
         if kind == "prismatic" and ends.lower is None:
             ends = replace(ends, lower=-source_model.FAR, upper=source_model.FAR, made_up=True)
-            self.losses.note(f"unlimited slide `{name}`", f"the document has limits at {source_model.FAR:g} m", element.where)
+            self.losses.note(f"unlimited slide `{name}`", f"the document specifies limits of +-{source_model.FAR:g} m", element.where)
         dynamics = self.values.one(axis, "dynamics")
         damping = friction = stiffness = rest = 0.0
         if dynamics is not None:
@@ -404,7 +404,7 @@ class _Sdf:
             self.losses.note("a single limit of a joint", "the other limit is missing, but a joint needs both or none", limit.where)
             lower = upper = None
         if lower is not None and upper is not None and lower > upper:
-            self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or correct the number")
+            self.values.fault(limit, "lower", f"`lower` ({lower:g}) is above `upper` ({upper:g})", "swap the two, or correct one")
         return source_model.SourceLimits(
             lower=lower, upper=upper, effort=None if effort is None or effort < 0.0 else effort,
             velocity=None if velocity is None or velocity < 0.0 else velocity,
@@ -449,7 +449,7 @@ class _Sdf:
         links = [replace(link, sites=sites.get(link.name, ())) for link in links]
         placed = self.values.one(model, "pose")
         if placed is not None and placed.attributes.get("relative_to", "").strip() not in ("", WORLD):
-            self.losses.note("`relative_to` of the model's pose", "it is read relative to the world", placed.where)
+            self.losses.note("`relative_to` of the model's pose", "the pose is read relative to the world", placed.where)
         here, grounded = self.frames.placed("", model), [one for one in hangings if one.parent == WORLD]
         if len(grounded) == 1 and not grounded[0].joints:
             hangings = [one for one in hangings if one is not grounded[0]]
@@ -475,7 +475,7 @@ class _Sdf:
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
         unlimited = source_model.SourceLimits()
         if joint is not None and (joint.ends != unlimited or joint.damping or joint.friction or joint.stiffness or joint.follows):
-            why = "a joint that closes a loop has none of these"
+            why = "a joint that closes a loop cannot have limits, a drive or dynamics"
             self.losses.note(f"limits, drive and dynamics of joint `{one.name}`", why, one.where)
         kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
         if kind == "screw":

@@ -97,7 +97,7 @@ class Merge:
         wrong = [] if after is None else [*_changed((), expected, after.tree.plain())] if after.tree.plain() != expected else None
         if wrong is not None:
             place = dotted(wrong[0]) if wrong else "the document"
-            raise MergeConflict(f"`{place}` uses an anchor or an unusual form, so it cannot be changed separately")
+            raise MergeConflict(f"`{place}` uses an anchor, or YAML syntax that thingc cannot edit")
         return Merged(text=whole, taken=tuple(self.taken), kept=tuple(self.kept), conflicts=tuple(self.conflicts))
 
     def _whole(self, path: Path, base: Any, new: Any, ours: Any) -> Any:

@@ -39,7 +39,7 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
             other = above[one.child]
             report.add(
                 Code.SOURCE_TREE, f"link `{one.child}` has two parents, `{other.parent}` and `{one.parent}`", one.where,
-                notes=[Note(message=f"it is the child of joint `{other.name}`", span=other.where)],
+                notes=[Note(message=f"the link is also the child of joint `{other.name}`", span=other.where)],
                 help="remove one of the two joints, and close the loop in the document with `loop: true`",
             )
         above.setdefault(one.child, one)

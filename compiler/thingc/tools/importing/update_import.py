@@ -99,7 +99,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         held, ours = None, earlier.text
     except (OSError, UnicodeDecodeError):
         message = f"`{shown_path(path)}`, written by the last import, can no longer be read"
-        report.add(Code.OUTPUT, message, None, help="fix or delete it")
+        report.add(Code.OUTPUT, message, None, help="fix or delete the file")
         return None
     texts = [text for one in (earlier.text, new, ours) if (text := read_text(path, one, report)) is not None]
     if len(texts) < 3:
@@ -109,7 +109,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         if ours == earlier.text:  # the comments in the new document may have changed, too
             one = replace(one, text=new)
     except MergeConflict as fault:
-        report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write the value in plain form")
+        report.add(Code.SOURCE_CONFLICT, f"the changes cannot be merged: {fault}", None, help="write the value without anchors or aliases")
         return None
     _say_conflicts(one, read_text(path, one.text, Report()) or texts[2], report)
     written = _changed_meshes(earlier, {name: data for name, data in files.items() if name not in (document, RECORD)}, report)

@@ -92,7 +92,7 @@ class _Urdf:
         name = self.root.attributes.get("name", "").strip()
         if not name:
             name = os.path.splitext(os.path.basename(self.root.where.file))[0]
-            self.losses.note("`name` of `<robot>`", f"it is missing; the name of the file, `{name}`, is used", self.root.where)
+            self.losses.note("`name` of `<robot>`", f"missing; the name of the file (`{name}`) is used", self.root.where)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
         hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
         unknown = "both values are treated as unknown; the joint has a drive only if the file defines a drive elsewhere"
@@ -171,7 +171,7 @@ class _Urdf:
             return None
         if mass == 0.0:
             if any(map(any, properties.inertia)):
-                self.losses.note("the inertia of a link", "it has no mass", inertial.where)
+                self.losses.note("the inertia of a link", "the link has no mass", inertial.where)
             return None
         return source_model.Weight(properties=properties, where=inertial.where)
 
@@ -188,7 +188,7 @@ class _Urdf:
             return None
         materials = [*element.all("material")]
         for other in materials[1:]:
-            self.losses.note("a second `<material>` of a `<visual>`", "the first one is used", other.where)
+            self.losses.note("a second `<material>` of a `<visual>`", "the first `<material>` is used", other.where)
         color = self._color(materials[0]) if materials else None
         return replace(shape, rpy=rpy, color=color, name=self.values.own_name(element, link, "(:collision)?"))
 
@@ -276,7 +276,7 @@ class _Urdf:
             return None
         if joint not in self.moving:
             self.losses.note(
-                f"the mimic of `{joint}` by joint `{name}`", "it moves independently: there is no such moving joint", mimic.where,
+                f"the mimic of `{joint}` by joint `{name}`", "omitted, because the other joint does not move", mimic.where,
             )
             self.report.warn(
                 Code.SOURCE_DOUBT, f"joint `{name}` mimics `{joint}`, which is not a moving joint: it moves independently",
@@ -301,7 +301,7 @@ class _Urdf:
         if lower is None or upper is None:
             return source_model.SourceLimits()
         if lower > upper:
-            self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or correct the number")
+            self.values.fault(limit, "lower", f"`lower` ({lower:g}) is above `upper` ({upper:g})", "swap the two, or correct one")
         if lower == upper:
             if kind == "prismatic" and not follows:
                 help = "use type `fixed`, or correct its limits"
@@ -349,7 +349,7 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
     if find_spec("xacro") is None:
         report.add(
             Code.COMMAND_LINE, "xacro files require an optional package", None,
-            help=f"pip install 'thingc[import]'; or write `xacro {path} > robot.urdf`, and import that",
+            help=f"pip install 'thingc[import]'; or run `xacro {path} > robot.urdf`, and import robot.urdf",
         )
         return None
     limits = {"seconds": SECONDS, "timeout": 5.0 * SECONDS}
@@ -362,17 +362,17 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
         answer = {"failed": "crashed", "words": "the process ended"}
     fault = answer.get("fault")
     if "failed" in answer:
-        how = answer["words"] or f"it took longer than {5 * SECONDS} s"
-        fault = f"xacro failed ({how}); it is limited to {SECONDS} s and 2 GB"
+        how = answer["words"] or f"xacro took longer than {5 * SECONDS} s"
+        fault = f"xacro failed ({how}); the limits are {SECONDS} s and 2 GB"
     elif answer.get("left"):
-        fault = "its expressions start processes that do not end"
+        fault = "the expressions start processes that do not end"
     text = "" if fault is not None else _by_packages(answer["text"], answer["packages"])
     if fault is None and len(text) > MOST_BYTES:
-        fault = f"it expands to more than {MOST_BYTES:,} bytes of URDF"
+        fault = f"the URDF text has more than {MOST_BYTES:,} bytes"
     if fault is not None:
         where = line_of(answer.get("file", path), answer.get("line", 1))
         help = "to allow reading a folder, use `--package NAME=DIR`" if OUTSIDE in fault else "to set `$(arg NAME)`, use `--arg NAME=VALUE`"
-        report.add(Code.SOURCE_XML, f"xacro cannot expand this: {fault}", where, help=help)
+        report.add(Code.SOURCE_XML, f"xacro cannot expand this file: {fault}", where, help=help)
         return None
     return (text.encode(), answer["files"]) if _are_known(arguments, answer["files"], report) else None
 

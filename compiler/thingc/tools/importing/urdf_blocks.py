@@ -23,8 +23,8 @@ KEPT = {"preserveFixedJoint", "disableFixedJointLumping", "provideFeedback", "ca
 WHY = {
     **dict.fromkeys(("kp", "kd", "maxVel", "minDepth", "maxContacts"), "contact stiffness depends on the simulator"),
     **dict.fromkeys(("gravity", "turnGravityOff"), "all links have the mode's gravity"), "fdir1": "friction is isotropic",
-    "material": "it refers to a Gazebo material", "selfCollide": "all links can touch, except those that a joint connects",
-    "plugin": "it is a Gazebo plugin", "static": "modes define the fixed links", "hardware": "it is a ROS plugin",
+    "material": "a reference to a Gazebo material", "selfCollide": "all links can touch, except links that a joint connects",
+    "plugin": "Gazebo plugins are not imported", "static": "modes define the fixed links", "hardware": "ROS plugins are not imported",
 }
 COMMANDS = ("position", "velocity", "effort")
 ONLY_READING = {"angle", "fusestatic", "discardvisual", "strippath", "meshdir", "assetdir", "convexhull", "balanceinertia", "autolimits"}
@@ -69,7 +69,7 @@ class Blocks:
 
     def _rest(self, elements: Iterable[SourceElement], of: str) -> None:
         for element in elements:
-            self.losses.note(f"`<{element.tag}>` {of}", WHY.get(element.tag, "it is not imported"), element.where)
+            self.losses.note(f"`<{element.tag}>` {of}", WHY.get(element.tag, "not imported"), element.where)
 
     def _gazebo(self, block: SourceElement) -> None:
         name = block.attributes.get("reference")
@@ -87,7 +87,7 @@ class Blocks:
         if first is not None and slides[0] is not None and name in links:
             self.friction[name] = slides[0]
         elif first is not None:
-            self.losses.note(f"`<mu1>` {here}", "it is not a link", first.where)
+            self.losses.note(f"`<mu1>` {here}", "the reference is not a link", first.where)
         if second is not None and slides[1] is not None and slides[0] != slides[1]:
             self.losses.note(f"`<mu2>` {here}", "friction is the same in all directions", second.where)
         for sensor in block.all("sensor"):
@@ -101,22 +101,22 @@ class Blocks:
             if known is None:
                 why = f"sensors of type `{kind}` are not supported"
             elif not on_link:
-                why = "it is not on a link"
+                why = "the sensor is not on a link"
             else:
-                why = "its name is not unique" if name else "it has no name"
+                why = "the name is not unique" if name else "the sensor has no name"
             self.losses.note(what, why, element.where)
             return
         pose = next(element.all("pose"), None)
         words = ["0"] * 6 if pose is None else pose.text.split()
         numbers = [self.values.number_of(pose or element, word, "`<pose>`") for word in words]
         if len(numbers) != 6:
-            self.values.fault(pose or element, None, f"`<pose>`: expected 6 numbers separated by spaces, found {len(numbers)} of them")
+            self.values.fault(pose or element, None, f"`<pose>`: expected 6 numbers separated by spaces, found {len(numbers)}")
         x, y, z, roll, pitch, yaw = (one or 0.0 for one in (*numbers, *[0.0] * 6)[:6])
         at, fovy = placed((x, y, z), (roll, pitch, yaw)), 0.0
         if known == "camera":
             at, fovy = at @ LOOKING, self._fovy(element)
             if not 0.0 < fovy < MOST_VIEW:
-                self.losses.note(what, "its field of view is not between 0 and 180 degrees", element.where)
+                self.losses.note(what, "the field of view is not between 0 and 180 degrees", element.where)
                 return
         self.sensors[name] = SourceSensor(name=name, kind=known, link=link, pose=at, fovy=fovy, where=element.where)
         if any(one.tag not in ("pose", "always_on", "visualize", "camera") for one in element.children):
@@ -152,7 +152,7 @@ class Blocks:
         joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
         if name not in joints:
             self.losses.note(f"the drive of joint `{name}`", "there is no such joint", block.where)
-            message = f"this drives joint `{name}`, which does not exist"
+            message = f"this element drives joint `{name}`, which does not exist"
             self.values.report.warn(Code.SOURCE_DOUBT, message, block.place("name"), help=did_you_mean(name, joints, what="joints"))
         return name in joints
 
@@ -179,7 +179,7 @@ class Blocks:
                     self._interfaces(name, {one.attributes.get("name", "") for one in commands}, joint)
                 bounds = [one for command in commands for one in command.all("param") if one.attributes.get("name") in ("min", "max")]
                 if bounds:
-                    self.losses.note(f"the command limits of joint `{name}`", "its own limits apply", bounds[0].where)
+                    self.losses.note(f"the command limits of joint `{name}`", "the limits of the joint apply", bounds[0].where)
             self._rest((one for one in block.children if one.tag != "joint"), "of `<ros2_control>`")
 
     def _interfaces(self, name: str, kinds: set[str], joint: SourceElement) -> None:
@@ -192,7 +192,7 @@ class Blocks:
     def _mujoco(self, block: SourceElement) -> None:
         for one in block.children:
             if one.tag != "compiler":
-                self.losses.note(f"`<{one.tag}>` of `<mujoco>`", "it is not imported", one.where)
+                self.losses.note(f"`<{one.tag}>` of `<mujoco>`", "not imported", one.where)
                 continue
             for key in ("meshdir", "assetdir"):
                 self.meshes = one.attributes.get(key) if self.meshes is None else self.meshes

@@ -220,7 +220,7 @@ class DocumentWriter(DocumentNaming):
         if joint.start:
             yield f"    offset: {place(-joint.start)}"
         if of.made_up:
-            yield "    allow: {TC517: it has no ends in the source}"
+            yield "    allow: {TC517: the joint has no limits in the source}"
         yield from _mapping("limit", {key: value for key, value in limit.items() if value is not None})
         yield from _mapping("dynamics", dynamics_words(joint, turns))
         if joint.follows is not None:

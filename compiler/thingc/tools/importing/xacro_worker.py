@@ -87,9 +87,9 @@ class _Expanding:
         except expat.ExpatError as fault:
             return {"fault": f"this is not well-formed XML: {expat.ErrorString(fault.code)}", "file": self.files[-1], "line": fault.lineno}
         except MemoryError:
-            return {"fault": "it needs too much memory", "file": self.path, "line": 1}
+            return {"fault": "the file needs too much memory", "file": self.path, "line": 1}
         except RecursionError:
-            return {"fault": "it has infinite recursion", "file": self.path, "line": 1}
+            return {"fault": "the file has infinite recursion", "file": self.path, "line": 1}
         except Exception as fault:  # expressions can raise any exception
             said, root = str(fault), fault
             while isinstance(getattr(root, "exc", None), Exception):

@@ -98,7 +98,7 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
         reading = _Reading(path, utf8_of(data), report, files)
     except (ValueError, LookupError) as fault:
         line = data.count(b"\n", 0, getattr(fault, "start", 0)) + 1
-        help = "save the file as UTF-8, or declare the encoding that it has"
+        help = "save the file as UTF-8, or declare its encoding in the first line"
         report.add(Code.SOURCE_XML, f"cannot decode the file: {fault}", line_of(path, line), help=help)
         return None
     try:
@@ -108,8 +108,8 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
     except expat.ExpatError as fault:
         report.add(
             Code.SOURCE_XML, f"this is not well-formed XML: {expat.ErrorString(fault.code)}", _span(path, fault.lineno, fault.offset + 1),
-            help="fix the place shown; `xmllint FILE` reports more. A file that is not UTF-8 must declare its encoding",
-            notes=[Note(message=f"`<{one.tag}>` is open here", span=one.where) for one in reading.open[-1:]],
+            help="fix the error at this line; `xmllint FILE` reports all errors. A file that is not UTF-8 must declare its encoding",
+            notes=[Note(message=f"`<{one.tag}>` is opened here", span=one.where) for one in reading.open[-1:]],
         )
         return None
     return reading.root
@@ -176,11 +176,11 @@ class _Reading:
             self.open[-1].texts.append(text)
 
     def _entity(self, name: str, *rest: object) -> None:
-        self._refuse(f"the file declares the entity `{name}`", "entities are not supported: replace it by its value")
+        self._refuse(f"the file declares the entity `{name}`", "entities are not supported: replace the entity by its value")
 
     def _doctype(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
         if system or public:
-            self._refuse(f"the file requires another one, `{system or public}`", "remove its `<!DOCTYPE ...>`")
+            self._refuse(f"the file requires another file, `{system or public}`", "remove its `<!DOCTYPE ...>`")
 
 
 class Losses:
@@ -211,9 +211,9 @@ class Losses:
         """
         for attribute in element.attributes:
             if attribute not in attributes.get(element.tag, ()) and not attribute.startswith("xmlns"):
-                self.note(f"`{attribute}` of `<{element.tag}>`", "it is not imported", element.where)
+                self.note(f"`{attribute}` of `<{element.tag}>`", "not imported", element.where)
         for child in element.children:
             if child.tag in inside.get(element.tag, ()):
                 self.unread(child, attributes, inside, idle, read)
             elif child.where not in read and child.text.lower() not in idle.get(child.tag, ()):
-                self.note(f"`<{child.tag}>` of `<{element.tag}>`", "it is not imported", child.where)
+                self.note(f"`<{child.tag}>` of `<{element.tag}>`", "not imported", child.where)

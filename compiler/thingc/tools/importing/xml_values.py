@@ -129,7 +129,7 @@ class Values:
         x, y, z = self.vector(axis, attribute, default)
         length = hypot(x, y, z)
         if length == 0.0:
-            self.fault(axis, attribute, "the axis of this joint is 0 0 0, which is not a direction", "write for example 0 0 1")
+            self.fault(axis, attribute, "the axis of this joint is 0 0 0, which is not a direction", "write, for example, 0 0 1")
             return default
         return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
@@ -183,7 +183,7 @@ class Values:
             return None
         kind, size = sized
         if 0.0 in size:
-            losses.note(f"a `<{form.tag}>`", "it has no volume", form.where)
+            losses.note(f"a `<{form.tag}>`", "the shape has no volume", form.where)
             return None
         use: Literal["visual", "collision"] = "visual" if element.tag == "visual" else "collision"
         return SourceShape(kind=kind, use=use, size=size, pose=pose, where=form.where, mesh=mesh)

@@ -116,7 +116,7 @@ def _of_component(analysis: Analysis, name: str) -> str:
     lines = [f"**{name}**: {what}"]
     items = piece.items if piece is not None else (name,)
     if len(items) > 1 and name not in items:
-        lines.append(f"{len(items)} of them, `{items[0]}` to `{items[-1]}`.")
+        lines.append(f"{len(items)} copies, `{items[0]}` to `{items[-1]}`.")
     if analysis.assembly is not None:
         lines += _measured(analysis.assembly, items[0] if name not in items else name)
     return "\n\n".join(lines)
@@ -205,12 +205,12 @@ def _of_mode(analysis: Analysis, name: str) -> str:
     mode = None if analysis.model is None else next((one for one in analysis.model.modes if one.name == name and one.stated), None)
     if mode is None:
         return ""
-    base = {"fixed": "fixed to the world", "free": "free", "held": "held at the world"}.get(mode.base, mode.base)
+    base = {"fixed": "fixed to the world", "free": "free", "held": "held at a pose in the world"}.get(mode.base, mode.base)
     lines = [f"**{name}**: `{mode.root.text}` is the root, {base}" + (f"; starts in pose `{mode.pose}`." if mode.pose else ".")]
     if mode.on_floor or any(mode.at.translation):
-        lines.append("Stands on the floor." if mode.on_floor else f"Its root at {length_words(mode.at.translation)}.")
+        lines.append("The robot stands on the floor." if mode.on_floor else f"The root is at {length_words(mode.at.translation)}.")
     if mode.holds:
-        lines.append(f"Holds {', '.join(f'`{one.mount.text}`' for one in mode.holds)}.")
+        lines.append(f"The mode holds {', '.join(f'`{one.mount.text}`' for one in mode.holds)}.")
     return "\n\n".join(lines)
 
 

@@ -122,7 +122,7 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
     names, here = named
     renamable(names.sight, here.name)
     if here.role == "fits":
-        raise RenameRefused(f"`{here.name.text}` only matches the pattern here: rename it where it is defined")
+        raise RenameRefused(f"`{here.name.text}` only matches the pattern here: rename the element at its definition")
     return {"range": names.range(here.span), "placeholder": here.name.text}
 
 
@@ -133,7 +133,7 @@ def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """
     named = _found(analysis, place)
     if named is None:
-        raise RenameRefused("there is no name here")
+        raise RenameRefused("there is no name at this position")
     names, here = named
     prepare_rename(analysis, text, place, params)
     done = rename_edits(names.sight, here.name, params["newName"])

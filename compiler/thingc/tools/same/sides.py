@@ -24,7 +24,7 @@ def mechanisms(pair: DocumentPair, names: tuple[str, str], options: Options) -> 
     found: list[Mechanism] = []
     for laid, name in zip((pair.old, pair.new), names, strict=True):
         if laid is None:
-            raise UnknownComparison(f"`{pair.name}` does not exist in {name}", "compare documents that exist in both states")
+            raise UnknownComparison(f"`{pair.name}` does not exist in {name}", "compare documents that exist in both revisions")
         try:
             found.append(read_side(laid, options))
         except BrokenDocument as broken:
@@ -39,7 +39,7 @@ def read_side(laid: Checkout, options: Options) -> Mechanism:
             try:
                 modes = load_modes(laid.path)
             except (FileNotFoundError, ModesError) as fault:
-                raise UnknownComparison(str(fault), "build it again, or compare documents") from fault
+                raise UnknownComparison(str(fault), "build the folder again, or compare documents") from fault
             return mechanism_of_mode(os.path.basename(laid.path), next(iter(modes.values())))
         case "lock":
             raise UnknownComparison(f"`{laid.path}` is a lock file, which contains no joints", "compare documents or build folders")

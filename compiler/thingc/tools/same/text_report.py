@@ -33,12 +33,12 @@ def as_text(result: MechanismComparison) -> Iterator[str]:
         yield f"  names: {some(names, SHOWN)}"
     free = [one.other for one in result.joints if not one.determined]
     if free:
-        yield f"  zeros that neither axes nor masses determine: {some(free, SHOWN)}"
+        yield f"  joint zeros that cannot be determined from axes or masses: {some(free, SHOWN)}"
     least = "" if result.complete else "at least "
     if result.assignments > 1:
-        yield f"  ambiguous: {least}{result.assignments} assignments of links and joints fit; this one preserves the most names"
+        yield f"  ambiguous: {least}{result.assignments} assignments of links and joints are possible; this one keeps the most names"
     elif result.maps > 1:
-        yield f"  ambiguous: {least}{result.maps} choices of zeros and signs fit; this one changes the fewest"
+        yield f"  ambiguous: {least}{result.maps} combinations of joint zeros and signs are possible; this one changes the fewest"
     mass, centre, inertia = (max(getattr(one, key) for one in result.links) for key in ("mass", "centre", "inertia"))
     yield (
         f"  agreement of {counted(len(result.links), 'link')}: mass {_within(100.0 * mass, '%')}, "
@@ -84,7 +84,7 @@ def _differences(differences: tuple[MechanismDifference, ...]) -> Iterator[str]:
     for one in differences:
         match one.what:
             case "arrangement":
-                yield "arrangement: no assignment of links and joints was found"
+                yield "arrangement: the links and joints of the two robots cannot be matched"
             case "links" | "joints":
                 yield f"{one.what}: {one.old} -> {one.new}"
             case "mass":

@@ -156,7 +156,7 @@ class _Narrowing:
         choice = one_of(names.items())
         if self.facts.materials_sure and len(names) <= MAX_CHECKED:
             choice["pattern"] = rf"^({'|'.join(sorted(names))})$"
-            choice["patternErrorMessage"] = f"no material of this name is in scope; there are {quoted(sorted(names), 12)}"
+            choice["patternErrorMessage"] = f"unknown material; available materials: {quoted(sorted(names), 12)}"
         for model in ("ComponentDefaults", "ComponentSpec"):
             self._put(model, "material", choice)
         choices = [(name, one.description or one.name or "A document.") for name, one in self.around.materials.items()]
@@ -204,7 +204,7 @@ class _Narrowing:
             # the compiler validates names such as `hip_$i` and `cap.pen`
             short |= {"patternProperties": {rf"{OPEN}|\.": True}, "additionalProperties": False, "maxProperties": 1}
             full["pattern"] = rf"^({'|'.join(re.escape(name) for name in sorted(mounts))})$|{OPEN}|\."
-            full["patternErrorMessage"] = f"there is no such mount; there are {quoted(sorted(mounts), 12)}"
+            full["patternErrorMessage"] = f"unknown mount; available mounts: {quoted(sorted(mounts), 12)}"
         return {"type": "object", **_full_or_short(short, mounts, mount=full)}
 
     def _components(self) -> None:

@@ -56,7 +56,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
     if nearest is not None:
         measured["pair"] = _pair_text(collisions.assembly, nearest, "")
     looked = f", {counted(len(case.frames), 'position')}" if check.ranges else ""
-    looked += f", {case.missing} more that do not close" if case.missing else ""
+    looked += f", in {case.missing} more positions the loops do not close" if case.missing else ""
     failure: Failure | None = None
     if worst:
         failure = _failure(case, check, sorted(worst.values(), key=lambda near: near.badness, reverse=True), collisions)

@@ -32,7 +32,7 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     measured: dict[str, Measure] = {"distance": distance}
     if check.direction is not None:
         measured["angle"] = off
-        said += f"; {shown(off, ANGLE)} off the direction, at most {Quantity(check.angle, ANGLE)}"
+        said += f"; {shown(off, ANGLE)} from the direction, at most {Quantity(check.angle, ANGLE)}"
     where = joints_text(case.robot.assembly, joints)
     notes = (Note(message=f"joint values of the nearest position: {where}"),) if where else ()
     if distance > check.within:
@@ -44,7 +44,7 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     elif check.direction is not None and off > check.angle:
         failure = Failure(
             code=PointCode.TEST_POINT, key="direction", notes=notes,
-            message=f"`{check.mount.text}` reaches the point, but is at best {shown(off, ANGLE)} off the direction; "
+            message=f"`{check.mount.text}` reaches the point, but its direction is wrong by at least {shown(off, ANGLE)}; "
             f"at most {Quantity(check.angle, ANGLE)} is allowed",
         )
     return Outcome(measured={**measured, "joints": joints}, expected=expected, said=f"{said})", failure=failure)

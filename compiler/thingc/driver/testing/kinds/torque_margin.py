@@ -65,7 +65,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
         ]
         failure = Failure(
             code=TorqueCode.TEST_TORQUE, key="min", notes=tuple(notes),
-            message=f"drive `{least}` needs {text} of at most {limit}: its margin is {margins[least]:.3g}, "
+            message=f"drive `{least}` needs {text}, and its limit is {limit}: the margin is {margins[least]:.3g}, "
             f"but at least {check.minimum:g} is required",
         )
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
@@ -93,7 +93,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
                 code=TorqueCode.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
                 help="lower these feet in the pose, or remove them from `standing_on`",
             )
-            return "stands on feet in the air", failure
+            return "has feet above the floor", failure
     if held.fall is not None:
         said, why = {
             "tips": ("falls over", f"its centre of mass is {shown(held.fall.outside, LENGTH)} outside the polygon of its feet"),
@@ -109,7 +109,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
         moves = f"joint `{held.where}`" if held.where else "the robot"
         failure = Failure(
             code=TorqueCode.TEST_TORQUE, key="drive", message=f"the drives cannot hold this pose: {moves} would move",
-            help="drive the joint, or choose a pose in which it hangs at rest",
+            help="add a drive to the joint, or choose a pose in which the joint stays at rest",
         )
         return "does not stay in the pose", failure
     return None

@@ -77,7 +77,7 @@ def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], floa
             if reach <= radius * (1.0 + 1e-10) + 1e-15 and (best is None or radius < best[1]):
                 best = (centre, reach, support)
     if best is None:
-        raise ArithmeticError("no ball holds the points")
+        raise ArithmeticError("no enclosing sphere was found for the points")
     return best
 
 

@@ -376,7 +376,7 @@ def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning
     away, size = deviation(mesh, fewer), float(np.ptp(mesh.vertices, axis=0).max())
     if away <= DEVIATION * size:
         return ()
-    off = f"up to {away * convert.MM:.2g} mm off its surface ({100.0 * away / size:.2g} % of its size)"
+    off = f"up to {away * convert.MM:.2g} mm away from its surface ({100.0 * away / size:.2g} % of its size)"
     return (PartWarning(message=f"its mesh for simulators, of {len(fewer.faces)} triangles, is {off}; increase `faces`"),)
 
 
@@ -390,7 +390,7 @@ def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWa
         return ()
     shared, all_of_it = (f"{float(f'{volume:.4g}'):g}" for volume in (common, whole))  # 1000, not 1e+03
     twice = f"its {len(solids)} solids overlap: {shared} of {all_of_it} mm^3 are counted twice in volume and mass"
-    return (PartWarning(message=f"{twice}; {'unite them in the CAD program' if file else 'fuse them (`a + b`)'}"),)
+    return (PartWarning(message=f"{twice}; {'unite the solids in the CAD program' if file else 'fuse the solids (`a + b`)'}"),)
 
 
 def solid_part(made: BuiltPart) -> TopoDS_Shape:

@@ -127,7 +127,7 @@ def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     _, first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)
     if 2 * len(first) == len(mesh.faces):
         mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
-        mended.append(f"back sides of other triangles removed: {len(first)}")
+        mended.append(f"triangles removed that are the back side of another triangle: {len(first)}")
     return mesh, tuple(mended)
 
 
@@ -163,7 +163,7 @@ def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
         mended += [f"triangles added to fill holes: {filled}"] if filled else []
     if left := open_edges(mesh):
         rest = "" if left == first else f" ({left} after repair by trimesh)"
-        raise BadPartFile(f"its surface is not closed: {first} edges have no neighbour{rest}, so it has no volume")
+        raise BadPartFile(f"its surface is not closed: {first} edges belong to only one triangle{rest}, so it has no volume")
     return mesh, (f"its surface was not closed and was repaired ({', '.join(mended)})",)
 
 

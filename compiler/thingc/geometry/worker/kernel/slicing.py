@@ -102,7 +102,7 @@ def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
     total = _raised(flat, heights, lengths.layer).sum(axis=0)
     solid, joins, sparse = (_moments(sums, turn) for sums in total)
     if not solid.volume > 0.0:
-        raise NotSliced("is thinner than a line")
+        raise NotSliced("is thinner than one printed line")
     return SliceResult(solid=solid, joins=joins, sparse=sparse)
 
 
@@ -180,7 +180,7 @@ class _Lengths:
         self.width = how.line_width * 1e3
         self.spacing = self.width - self.layer * (1.0 - math.pi / 4.0)
         if not self.spacing > 0.0:
-            raise NotSliced("has layers too high for its lines")
+            raise NotSliced("has a layer height that is too large for its line width")
         self.nozzle = self.width * NOZZLE
         self.strand = self.nozzle * math.sqrt(how.bridge_flow)
         section = math.pi / 4.0 * self.strand**2

@@ -66,7 +66,7 @@ class Actuators:
             elif transmission == AT_TENDON:
                 one = tendons.of.get(target)
                 if one is None:
-                    why = "its tendon is not imported"
+                    why = "the tendon of the actuator is not imported"
                 else:
                     lower, upper = one.ends.lower, one.ends.upper
                     ends = None if lower is None or upper is None else (lower, upper)
@@ -75,7 +75,7 @@ class Actuators:
             elif transmission not in (AT_JOINT, AT_PARENT) or int(self.model.jnt_type[target]) not in (HINGE, SLIDE):
                 why = "a drive in a document needs a tendon, or a joint that rotates about or slides along an axis"
             elif target not in joints:
-                why = "its joint is not imported"
+                why = "the joint of the actuator is not imported"
             else:
                 length = _Length(original.bounds("jnt_", target), original.bounds("jnt_actfrc", target))
                 why = self._driving(number, SourceTarget(kind="joint", name=original.joints[target]), target, self.of_joint, length)
@@ -104,7 +104,7 @@ class Actuators:
         for name in UNSAID:
             values = getattr(self.model, f"actuator_{name}", None)
             if values is not None and float(values[number]):
-                self.original.lose("actuator", number, f"`{name}` of {what}", "documents have no such property")
+                self.original.lose("actuator", number, f"`{name}` of {what}", "documents do not support this property")
 
     def _drive(self, number: int, length: _Length) -> SourceDrive | None:
         """Convert an actuator to a drive. Return None for a kind of actuator that documents do not support."""
@@ -156,7 +156,8 @@ class Actuators:
         if gain != 1.0:
             ends = None if force is None else (force[0] / gain, force[1] / gain)
             what = f"the gain of motor `{original.actuators[number]}`, {gain:g}"
-            original.lose("actuator", number, what, "it is applied to the gear, so the same control gives the same torque")
+            why = "the gear ratio is multiplied by the gain, so that equal controls result in equal torques"
+            original.lose("actuator", number, what, why)
         bounds = [max(map(abs, one)) for one in (control, ends) if one is not None]
         effort = None if not bounds else min(bounds) * abs(gear * gain)
         effort = length.effort(None if effort is None else (-effort, effort))
@@ -170,7 +171,7 @@ class Actuators:
     def _adhesion(self, number: int, link: str) -> SourceAdhesion:
         gain, control = floats(self.model.actuator_gainprm[number])[0], self.original.bounds("actuator_ctrl", number) or (0.0, 1.0)
         force = gain * control[1]
-        why = "contacts with adhesion are stiffer in a document, so that they hold"
+        why = "thingc writes stiffer contacts for adhesion"
         self.original.lose("actuator", number, f"the softness of contacts of `{link}`", why)
         wanted = [("gain", numbers([gain])), ("ctrlrange", numbers(control))]
         return SourceAdhesion(

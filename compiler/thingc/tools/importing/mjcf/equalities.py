@@ -34,12 +34,12 @@ class Equalities:
         loops = []
         for number in range(self.model.neq):
             kind = int(self.model.eq_type[number])
-            why = "" if self.model.eq_active0[number] else "it is not active, but couplings in a document always are"
+            why = "" if self.model.eq_active0[number] else "the equality is not active, but couplings in a document are always active"
             if not why and kind == JOINT:
                 why = self._follow(number)
             elif not why and kind in (CONNECT, WELD):
                 loop = self._loop(number)
-                why = "it does not connect two links" if loop is None else ""
+                why = "the equality does not connect two links" if loop is None else ""
                 loops += [] if loop is None else [loop]
             elif not why and not added.equality(number):
                 why = "documents only support equalities that couple joints or close loops"
@@ -64,11 +64,11 @@ class Equalities:
         if one in self.drives.of_joint and other not in self.drives.of_joint and abs(b) == 1.0 and not any(higher):
             one, other, a = other, one, -a * b  # invert the linear relation between the two joints
         if one in self.drives.of_joint:
-            return f"joint `{original.joints[one]}` is driven, but a joint with `mimic` cannot be"
+            return f"joint `{original.joints[one]}` is driven, but a joint with `mimic` cannot have a drive"
         if one in self.follows or other in self.follows:
             return "one of the two joints already mimics another"
         if any(int(model.jnt_bodyid[joint]) not in self.on for joint in (one, other)):
-            return "its joints are not imported"
+            return "the joints of the equality are not imported"
         first, second = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
         offset, multiplier, *rest = _shifted((a, b, *higher), second)
         self.follows[one] = SourceMimic(
@@ -135,7 +135,7 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
             kind, ends = "prismatic", SourceLimits(lower=lower, upper=upper)
             if not limited:
                 ends = SourceLimits(lower=start - FAR, upper=start + FAR, made_up=True)
-                original.losses.note(f"unlimited slide `{name}`", f"the document has limits at {FAR:g} m", where)
+                original.losses.note(f"unlimited slide `{name}`", f"the document specifies limits of +-{FAR:g} m", where)
         case _:
             kind, ends = ("revolute", SourceLimits(lower=lower, upper=upper)) if limited else ("continuous", SourceLimits())
     if name in original.speeds and kind != "ball":
@@ -147,7 +147,7 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
     rest = float(model.qpos_spring[model.jnt_qposadr[joint]]) if kind != "ball" else 0.0
     begin = None if kind == "ball" else ends.nearest(start)
     if start:
-        why = "MuJoCo measures it at the reference, which is q = 0 in a document"
+        why = "a document specifies the softness at q = 0"
         original.losses.note(f"the softness of constraints at the reference of joint `{name}`, {start:g}", why, where)
     for what in ("jnt_stiffnesspoly", "dof_dampingpoly"):
         polynomial = getattr(model, what, None)

@@ -29,11 +29,14 @@ MOST_STEPS = 100_000
 MOST_MESH_BYTES = 500_000_000
 """Maximum total size of meshes [bytes]. A mesh counts once for each use, because MuJoCo computes a convex hull for each use."""
 LEFT_OUT = {
-    "texture": "not imported: shapes have the colours of their materials", "hfield": "documents have no height fields",
-    "skin": "documents have no skins", "flex": "documents only have rigid links", "flexcomp": "documents only have rigid links",
-    "composite": "it is not supported: replace it by the bodies that it generates", "size": "thingc computes the sizes of a model",
-    "text": "documents cannot store custom data", "tuple": "documents cannot store custom data", "extension": "documents have no plugins",
-    "statistic": "MuJoCo computes them", "light": "lights belong to a scene", "visual": "rendering settings belong to a scene",
+    "texture": "not imported: shapes have the colours of their materials", "hfield": "documents do not support height fields",
+    "skin": "documents do not support skins", "flex": "documents support only rigid links",
+    "flexcomp": "documents support only rigid links",
+    "composite": "not supported: replace `<composite>` by the bodies that it generates", "size": "MuJoCo computes the sizes of a model",
+    "text": "documents cannot store custom data", "tuple": "documents cannot store custom data",
+    "extension": "documents do not support plugins",
+    "statistic": "MuJoCo computes the statistics of a model", "light": "lights are part of a scene, not of a robot",
+    "visual": "rendering settings are part of a scene, not of a robot",
 }
 ABSENT = ".absent"
 """Text in front of the file extension in the names of files that replace missing meshes."""
@@ -167,7 +170,7 @@ class Flattening:
         """
         name, where = element.attributes.get("file", ""), element.place("file")
         if element.children:
-            self.report.add(Code.SOURCE_VALUE, "an `<include>` contains elements", element.where, help="move them out of it")
+            self.report.add(Code.SOURCE_VALUE, "an `<include>` has child elements", element.where, help="move them out of the `<include>`")
         beside = os.path.relpath(os.path.join(os.path.dirname(element.where.file), name), self.packages.folder)
         try:
             try:
@@ -258,7 +261,7 @@ class Flattening:
             self.mesh_bytes += len(content)
             if self.mesh_bytes > MOST_MESH_BYTES:
                 message = f"with `{uri}`, the meshes have more than {MOST_MESH_BYTES:,} bytes"
-                raise NotFound(message, "use meshes with fewer facets, and list each only once")
+                raise NotFound(message, "use meshes with fewer facets, and list each mesh only once")
         except NotFound as fault:
             if self.with_meshes:
                 self.report.add(Code.SOURCE_FILE, str(fault), element.place("file"), help=fault.help)

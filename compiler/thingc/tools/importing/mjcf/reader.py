@@ -63,11 +63,11 @@ def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
         said = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", text.split("\nElement")[0]).strip()
         attribute = re.search(r"attribute:? '(\w+)'", said)
         where = flat.place(text, None if attribute is None else attribute[1])
-        report.add(Code.SOURCE_VALUE, f"MuJoCo cannot load this: {said}", where, help="fix the place shown")
+        report.add(Code.SOURCE_VALUE, f"MuJoCo cannot load this: {said}", where, help="fix the element at this line")
         return None
     original = CompiledSource(flat, spec, model)
     for geom in (one for one in absent if not one.parent.explicitinertial):
-        original.losses.note(f"the mass of mesh `{geom.meshname}`", "its file cannot be read", flat.place(geom.info))
+        original.losses.note(f"the mass of mesh `{geom.meshname}`", "the file of the mesh cannot be read", flat.place(geom.info))
     return original
 
 
@@ -142,7 +142,7 @@ class _Reader:
         for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
             if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
                 what = f"the start position of joint `{joint.name}`, {joint.start:g}"
-                self.original.losses.note(what, f"it is outside the limits; the nearest limit is used, {joint.begin:g}", joint.where)
+                self.original.losses.note(what, f"the value is outside the limits; {joint.begin:g} is used", joint.where)
         sensed |= {one.name for one in added.elements if one.section == "sensor"}
         self._lose_indices("data.ctrl", [1] * self.model.nu, sorted(added.kept["actuator"]))
         self._lose_indices("data.sensordata", self.model.sensor_dim, [k for k, name in self.original.sensors.items() if name in sensed])
@@ -170,7 +170,7 @@ class _Reader:
             here += size
         moved = [f"[{there}:{there + size}] is [{here}:{here + size}]" for there, here, size in runs if there != here]
         if moved:
-            why = f"the order in models of the document differs: {', '.join(moved)}"
+            why = f"the array of the exported model has another order: {', '.join(moved)}"
             self.original.losses.note(f"the indices of `{array}`", why, self.original.flat.root.where)
 
     def _hangings(
@@ -217,7 +217,7 @@ class _Reader:
         for body in tops:
             if group[body] != chosen:
                 what = f"body `{self.original.bodies[body]}`, with everything attached to it"
-                self.original.lose("body", body, what, "it is not part of the robot, but a document contains only one robot")
+                self.original.lose("body", body, what, "the body is not part of the robot, and a document contains only one robot")
         on_world = self._on_world(planes=False)
         if chosen == WORLD:
             first = [body for body in tops if group[body] == WORLD]
@@ -227,7 +227,7 @@ class _Reader:
             kept = groups[chosen]
         for kind, number in [*self._on_world(planes=True), *([] if WORLD in kept else on_world)]:
             is_plane = (kind, number) not in on_world
-            why = "floors belong to a scene" if is_plane else "it is fixed to the world and not part of the robot"
+            why = "floors are part of a scene, not of a robot" if is_plane else "fixed to the world, so not part of the robot"
             self.original.lose(kind, number, f"a {kind} of the world", why)
         return kept
 

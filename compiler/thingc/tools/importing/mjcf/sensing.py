@@ -72,7 +72,7 @@ class _Sensing:
                 if self.added.sensor(number):
                     continue
                 name, kind = self.original.sensors[number], self._kind(number)
-                self.original.lose("sensor", number, f"sensor `{name}` of kind `{kind}`", "documents have no such sensor")
+                self.original.lose("sensor", number, f"sensor `{name}` of kind `{kind}`", "documents do not support this type of sensor")
             else:
                 placed_before.add(placed)
                 read.append((number, *placed))
@@ -125,7 +125,7 @@ class _Sensing:
                 value = float(getattr(model, f"sensor_{key}")[number])
                 if value and reading in ("quat", "magnetometer", "momentum", "time"):
                     what = f"{key} of sensor `{original.sensors[number]}`"
-                    original.lose("sensor", number, what, f"a document cannot specify it for a `{reading}`")
+                    original.lose("sensor", number, what, f"a document cannot specify this value for a `{reading}`")
                 elif value:
                     said[reading] = value
         volume: tuple[ShapeKind, Sizes] | None = None
@@ -160,7 +160,7 @@ def _cameras(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> li
     model, cameras = original.model, []
     for number in range(model.ncam):
         body, where = int(model.cam_bodyid[number]), original.where("camera", number)
-        why = "it tracks a target" if int(model.cam_mode[number]) else "" if body in on else "it is not on a link of the robot"
+        why = "the camera tracks a target" if int(model.cam_mode[number]) else "" if body in on else "the camera is not on a link"
         if why:
             original.losses.note(f"camera `{original.cameras[number]}`", why, where)
             continue

@@ -37,7 +37,7 @@ def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
     usual: dict[str, float | str] = {"timestep": 0.002, "integrator": "euler", "cone": "pyramidal", "impratio": 1.0}
     for name, value in said:
         if isinstance(value, float) and value <= 0.0:
-            original.losses.note(f"a `{name}` of {value:g}", "it must be above 0 in a document", original.flat.root.where)
+            original.losses.note(f"a `{name}` of {value:g}", "the value must be above 0 in a document", original.flat.root.where)
             usual[name] = value
     return tuple((name, value) for name, value in said if value != usual[name])
 
@@ -62,7 +62,8 @@ def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]
             if name.startswith(prefix) and int(getattr(ours, field)) & int(bit):
                 entries.append((("option", "flag", name.removeprefix(prefix).lower()), word))
     if int(ours.disableactuator):
-        original.losses.note("disabled groups of actuators", "documents have none: see `actuators` of modes", original.flat.root.where)
+        why = "documents do not support groups of actuators; use the key `actuators` of modes"
+        original.losses.note("disabled groups of actuators", why, original.flat.root.where)
     return tuple(entries)
 
 
@@ -105,11 +106,11 @@ def touching(
     for head, parent in sorted(parents.items()):
         if (parent == still or not filtered) and meet(head, parent):
             what = f"contacts of `{original.bodies[head]}` with `{original.bodies[parent]}`"
-            original.lose("body", head, what, "links that are connected by a joint never touch in a document")
+            original.lose("body", head, what, "in a document, links that a joint connects never touch")
     for head, other in sorted(apart.keys() - near):
         if meet(head, other):
             what = f"contacts of `{original.bodies[other]}` with `{original.bodies[head]}`"
-            why = "two of their bodies never touch, and bodies that are fixed to each other are one link"
+            why = "a pair of their bodies is excluded from contact, and bodies that are fixed to each other are one link"
             original.lose("body", other, what, why)
     touch = {head for head, bodies in members.items() if head != still and any(any(masks[body]) for body in bodies)}
     _lose_parts(original, members, touch)
@@ -142,13 +143,13 @@ def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touc
     for body in sorted(body for bodies in members.values() for body in bodies) if fluid else ():
         for geom in (geom for geom in original.geoms_of[body] if model.geom_fluid[geom][0]):
             original.lose(
-                "geom", geom, f"drag of a geom of `{original.bodies[body]}` as an ellipsoid", "documents only have the drag of links",
+                "geom", geom, f"drag of a geom of `{original.bodies[body]}` as an ellipsoid", "documents support drag only for whole links",
             )
     for head, bodies in sorted(members.items()):
         if sum(model.body_mass[body] > 0.0 for body in bodies) < 2:
             continue
         if fluid:
-            what = f"drag of `{original.bodies[head]}`, part by part"
+            what = f"drag of `{original.bodies[head]}`, computed for each body"
             original.lose("body", head, what, "bodies that are fixed to each other are one link")
         if head in touch:
             why = "MuJoCo derives it from the inverse mass of a body, and bodies that are fixed to each other are one link"
@@ -195,21 +196,21 @@ def poses(
                 q[name_of] = joints[name_of].ends.nearest(value)
                 if abs(value - joints[name_of].ends.nearest(value)) > _ALIKE:
                     what = f"joint `{name_of}` at {value:g} in keyframe `{name}`"
-                    original.losses.note(what, "it is outside the limit; the limit is used", where)
+                    original.losses.note(what, "the value is outside the limit; the limit is used", where)
         for name_of, follows in following.items():
             was, leader = q.pop(name_of), q[follows.joint]
             if isinstance(was, float) and isinstance(leader, float) and abs(was - follows.at(leader)) > 1e-6:
-                original.losses.note(f"joint `{name_of}` at {was:g} in keyframe `{name}`", f"it mimics `{follows.joint}`", where)
+                original.losses.note(f"joint `{name_of}` at {was:g} in keyframe `{name}`", f"the joint mimics `{follows.joint}`", where)
         first = int(model.jnt_qposadr[model.body_jntadr[root]]) if base == "free" else 0
         here, usual = (floats(qpos[first : first + 7]) for qpos in (model.key_qpos[number], model.qpos0))
         moved = base == "free" and any(abs(a - b) > _ALIKE for a, b in zip(here, usual, strict=True))
         for loop, gap in _open_loops(original, number):
-            what = f"the values of keyframe `{name}`: loop `{loop}` is open by {gap:.2g} m"
-            original.losses.note(what, "a build uses the nearest values that close it", where)
+            what = f"the values of keyframe `{name}`: loop `{loop}` has a gap of {gap:.2g} m"
+            original.losses.note(what, "a build uses the nearest values that close the loop", where)
         if any(floats(model.key_qvel[number])):
-            original.losses.note(f"the velocities of keyframe `{name}`", "poses of a document are at rest", where)
+            original.losses.note(f"the velocities of keyframe `{name}`", "poses of a document have no velocities", where)
         if any(floats(model.key_act[number])):
-            original.losses.note(f"the activations of keyframe `{name}`", "poses of a document have none", where)
+            original.losses.note(f"the activations of keyframe `{name}`", "poses of a document have no activations", where)
         controls = floats(model.key_ctrl[number])
         poses.append(SourcePose(name=name, q=q, controls={original.actuators[k]: controls[k] for k in range(len(controls))}, where=where,
                                 at=pose_of(here[:3], here[3:]) if moved else None))

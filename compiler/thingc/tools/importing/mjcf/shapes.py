@@ -52,7 +52,7 @@ class Geoms:
         model, where = self.model, self.original.where("geom", geom)
         kind = KINDS.get(int(model.geom_type[geom]))
         if kind is None:
-            self.original.losses.note("a geom with a signed distance field", "documents only have meshes and primitive shapes", where)
+            self.original.losses.note("a geom with a signed distance field", "documents support only meshes and primitive shapes", where)
             return []
         touches = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
         color = self._color(geom)
@@ -105,7 +105,7 @@ class Geoms:
             lines = ["v {:.9g} {:.9g} {:.9g}".format(*row) for row in model.mesh_vert[first : first + count].tolist()]
             lines += ["f {} {} {}".format(*(1 + one for one in row)) for row in model.mesh_face[faces : faces + number].tolist()]
             self.files[file] = "\n".join([*lines, ""]).encode()
-            why = "its format is not supported; the mesh of MuJoCo is written instead, in single precision"
+            why = "the format is not supported; the mesh of MuJoCo is written instead, in single precision"
             self.original.losses.note(f"the original file of mesh `{name}`", why, self.original.where("geom", geom, "mesh"))
         return file
 

@@ -52,14 +52,14 @@ class Tendons:
         """Return the reason why a document cannot express one step of a tendon's path, or an empty string if the step is supported."""
         model = self.model
         kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
-        gone = "it uses elements that are not imported"
+        gone = "the tendon uses elements that are not imported"
         if kind == JOINT:
             return "" if thing in self.joints else gone
         if kind == SITE:
             return "" if thing in self.sites else gone
         if kind == PULLEY:
             begins = any(wrap == int(first) for first in model.tendon_adr)
-            return "it starts with a pulley" if begins else "" if model.wrap_prm[wrap] > 0.0 else "it has a pulley of divisor 0"
+            return "the tendon starts with a pulley" if begins else "" if model.wrap_prm[wrap] > 0.0 else "a pulley has the divisor 0"
         body = int(model.geom_bodyid[thing])
         if body not in self.on or side >= 0 and side not in self.sites:
             return gone
@@ -67,11 +67,11 @@ class Tendons:
             return ""
         on, place = int(model.site_bodyid[side]), pose_of(model.site_pos[side], model.site_quat[side])
         if self.heads[on] != self.heads[body]:
-            return "its side site is on another link than the geom around which it wraps"
+            return "the side site and the geom around which the tendon wraps are on different links"
         shape = self._fixed(body) @ pose_of(model.geom_pos[thing], model.geom_quat[thing])
         x, y, z = (shape.inverse() @ self._fixed(on) @ place).translation
         inside = hypot(x, y, z if kind == SPHERE else 0.0) <= float(model.geom_size[thing][0])
-        return "it wraps inside a shape, but tendons of a document wrap around the outside" if inside else ""
+        return "the tendon wraps inside a shape, but tendons of a document wrap around the outside" if inside else ""
 
     def _fixed(self, body: int) -> Pose:
         """Return the pose of a body in the frame of the first body of its rigidly connected group."""
