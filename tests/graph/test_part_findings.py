@@ -184,7 +184,7 @@ def test_expectations_that_are_met() -> None:
 
 
 def test_expectations_that_are_not_met() -> None:
-    help = "attach the mount `foot` of `p:Cap` to `board.cap_seat`; if this is intended, write `allow: {TC407: \"the reason\"}`"
+    help = "attach the mount `foot` of `p:Cap` to `board.cap_seat`"
     assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` expects `p:Cap`, but nothing is attached to it", help, 3)]
     plain = component("cap", "p:Cap", laid("board.cap_seat", np.eye(4)), line=5)
     assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` expects `p:Cap`, but nothing is attached to it"
