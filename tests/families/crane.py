@@ -89,3 +89,52 @@ modes:
   carried: {root: base, base: held}
 simulation: {cone: elliptic}
 """
+
+BEAM = """\
+thingc: assembly/1
+name: beam
+parameters: {length: {value: 200 mm, min: 50 mm}, thickness: 30 mm, load: {value: 0.5 kg, min: 0.1 kg}}
+materials: {wood: {density: 450 kg/m^3}}
+components:
+  base: {link: true, mass: 2 kg, shapes: [{box: [100 mm, 100 mm, 60 mm]}], mounts: {top: {xyz: 0 0 40 mm}}}
+  beam: {part: "beams:Beam", params: {length: =length, thickness: =thickness}, material: wood, collision: box}
+  weight: {frame: true, mass: =load, at: {in: beam.end, xyz: 0 0 10 mm}}
+joints:
+  lift:
+    type: revolute
+    parent: base.top
+    child: beam.hinge
+    axis: [0, 1, 0]
+    limit: {lower: -90 deg, upper: 90 deg}
+    drive: {kind: position, kp: 20 N*m/rad}
+modes: {standing: {root: base, base: fixed}}
+"""
+"""A robot with a modelled part. Its parameters have the defaults of the part."""
+
+BEAMS = '''\
+from typing import Annotated
+
+from build123d import Box, Location, Pos
+
+from thingc import Length, MountPoint, Range, Thing
+
+
+class Beam(Thing):
+    """A beam along x.
+
+    Args:
+        length: length of the beam
+        thickness: its height and width
+    """
+
+    def __init__(self, length: Annotated[Length, Range(50, 900)] = 200, thickness: Length = 30):
+        super().__init__()
+        self.hinge = MountPoint(Location((0, 0, 0)))
+        self.end = MountPoint(Location((length, 0, 0)))
+        beam, hole = Box(length, thickness, thickness), Box(length / 4, thickness, thickness / 3)
+        self.body = Pos(length / 2, 0, 0) * (beam - hole)
+
+    def result(self):
+        """Return the beam with a hole."""
+        return self.body
+'''

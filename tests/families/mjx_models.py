@@ -14,7 +14,7 @@ from mujoco import mjx
 from mujoco.mjx._src import math
 
 import thingc
-from families.crane import CRANE, LEVER
+from families.crane import BEAM, BEAMS, CRANE, LEVER
 from families.documents import WORKSPACE
 from thingc.batch.families.mjx_constants import principal_axes
 from thingc.batch.results import FamilyError
@@ -31,7 +31,9 @@ LOW, HIGH = [0.2, 0.1, 0.01, -0.002, 10.0, 0.0], [0.5, 0.9, 0.03, 0.002, 50.0, 0
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("mjx")
-    for name, text in {**WORKSPACE, "crane.yaml": CRANE, "lever.yaml": LEVER}.items():
+    (place / "parts").mkdir()
+    documents = {"crane.yaml": CRANE, "lever.yaml": LEVER, "beam.yaml": BEAM, "parts/beams.py": BEAMS}
+    for name, text in {**WORKSPACE, **documents}.items():
         (place / name).write_text(text)
     return place
 
@@ -75,6 +77,17 @@ def test_fields_of_a_free_robot_are_those_that_mujoco_compiles(crane: thingc.Rob
     rows = np.random.default_rng(3).uniform(LOW, HIGH, (7, len(NAMES)))
     rows[0, 0] = 0.05
     compared(crane, "adrift", NAMES, rows, 1e-13)
+
+
+def test_parts_are_built_for_a_batch(folder: Path) -> None:
+    names = ["length", "thickness", "load"]
+    rows = np.array([[0.01, 0.03, 0.5], [0.2, 0.03, 0.5], [0.23, 0.0311, 0.6], [0.21, 0.028, 0.5]])
+    with thingc.family(folder / "beam.yaml", verify=0) as family:
+        compared(family, "standing", names, rows, 1e-13)
+        with pytest.raises(FamilyError, match="parts depend on length, and a pure function cannot build parts: use `batch`"):
+            family.mjx(["length"]).model([0.3])
+        with pytest.raises(FamilyError, match="the mesh of the geom `beam.*` depends on length, .*: use `collision: box`"):
+            family.mjx(["length"], at={"components.beam.collision": "hull"})
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ class ModelTemplate:
     """The XML of a MuJoCo model with slots, into which numbers and names of meshes can be inserted.
 
     `outputs` contains the numbers for the slots, in the order in which the method `text` expects their values. `why` is the reason why the
-    faster `Arrays` cannot be used. If parts depend on numbers, the XML also has slots for the names of the `meshes` of these parts.
+    faster `Arrays` cannot be used. If parts depend on numbers, the XML also has the slots `meshes` for the names of meshes of these parts.
     `slotted` is the XML text with slots. `places` maps each slot to the index of its value. `plain` is the XML text with the numbers of the
     traced compilation.
     """
@@ -34,6 +34,7 @@ class ModelTemplate:
         if meshes:
             named = rf'(?<=")({"|".join(map(re.escape, meshes))})(?=(?:\.obj)?")'
             self.slotted = re.sub(named, lambda name: slot(self._meshes[name[1]]), self.slotted)
+        self.meshes = frozenset(map(slot, self._meshes.values()))
         self._template = TextTemplate(self.slotted)
         self._numbers = NumberSlots(rehearsal.tape, (name for name in self._template.slots if name not in self._meshes.values()))
         self.outputs = self._numbers.outputs

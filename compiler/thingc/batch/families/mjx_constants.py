@@ -53,7 +53,6 @@ def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int,
     matrix = mjx.full_m(model, found)
     fields: Fields = {"body_subtreemass": _subtree_sums(model) @ model.body_mass, "dof_M0": inertia, "tendon_length0": found.ten_length}
     if model.nv:
-        # not `inv`, whose LU decompositions block forever in large batches on two cores (jaxlib 0.10.2)
         inverse = jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(matrix), True), jnp.eye(model.nv, dtype=matrix.dtype))
         fields["stat.meaninertia"] = jnp.mean(jnp.diag(matrix))
         fields["body_invweight0"], fields["dof_invweight0"] = _inverse_weights(model, found, inverse)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -38,6 +39,8 @@ IGNORED = ("key_", "numeric_data", "stat.")
 """Prefixes of the names of fields that do not affect a simulation."""
 OPTIONS = ("opt.timestep", "opt.gravity")
 """The names of options that can differ between MJX models. MJX fixes all other options when it converts a model."""
+BLOCK = 1024
+"""Number of rows that are computed at once. In larger batches, the CPU backend of jaxlib 0.10.2 can block forever on two cores."""
 FRICTION = ("dof_frictionloss", "tendon_frictionloss")
 
 
@@ -53,19 +56,27 @@ class FamilyMjx:
         if dtype == "float32" and jax.config.jax_enable_x64:  # type: ignore[attr-defined]
             raise FamilyError("MJX uses 64-bit numbers if they are enabled in JAX", "omit `dtype`, or disable `jax_enable_x64`")
         settings, read = function._item(function.start)
+        self._places = [read.names.index(name) for name in function.names]
         plan, why = models.template_at(read)
+        if plan is not None and plan.exchange is not None:
+            plan, why = models.template_at(replace(read, values=self._beside(read.values)))
         lost = [name for name in function.names if plan is None or plan.free.count(read.names.index(name)) == 0]
         if plan is None or lost:
             raise FamilyError(f"MJX cannot vary {', '.join(lost)}: {why}", "set the value with `at`, or use `models`")
         self.names, self.start, self.units, self.bounds = function.names, function.start, function.units, function.bounds
-        by = [plan.free.index(read.names.index(name)) for name in self.names]
-        self._run = jax_function(plan.program, by, [read.values[at] for at in plan.free], dtype, "models")
+        self._plan, self._values = plan, read.values
+        given = self._given(read.values)
+        if given is None:
+            raise FamilyError(f"MJX cannot vary {', '.join(self.names)}: nearby values require other decisions", "use `models`")
+        by = [plan.free.index(at) for at in self._places] if plan.exchange is None else range(len(given))
+        self._start, self._run = given, jax_function(plan.program, by, given, dtype, "models")
         self.mj_model: mujoco.MjModel = next(iter(models.each([(settings, read)], share=False)))
         self._read_template(plan.made)
         self.base = self._put_base(models.mode)
         self._data = mjx.make_data(self.mj_model)
         self._one = jax.jit(self._fields)  # JAX traces the function once
-        self._many = jax.jit(jax.vmap(self._one))
+        self._many = jax.jit(partial(jax.lax.map, self._one, batch_size=BLOCK))
+        self._few = jax.jit(jax.vmap(self._one))
         for name in self._writes:
             if not isinstance(attrgetter(name)(self.base), jax.Array) or (name.startswith("opt.") and name not in OPTIONS):
                 raise self._fixed(f"MJX fixes `{name}` when it converts a model")
@@ -76,14 +87,17 @@ class FamilyMjx:
     @cached_property
     def varied(self) -> tuple[str, ...]:
         """The names of the model fields that depend on the numbers."""
-        return tuple(jax.eval_shape(self._one, jnp.asarray(self.start))[0])
+        return tuple(jax.eval_shape(self._one, self._with_parts(self.start[None])[0][0])[0])
 
     def model(self, p: Any) -> tuple[mjx.Model, Any]:
         """Return the MJX model for values `(n,)` of the numbers, and a boolean that is True for valid values.
 
         This method is a pure function, which can be used with `jit`, `vmap` and `grad`. If the values are refused or require other
-        decisions of the compiler than `start`, the boolean is False and the model is undefined.
+        decisions of the compiler than `start`, the boolean is False and the model is undefined. Raises `FamilyError` if parts depend on the
+        numbers, because a pure function cannot build parts.
         """
+        if self._plan.exchange is not None:
+            raise FamilyError(f"parts depend on {', '.join(self.names)}, and a pure function cannot build parts", "use `batch`")
         fields, ok = self._one(p)
         return self.base.tree_replace(fields), ok
 
@@ -91,14 +105,16 @@ class FamilyMjx:
         """Return one batched model with the MJX models for all rows of `p` `(k, n)`, which contain values of the numbers.
 
         Also return a model with the axes for `in_axes` of `jax.vmap`, and an array of flags `(k,)` that are True for valid rows. In the
-        batched model, the fields in `varied` have a leading axis. All other fields are shared by all rows.
+        batched model, the fields in `varied` have a leading axis. All other fields are shared by all rows. Parts that depend on the numbers
+        are built first.
         """
         rows = jnp.asarray(p)
         if rows.ndim != 2 or rows.shape[1] != len(self.names):
             raise FamilyError(f"expected an array of shape (k, {len(self.names)}) for {', '.join(self.names)}, found {rows.shape}")
-        fields, ok = self._many(rows)
+        rows, built = self._with_parts(rows)
+        fields, ok = (self._many if len(rows) > BLOCK else self._few)(rows)
         axes = jax.tree_util.tree_map(lambda _: None, self.base)
-        return self.base.tree_replace(fields), axes.tree_replace(dict.fromkeys(fields, 0)), ok
+        return self.base.tree_replace(fields), axes.tree_replace(dict.fromkeys(fields, 0)), ok & built
 
     def put(self, model: mjx.Model, state: mujoco.MjData | mjx.Data) -> tuple[mjx.Model, mjx.Data]:
         """Return an MJX model and MJX data with the same state as an `MjData` or as other MJX data.
@@ -117,6 +133,36 @@ class FamilyMjx:
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
+    def _with_parts(self, rows: Any) -> tuple[Any, Any]:
+        """Replace the rows `(k, n)` of values by rows with all variables of the plan, if parts depend on the values.
+
+        Also return flags `(k,)` that are False for rows whose parts cannot be built, or require another plan. Such rows get the variables
+        for `start`.
+        """
+        if self._plan.exchange is None:
+            return jnp.asarray(rows), True
+        settings = np.tile(self._values, (len(rows), 1))
+        settings[:, self._places] = rows
+        self._plan.prepare(settings.tolist())
+        given = [self._given(values) for values in settings.tolist()]
+        return jnp.asarray([one or self._start for one in given]), np.array([one is not None for one in given])
+
+    def _given(self, values: Sequence[float]) -> tuple[float, ...] | None:
+        """Return the values of the variables of the plan for the values of all settings, or None if the plan does not apply.
+
+        A parameter that has its default value is omitted from the name of the part. The plan does not apply to this exact value, but to
+        the next floating-point number, with the same part up to rounding errors.
+        """
+        for one in (values, self._beside(values)):
+            with suppress(ArithmeticError, ValueError):
+                if given := self._plan.given(one):
+                    return given
+        return None
+
+    def _beside(self, values: Sequence[float]) -> tuple[float, ...]:
+        """Replace the values of the numbers `names` by the next floating-point numbers."""
+        return tuple(float(np.nextafter(one, np.inf)) if place in self._places else one for place, one in enumerate(values))
+
     def _read_template(self, template: ModelTemplate) -> None:
         """Find the elements of model fields that contain the numbers of the XML template."""
         model, root = self.mj_model, ElementTree.fromstring(template.slotted)
@@ -124,6 +170,11 @@ class FamilyMjx:
         for above in root.iter():
             for geom in [geom for geom in above.findall("geom") if geom.get("class") == "visual" and geom.get("name") not in named]:
                 above.remove(geom)  # visual geometry, which this model omits
+        if moving := [geom.get("name") for geom in root.iter("geom") if geom.get("mesh") in template.meshes]:
+            raise FamilyError(
+                f"the mesh of the geom `{moving[0]}` depends on {', '.join(self.names)}, and all MJX models have the same meshes",
+                "use `collision: box` or another primitive for its component, or use `models`",
+            )
         try:
             placed, inertials = places(root, template.places, model, geometry=True)
         except NotAnArrayEntry as fault:

@@ -95,8 +95,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
     def template_at(self, read: ParsedSettings) -> tuple[NumericPlan[ModelTemplate] | None, str]:
         """Return a plan that computes the XML of the model for these settings.
 
-        Also return the reasons why this plan requires constant values for some numbers. If no plan exists, for example because a built part
-        depends on the settings, return None and the reason.
+        Also return the reasons why this plan requires constant values for some numbers. If no plan exists, return None and the reason.
         """
         form: PlanCache[Arrays | ModelTemplate] = PlanCache()
         plan = self.plan(read, form, text=True)
@@ -135,7 +134,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
 
         tracing = Tracing(
             session=self.session, reader=self.reader, modes=(self.mode,), make=written(self.session, self.mode, floor=self.floor),
-            assets=None if text else itemgetter(1),
+            assets=itemgetter(1),
         )
         while True:
             plan = tracing.plan_for(read, finish, form) if text else tracing.plan(read, finish, form)
