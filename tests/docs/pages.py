@@ -15,6 +15,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from conformance.harness import XLA_FLAGS
 from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -147,11 +148,8 @@ def run(command: str) -> str:
     """What a `thingc` or `python FILE` command prints here, standard output first, without progress; `cd FOLDER` goes there."""
     words = shlex.split(command, comments=True)
     if words[0] == "python" and "import jax" in Path(words[1]).read_text():  # it starts threads, and other tests fork
-        # what it compiles runs once: it is compiled sooner than it is optimized
-        done = subprocess.run(
-            [sys.executable, words[1]], capture_output=True, text=True,
-            env={**os.environ, "XLA_FLAGS": "--xla_backend_optimization_level=0"},
-        )
+        environment = {**os.environ, "XLA_FLAGS": XLA_FLAGS}
+        done = subprocess.run([sys.executable, words[1]], capture_output=True, text=True, env=environment)
         return done.stdout + _PROGRESS.sub("", done.stderr)
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

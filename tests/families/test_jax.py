@@ -7,12 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+from conformance.harness import XLA_FLAGS
+
 MODULES = ("families/jax_functions.py", "families/mjx_models.py", "families/mjx_env.py", "modes/jax_switches.py")
 
 
 def test_jax(tmp_path: Path) -> None:
     tests = [str(Path(__file__).parents[1] / name) for name in MODULES]
     words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "own"), *tests]
-    # what they compile runs once: it is compiled sooner than it is optimized
-    done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "XLA_FLAGS": "--xla_backend_optimization_level=0"})
+    done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "XLA_FLAGS": XLA_FLAGS})
     assert done.returncode == 0, done.stdout + done.stderr
