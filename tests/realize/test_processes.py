@@ -16,8 +16,11 @@ from typing import Any
 import psutil
 import pytest
 
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import read
 from thingc.geometry.client import Workers
 from thingc.geometry.record import PartRecord
+from thingc.geometry.service import GeometryService
 from thingc.targets.step.emit import in_background
 
 PARTS = """
@@ -287,6 +290,27 @@ def test_the_worker_is_started_before_anything_else_is_imported(place: Any) -> N
     )
     done = subprocess.run([sys.executable, "-c", program, str(document), place.store.root, *sys.path], capture_output=True, text=True)
     assert done.stderr.splitlines()[-1:] == ["[]"]
+
+
+@pytest.mark.parametrize(("foot", "needed"), [("frame: true", False), ("part: 'parts_:Block'", True)])
+def test_a_worker_is_started_early_for_parts_of_nested_documents(
+    place: Any, monkeypatch: pytest.MonkeyPatch, foot: str, needed: bool,
+) -> None:
+    place.write("thingc.toml", 'thingc = "workspace/1"\nparts = ["parts"]\n')
+    place.write("parts/parts_.py", PARTS)
+    for name, component in (("robot", "assembly: sub/leg.yaml"), ("sub/leg", "assembly: '../foot.yaml'"), ("foot", foot)):
+        place.write(f"{name}.yaml", f"thingc: assembly/1\nname: robot\ncomponents: {{one: {{{component}}}}}\n")
+
+    def anticipated(service: GeometryService) -> bool:
+        raise InterruptedError
+
+    monkeypatch.setattr(GeometryService, "anticipate", anticipated)
+    with Environment(str(place.root / "robot.yaml"), Options(store=place.store.root)) as environment:
+        if needed:
+            with pytest.raises(InterruptedError):
+                read(environment, modelling=True)
+        else:
+            assert read(environment, modelling=True) is not None
 
 
 def test_progress(place: Any, define: Callable[..., Any]) -> None:

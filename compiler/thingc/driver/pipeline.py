@@ -9,6 +9,7 @@ run the remaining passes, which create the output files (artifacts).
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
@@ -28,6 +29,7 @@ from thingc.driver.environment import Environment, Options
 if TYPE_CHECKING:
     from thingc.base.pose import Vector
     from thingc.documents.load.documents import Documents
+    from thingc.documents.workspace import Workspace
     from thingc.geometry.build_reasons import BuildReason
     from thingc.geometry.record import Mesh, PartFailure, PartRecord, PartSchema
     from thingc.model.assembly.types import Assembly
@@ -43,8 +45,11 @@ PASSES = ("thingc.model.resolve.choices", "thingc.model.resolve.assembly", "thin
 
 
 _LOOKED_THROUGH = 1 << 20
-"""Number of bytes at the beginning of a document that are searched for references to parts."""
-_LEADS_TO_PARTS = re.compile(rb"\b(?:part|file|assembly)[\"']?\s*[:=]")
+"""Number of bytes at the beginning of a document that are searched for references to parts and nested documents."""
+_MOST_DOCUMENTS = 100
+"""If a document contains more nested documents, it probably needs the CAD kernel."""
+_NAMES_PART = re.compile(rb"\b(?:part|file)[\"']?\s*[:=]")
+_NAMES_ASSEMBLY = re.compile(rb"\bassembly[\"']?\s*[:=]\s*[\"']?([^\s\"',}]+)")
 
 
 class UnknownChoice(Exception):
@@ -188,7 +193,7 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     if workspace is None:
         return None
     # start this before other imports, because it takes longest
-    kernel_loads = modelling and _may_name_parts(environment) and environment.parts.anticipate()
+    kernel_loads = modelling and _may_name_parts(environment, workspace) and environment.parts.anticipate()
     from thingc.documents.load.documents import load
     from thingc.documents.spec.validation import part_references, validate
 
@@ -210,20 +215,24 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     return Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas, digest=digest)
 
 
-def _may_name_parts(environment: Environment) -> bool:
+def _may_name_parts(environment: Environment, workspace: Workspace) -> bool:
     """Return whether the document probably needs the CAD kernel.
 
-    The kernel is needed if the code of parts may run and the beginning of the document mentions parts.
+    The kernel is needed if the code of parts may run, and the beginning of the document or of a nested document mentions parts.
     """
-    if not environment.options.code:
-        return False
-    text = environment.options.texts.get(environment.document)
-    if text is None:
-        try:
-            text = beginning(environment.document, _LOOKED_THROUGH)
-        except (OSError, ValueError):
-            return False
-    return _LEADS_TO_PARTS.search(text) is not None
+    documents = [environment.document] if environment.options.code else []
+    for document in documents:  # the list grows
+        text = environment.options.texts.get(document)
+        if text is None:
+            try:
+                text = beginning(document, _LOOKED_THROUGH) if workspace.contains(document) else b""
+            except (OSError, ValueError):
+                continue
+        if _NAMES_PART.search(text) or len(documents) > _MOST_DOCUMENTS:
+            return True
+        nested = (os.path.join(os.path.dirname(document), os.fsdecode(name)) for name in set(_NAMES_ASSEMBLY.findall(text)))
+        documents += {os.path.normpath(path) for path in nested}.difference(documents)
+    return False
 
 
 def settings_of(options: Options) -> Settings:
