@@ -26,7 +26,7 @@ from thingc.batch import BatchFault
 from thingc.batch.cluster import connection as cluster
 from thingc.batch.cluster import dask_executor
 from thingc.batch.cluster.slurm import SlurmSettings, settings_of
-from variants.robots import environment, thingc, tree, with_emitter, workspace
+from variants.robots import batch_here, environment, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_faults import assert_gone, assert_whole, descendants, journal, listed, started, table, wait_for_lines
 
@@ -52,16 +52,21 @@ class Dask:
         folder.mkdir(parents=True, exist_ok=True)
         self.workers: list[subprocess.Popen[bytes]] = []
         self.places: list[Path] = []
+        self.begin()
+        for _ in range(workers):
+            self.add()
+        if workers:
+            self.wait_for(workers)
+
+    def begin(self) -> None:
+        """Start the scheduler."""
+        self.file.unlink(missing_ok=True)
         self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self.file))
         deadline = time.monotonic() + 60.0
         while not self.file.exists() or not self.file.read_text().strip():
             assert time.monotonic() < deadline and self.scheduler.poll() is None
             time.sleep(0.05)
         self.address = str(json.loads(self.file.read_text())["address"])
-        for _ in range(workers):
-            self.add()
-        if workers:
-            self.wait_for(workers)
 
     def add(self, place: Path | None = None) -> None:
         """One more worker, with a folder of its own unless this is it."""
@@ -83,10 +88,13 @@ class Dask:
         return [worker for worker in self.workers if worker.poll() is None]
 
     def with_workers(self, count: int) -> Dask:
-        """End or start workers until that many live, and the scheduler has noticed."""
-        for worker in self.living()[count:]:
+        """End or start workers until that many live, and the scheduler has noticed; another scheduler, if a test has killed it."""
+        lost = self.scheduler.poll() is not None
+        for worker in self.living()[0 if lost else count:]:
             worker.kill()
             worker.wait()
+        if lost:
+            self.begin()
         for _ in range(count - len(self.living())):
             self.add()
         self.wait_for(count)
@@ -115,13 +123,6 @@ def dask(folder: Path, env: dict[str, str], workers: int, before: Sequence[str] 
 
 
 @pytest.fixture(scope="module")
-def two(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Iterator[Dask]:
-    """Two workers that live as long as these tests."""
-    with dask(tmp_path_factory.mktemp("dask"), environment(shared_store), 2) as found:
-        yield found
-
-
-@pytest.fixture(scope="module")
 def mortal(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Iterator[Dask]:
     """Workers that tests kill: each asks for as many as it needs."""
     folder = tmp_path_factory.mktemp("mortal")
@@ -140,7 +141,7 @@ class Local:
 @pytest.fixture(scope="module")
 def local(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Local:
     here = workspace(tmp_path_factory.mktemp("local"), faults=CHEAP)
-    done = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", cwd=here, env=environment(shared_store))
+    done = batch_here("faults.yaml", "--pictures", "none", "--jobs", "1", cwd=here, env=environment(shared_store))
     assert done.returncode == 0, done.stderr
     return Local(here, done.stderr)
 
@@ -156,9 +157,17 @@ CHEAP = f"""
 
 
 @pytest.mark.slow
-def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: str, two: Dask, local: Local) -> None:
+def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mortal: Dask) -> None:
+    monkeypatch.setattr(dask_executor, "TIMEOUT", 3.0)
+    with pytest.raises(BatchFault, match="has no worker"):
+        cluster.connect(mortal.with_workers(0).address, folder=str(tmp_path / "jobs"))
+
+
+@pytest.mark.slow
+def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: str, mortal: Dask, local: Local) -> None:
     here, there = local.folder, workspace(tmp_path, faults=CHEAP)
-    remote = thingc("batch", "faults.yaml", "--pictures", "none", "--cluster", two.address, cwd=there, env=environment(shared_store))
+    address = mortal.with_workers(2).address
+    remote = batch_here("faults.yaml", "--pictures", "none", "--cluster", address, cwd=there, env=environment(shared_store))
     assert remote.returncode == 0, remote.stderr
     assert local.said == remote.stderr and "24 variants: 18 built, 6 kept out" in remote.stderr
     mine, theirs = here / "build/faults", there / "build/faults"
@@ -170,10 +179,23 @@ def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: 
 
 
 @pytest.mark.slow
-def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mortal: Dask) -> None:
-    monkeypatch.setattr(dask_executor, "TIMEOUT", 3.0)
-    with pytest.raises(BatchFault, match="has no worker"):
-        cluster.connect(mortal.with_workers(0).address, folder=str(tmp_path / "jobs"))
+def test_workers_that_see_other_files_are_named(tmp_path: Path, mortal: Dask) -> None:
+    document = tmp_path / "robot.yaml"
+    document.write_text("one")
+    with dask_executor.DaskCluster(mortal.with_workers(2).address) as found:
+        found.check({str(document): hashlib.sha256(b"one").hexdigest()})
+        with pytest.raises(BatchFault, match="has different content for .*robot.yaml"):
+            found.check({str(document): hashlib.sha256(b"two").hexdigest()})
+        with pytest.raises(BatchFault, match="cannot find .*nothing.yaml"):
+            found.check({str(tmp_path / "nothing.yaml"): "0" * 64})
+
+
+@pytest.mark.slow
+def test_workers_with_other_versions_are_named(tmp_path: Path, mortal: Dask, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask_executor, "versions", lambda: {"thingc": "0.0.1"})
+    other = r"other versions: .*thingc \S+ instead of 0.0.1"
+    with dask_executor.DaskCluster(mortal.with_workers(2).address) as found, pytest.raises(BatchFault, match=other):
+        found.check({})
 
 
 @pytest.mark.slow
@@ -231,7 +253,6 @@ def test_workers_killed_on_the_way_take_nothing_along(tmp_path: Path, shared_sto
 
 @pytest.mark.slow
 def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path, shared_store: str, mortal: Dask) -> None:
-    """The last test of these workers."""
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(16), "slow"), 16))
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--cluster", mortal.with_workers(1).address)
@@ -242,29 +263,9 @@ def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path
     assert f"error[{Code.CLUSTER.code}]" in err and mortal.address in err and "--resume" in err and "Traceback" not in err
     done = len(journal(here))
     assert 4 <= done < 16
-    again = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", "--resume", cwd=here, env=env)
+    again = batch_here("faults.yaml", "--pictures", "none", "--jobs", "1", "--resume", cwd=here, env=env)
     assert again.returncode == 0 and f"16 variants ({done} of them in earlier runs): 16 built" in again.stderr, again.stderr
     assert_whole(here, 16)
-
-
-@pytest.mark.slow
-def test_workers_that_see_other_files_are_named(tmp_path: Path, two: Dask) -> None:
-    document = tmp_path / "robot.yaml"
-    document.write_text("one")
-    with dask_executor.DaskCluster(two.address) as found:
-        found.check({str(document): hashlib.sha256(b"one").hexdigest()})
-        with pytest.raises(BatchFault, match="has different content for .*robot.yaml"):
-            found.check({str(document): hashlib.sha256(b"two").hexdigest()})
-        with pytest.raises(BatchFault, match="cannot find .*nothing.yaml"):
-            found.check({str(tmp_path / "nothing.yaml"): "0" * 64})
-
-
-@pytest.mark.slow
-def test_workers_with_other_versions_are_named(tmp_path: Path, two: Dask, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dask_executor, "versions", lambda: {"thingc": "0.0.1"})
-    other = r"other versions: .*thingc \S+ instead of 0.0.1"
-    with dask_executor.DaskCluster(two.address) as found, pytest.raises(BatchFault, match=other):
-        found.check({})
 
 
 def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -316,7 +317,7 @@ def test_slurm_where_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
 def test_jobs_of_submitit_write_what_the_local_engine_writes(tmp_path: Path, shared_store: str, local: Local) -> None:
     here, there = local.folder, workspace(tmp_path, faults=CHEAP)
     cluster = ("--cluster", "slurm:cluster=local,cpus=2", "--jobs", "2")
-    done = thingc("batch", "faults.yaml", "--pictures", "none", *cluster, cwd=there, env=environment(shared_store))
+    done = batch_here("faults.yaml", "--pictures", "none", *cluster, cwd=there, env=environment(shared_store))
     assert done.returncode == 0 and "24 variants: 18 built, 6 kept out" in done.stderr, done.stderr
     assert tree(here / "build/faults/variants") == tree(there / "build/faults/variants")
     assert without_run(rows(here / "build/faults")) == without_run(rows(there / "build/faults"))
@@ -333,7 +334,7 @@ def running_job(process: subprocess.Popen[str]) -> psutil.Process:
                     [child.cmdline() for child in one.children()]
                 ):
                     return one
-        time.sleep(0.05)
+        time.sleep(0.1)
     raise AssertionError("no job was seen at work")
 
 

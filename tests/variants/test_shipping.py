@@ -31,7 +31,7 @@ from thingc.batch import BatchFault, run
 from thingc.batch.cluster import remote_workers
 from thingc.batch.cluster.dask_executor import DaskCluster
 from thingc.driver.environment import Options
-from variants.robots import InThisProcess, environment, thingc, tree, with_emitter, workspace
+from variants.robots import InThisProcess, batch_here, environment, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_cluster import Dask, dask
 from variants.test_faults import assert_whole, journal, listed, started, wait_for_lines
@@ -167,7 +167,7 @@ def kept(folder: Path) -> tuple[Any, ...]:
 
 def built_here(folder: Path, env: dict[str, str], document: str = "faults.yaml", cwd: Path | None = None) -> tuple[Any, ...]:
     """What the local engine writes; the folder is then as if it had never been built."""
-    done = thingc("batch", document, "--jobs", "1", "--pictures", "none", cwd=cwd or folder, env=env)
+    done = batch_here(document, "--jobs", "1", "--pictures", "none", cwd=cwd or folder, env=env)
     assert done.returncode in (0, 1), done.stderr
     found = (*kept(folder), done.returncode, re.sub(r"\d+ parts modelled", "", done.stderr))
     shutil.rmtree(folder / "build")
@@ -186,7 +186,7 @@ def built_in_this_process(folder: Path, store: str) -> tuple[Any, ...]:
 def shipped(
     folder: Path, env: dict[str, str], address: str, *more: str, document: str = "faults.yaml", cwd: Path | None = None,
 ) -> tuple[Any, ...]:
-    done = thingc("batch", document, "--pictures", "none", "--cluster", address, "--ship", *more, cwd=cwd or folder, env=env)
+    done = batch_here(document, "--pictures", "none", "--cluster", address, "--ship", *more, cwd=cwd or folder, env=env)
     assert done.returncode in (0, 1), done.stderr
     return (*kept(folder), done.returncode, re.sub(r"\d+ parts modelled", "", done.stderr))
 
@@ -208,7 +208,7 @@ def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_pat
     local = built_in_this_process(here, shared_store)
     assert Counter(line["status"] for line in local[5]) == {"built": 5, "kept_out": 3} and len(local[1]) > 5
 
-    refused = thingc("batch", "faults.yaml", "--cluster", apart.dask.address, cwd=here, env=environment(shared_store))
+    refused = batch_here("faults.yaml", "--cluster", apart.dask.address, cwd=here, env=environment(shared_store))
     assert refused.returncode == 1 and f"error[{Code.CLUSTER.code}]" in refused.stderr and "cannot find" in refused.stderr
     assert "use --ship, which copies the documents and fetches the results" in " ".join(refused.stderr.split()), refused.stderr
     shutil.rmtree(here / "build")
@@ -239,7 +239,7 @@ def test_workers_that_see_nothing_pack_what_is_packed_here(apart: Apart, tmp_pat
     run(str(here / "faults.yaml"), executor=InThisProcess(), options=Options(store=shared_store), pictures=0)
     local = written()
     words = ("--pictures", "none", "--cluster", apart.dask.address, "--ship")
-    done = thingc("batch", "faults.yaml", *words, cwd=here, env=environment(str(tmp_path / "store")))
+    done = batch_here("faults.yaml", *words, cwd=here, env=environment(str(tmp_path / "store")))
     assert done.returncode == 0, done.stderr
     assert len(local) > 5 and written() == local and not apart.places()
 
@@ -382,7 +382,7 @@ def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str) 
             env = environment(f"ftp://robot:secret@127.0.0.1:{port}/{store}")
             env["XDG_CACHE_HOME"] = str(tmp_path / f"cache{len(ship)}")
             beside.events()
-            done = thingc("batch", "faults.yaml", "--pictures", "none", "--cluster", address, *ship, cwd=here, env=env)
+            done = batch_here("faults.yaml", "--pictures", "none", "--cluster", address, *ship, cwd=here, env=env)
             assert done.returncode == 0 and "5 built, 3 kept out; 8 parts modelled" in done.stderr, done.stderr
             assert kept(here) == local
             there = {path.parent.name + path.name for path in (served / store / "blobs").rglob("*") if path.is_file()}
@@ -439,14 +439,14 @@ def test_a_worker_that_is_gone_is_not_waited_for(beside: Apart) -> None:
 
 def test_ship_alone_is_a_wrong_command_line(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
-    done = thingc("batch", "sweep.yaml", "--ship", cwd=here, env=environment(shared_store))
+    done = batch_here("sweep.yaml", "--ship", cwd=here, env=environment(shared_store))
     assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship requires --cluster" in done.stderr
     assert "--cluster tcp://HOST:8786" in done.stderr and not (here / "build").exists()
 
 
 def test_slurm_and_executors_that_carry_no_files(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
-    done = thingc("batch", "sweep.yaml", "--ship", "--cluster", "slurm:cluster=local", cwd=here, env=environment(shared_store))
+    done = batch_here("sweep.yaml", "--ship", "--cluster", "slurm:cluster=local", cwd=here, env=environment(shared_store))
     assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship can only be used with Dask " in done.stderr
     assert "SLURM jobs share the folder" in " ".join(done.stderr.split()) and not (here / "build").exists()
     with concurrent.futures.ThreadPoolExecutor(1) as executor, pytest.raises(BatchFault, match="--ship can only be used with Dask workers"):
