@@ -2,8 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-# For two cores. Many tests wait for processes.
-JOBS ?= 3
+# For two cores. Many tests wait for processes, so that three of them leave a tenth of the cores idle.
+JOBS ?= 4
 
 .PHONY: demo test lint same bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb plan bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
 
