@@ -47,7 +47,8 @@ def test_several_or_none_are_said(workspace: Path, capsys: Said) -> None:
         path.unlink()
     assert main(["view"]) == 2
     assert capsys.readouterr().err == (
-        "error[TC801]: the argument DOC is required, because there are no robots in this folder\n  help: run `thingc new NAME` to create one\n\n1 error\n"
+        "error[TC801]: the argument DOC is required, because there are no robots in this folder\n"
+        "  help: run `thingc new NAME` to create one\n\n1 error\n"
     )
 
 

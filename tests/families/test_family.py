@@ -123,7 +123,8 @@ def test_rules_and_numbers_see_what_settings_come_to(
 def test_a_result_that_is_not_there_says_why(everything: thingc.RobotFamily) -> None:
     with pytest.raises(KeyError, match="there is no result `mas`: did you mean `mass`"):
         everything.evaluate({})["mas"]
-    with pytest.raises(KeyError, match=r"result `mass` does not exist, because the settings .* are rejected: parameter `load` must be at most 20 kg"):
+    rejected = r"result `mass` does not exist, because the settings .* are rejected: parameter `load` must be at most 20 kg"
+    with pytest.raises(KeyError, match=rejected):
         everything.evaluate({"load": 30.0})["mass"]
 
 
@@ -303,7 +304,10 @@ def test_what_is_adopted_is_what_the_document_says_then(tmp_path: Path) -> None:
         for wrong, words in (
             ({"length": 2.0}, "parameter `length` must be at most 900 mm, found `2000 mm`"),
             ({"components.boom.mass": 3.0, "nothing": 1.0}, "nothing"),
-            ({"components.cap.components.knob.mass": 0.02}, "is defined in `cap.yaml`, so the change would affect every component that uses this document"),
+            (
+                {"components.cap.components.knob.mass": 0.02},
+                "is defined in `cap.yaml`, so the change would affect every component that uses this document",
+            ),
             ({"joints.*.limt.upper": 1.0}, "`joints.lift` has no `limt`"),
         ):
             said = family.adopt(wrong)

@@ -136,7 +136,8 @@ def test_meshes_say_what_inertia_a_link_has(tmp_path: Path) -> None:
 def test_an_open_mesh_says_nothing(tmp_path: Path) -> None:
     path, report = arm(tmp_path, stl(1.0, open_=True))
     assert import_robot(str(path), report, ImportRequest(repair="shapes")) is None
-    assert report.diagnostics[0].help == "the link has no closed shapes from which the inertia could be computed: use `--repair inertia=nearest`"
+    help = "the link has no closed shapes from which the inertia could be computed: use `--repair inertia=nearest`"
+    assert report.diagnostics[0].help == help
 
 
 @pytest.mark.parametrize(("data", "said"), [
@@ -151,7 +152,8 @@ def test_files_that_are_cut_off_are_said_where_they_are_named(data: bytes, said:
 
 def test_millimetres_that_are_read_as_metres_are_doubted(tmp_path: Path) -> None:
     inertia = '<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/>'
-    for scale, said in ((1.0, []), (1000.0, ["`part.stl` reaches 250 m from its origin, but no joint is more than 0.1 m from the previous joint"])):
+    far = "`part.stl` reaches 250 m from its origin, but no joint is more than 0.1 m from the previous joint"
+    for scale, said in ((1.0, []), (1000.0, [far])):
         path, report = arm(tmp_path, stl(scale), inertia=inertia)
         assert import_robot(str(path), report) is not None
         assert [(d.code.code, d.message) for d in report.diagnostics] == [("TC955", message) for message in said]

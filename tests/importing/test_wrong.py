@@ -127,4 +127,5 @@ def test_a_file_that_ends_too_early_is_not_read(tmp_path: Path, text: str) -> No
     report = Report()
     assert import_robot(str(tmp_path / "cut.urdf"), report) is None
     (found,) = report.diagnostics
-    assert found.message.startswith("this is not well-formed XML") and [note.message for note in found.notes] == ["`<robot>` is opened here"]
+    assert found.message.startswith("this is not well-formed XML")
+    assert [note.message for note in found.notes] == ["`<robot>` is opened here"]

@@ -557,7 +557,8 @@ def test_corners_have_no_noise(place: Place) -> None:
 
 
 @pytest.mark.parametrize(("offset", "words"), [
-    (5.0, ("its 2 solids overlap: 500 of 2000 mm^3 are counted twice in volume and mass; fuse the solids (`a + b`)",)), (9.9, ()), (10.0, ()),
+    (5.0, ("its 2 solids overlap: 500 of 2000 mm^3 are counted twice in volume and mass; fuse the solids (`a + b`)",)),
+    (9.9, ()), (10.0, ()),
 ])
 def test_solids_that_overlap_are_told(place: Place, offset: float, words: tuple[str, ...]) -> None:
     place.write("parts/twins.py", f"""\

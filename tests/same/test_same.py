@@ -157,7 +157,10 @@ def test_other_numbers_and_arrangements(robots: dict[str, Subject], here: Path, 
     (here / "a.xml").write_text(FIVE_BAR)
     (here / "b.xml").write_text(FIVE_BAR[: FIVE_BAR.index("<equality>")] + "</mujoco>")
     (here / "c.xml").write_text(FIVE_BAR.replace('<body name="b" pos="0.2 0 0">', '<body name="b" pos="0.2 0 0.5" euler="1 0 0">'))
-    lines = {"b.xml": "joints: 1 ball, 4 rotation -> 4 rotation", "c.xml": "arrangement: the links and joints of the two robots cannot be matched"}
+    lines = {
+        "b.xml": "joints: 1 ball, 4 rotation -> 4 rotation",
+        "c.xml": "arrangement: the links and joints of the two robots cannot be matched",
+    }
     for name, line in lines.items():
         assert main(["same", "a.xml", name]) == 1
         assert capsys.readouterr().out.splitlines()[1:] == [f"  {line}"]
