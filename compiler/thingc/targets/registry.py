@@ -117,7 +117,17 @@ def chosen(words: Sequence[str]) -> tuple[str, ...]:
     Return the targets in the order in which a build writes them. If there are no arguments, return the default targets.
     """
     wanted = {word for text in words for word in text.split(",")}
-    return tuple(target for target in targets() if (wanted & {target, ALL} if words else target not in TARGETS or TARGETS[target].unasked))
+    return tuple(target for target in targets() if (wanted & {target, ALL} if words else _is_default(target)))
+
+
+def _is_default(target: str) -> bool:
+    """Return whether builds without `--emit` write a target. A target of an installed package can set `UNASKED` to False in its module."""
+    if target in TARGETS:
+        return TARGETS[target].unasked
+    try:
+        return bool(getattr(import_module(module_of(target)), "UNASKED", True))
+    except ImportError:  # is reported when the target is written
+        return True
 
 
 def modules_of(wanted: Collection[str]) -> tuple[str, ...]:

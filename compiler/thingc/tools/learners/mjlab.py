@@ -1,0 +1,139 @@
+"""Write `mjlab/NAME_MODE.py`, which configures the robot for mjlab: an `EntityCfg` that refers to the MuJoCo model of the mode.
+
+mjlab adds the actuators of the configuration to the model. Therefore, the module removes the corresponding actuators of the file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+from thingc.model.robot.types import Robot, TreeJoint
+from thingc.targets import Artifacts, EmitRequest, Loss
+from thingc.targets.artifact import Content
+from thingc.targets.mjcf.compat import separator
+from thingc.targets.mjcf.lowering import lowered
+from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven, losses, moving, start
+from thingc.tools.learners.python_text import Call, Expression, assignment, constant, file_name, imported, module
+
+WRITES = ("mjlab/*.py",)
+UNASKED = False
+
+MOTIONS = frozenset({"single", "several", "universal", "screw"})
+"""The types of motion of joints that mjlab supports. mjlab requires one position for each MuJoCo joint, and a ball joint has four."""
+
+UNLIMITED = 'float("inf")'
+
+CLASSES = {"position": "BuiltinPositionActuatorCfg", "velocity": "BuiltinVelocityActuatorCfg", "motor": "BuiltinMotorActuatorCfg"}
+
+GET_SPEC = '''
+def get_spec() -> mujoco.MjSpec:
+    """Return the model without keyframes and the drives of `ACTUATORS`.
+
+    mjlab adds these drives with the names of their joints.
+    """
+    spec = mujoco.MjSpec.from_file(str(XML))
+    for sensor in spec.sensors:
+        if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR:
+            sensor.objname = DRIVES.get(sensor.objname, sensor.objname)
+    for actuator in [one for one in spec.actuators if one.name in DRIVES]:
+        spec.delete(actuator)
+    for key in list(spec.keys):
+        spec.delete(key)
+    return spec
+'''
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """Write a module for each chosen mode."""
+    lost: dict[Loss, None] = {}
+    for robot in request.robots:
+        lost |= dict.fromkeys((
+            *losses(robot, "mjlab", "mjlab", MOTIONS), *_ambiguous(robot, separator(request.compat)), *_lost_sensors(robot),
+        ))
+    files: dict[str, Content] = {f"mjlab/{file_name(robot)}.py": _module(robot, separator(request.compat)) for robot in request.robots}
+    return Artifacts(files=files, losses=tuple(lost))
+
+
+def _short(name: str, separator: str) -> str:
+    """Return the name by which mjlab finds an element: only the part after the last `/`."""
+    return name.replace("/", separator).rpartition("/")[2]
+
+
+def _ambiguous(robot: Robot, separator: str) -> Iterator[Loss]:
+    """Yield an export loss for each joint whose name is not unique in mjlab."""
+    joints = moving(robot, MOTIONS)
+    counts = Counter(_short(joint.path, separator) for joint in joints)
+    for joint in joints:
+        name = _short(joint.path, separator)
+        if counts[name] > 1:
+            what = f"the name: mjlab finds {counts[name]} joints `{name}`, because it ignores the path, unless you use `--compat pymjcf`"
+            yield Loss.of(joint.origin, "mjlab", None, joint.path, what, "approximated")
+
+
+def _lost_sensors(robot: Robot) -> Iterator[Loss]:
+    """Yield an export loss for each sensor of a drive, if mjlab attaches the model to a body that places its base."""
+    for sensor in robot.assembly.sensors:
+        if sensor.kind == "drive" and sensor.joint in robot.present and robot.base not in ("free", "held"):
+            what = "this sensor, which mjlab removes because it adds the drive later"
+            yield Loss.of(sensor.origin, "mjlab", robot.mode.name, sensor.path, what, "omitted")
+
+
+def _module(robot: Robot, separator: str) -> bytes:
+    def name(joint: TreeJoint) -> str:
+        return _short(joint.path, separator)
+
+    drives = driven(robot, name, MOTIONS)
+    positions = {
+        _short(one.name, separator): one.ratio * start(robot, joint) for joint in moving(robot, MOTIONS) for one in lowered(joint)
+    }
+    complete = not robot.moves and len(moving(robot, MOTIONS)) == sum(len(body.joints) for body in robot.bodies)
+    classes = sorted({CLASSES[drive.drive.kind] for drive in drives})
+    imports = [
+        "import mujoco", *([imported("mjlab.actuator", classes)] if classes else []),
+        imported("mjlab.entity", ["EntityArticulationInfoCfg", "EntityCfg"]),
+    ]
+    config = Call("EntityCfg", {
+        "init_state": Call("EntityCfg.InitialStateCfg", {
+            **_base(robot), "joint_pos": by_pattern(positions, complete=complete), "joint_vel": {".*": 0.0},
+        }),
+        "spec_fn": Expression("get_spec"),
+        "articulation": Call("EntityArticulationInfoCfg", {"actuators": Expression("ACTUATORS")}),
+    })
+    file = f'Path(__file__).resolve().parents[1] / "mjcf" / "{robot.assembly.name}_{robot.mode.name}.xml"'
+    names = {(one.drive.name or one.joint.path).replace("/", separator): one.joint.path.replace("/", separator) for one in drives}
+    return module(
+        robot, "mjlab", ["from pathlib import Path", "\n".join(imports)],
+        [
+            f"{assignment('XML', Expression(file))}\n{assignment('DRIVES', names)}", GET_SPEC,
+            assignment("ACTUATORS", tuple(_actuators(drives))), assignment(constant(robot, "CFG"), config),
+        ],
+    )
+
+
+def _base(robot: Robot) -> Mapping[str, object]:
+    """Return the initial pose of a base that mjlab places, with the quaternion w, x, y, z. Any other base has the pose of the model."""
+    if robot.base not in ("free", "held"):
+        return {}
+    pose = robot.bodies[0].X_PL if robot.start is None or robot.start.base is None else robot.start.base
+    return {"pos": pose.translation, "rot": pose.quaternion()}
+
+
+def _actuators(drives: list[DrivenJoint]) -> Iterator[Call]:
+    """Yield the configurations of the drives. Drives with equal values have one configuration."""
+    groups: dict[tuple[str, tuple[tuple[str, object], ...]], list[str]] = {}
+    for one in drives:
+        kp, kv, dynamics = one.drive.kp, one.drive.kv, one.joint.dynamics
+        own: dict[str, object] = {"effort_limit": one.effort}
+        match one.drive.kind:  # MuJoCo's default is 1 for the gain by which the control is multiplied, and 0 for the other gain
+            case "position":
+                own = {"stiffness": 1.0 if kp is None else kp, "damping": kv or 0.0, **own}
+            case "velocity":
+                own = {"damping": 1.0 if kv is None else kv, **own}
+            case "motor":
+                own = {"effort_limit": Expression(UNLIMITED) if one.effort is None else one.effort}
+        own |= {"armature": dynamics.armature or 0.0, "frictionloss": dynamics.friction or 0.0}
+        groups.setdefault((CLASSES[one.drive.kind], tuple(own.items())), []).append(re.escape(one.name))
+    for (function, values), names in groups.items():
+        yield Call(function, {"target_names_expr": tuple(names), **dict(values)})
