@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # For two cores. Many tests wait for processes, so that three of them leave a tenth of the cores idle.
 JOBS ?= 4
 
-.PHONY: demo test lint same bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb plan bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release freeze frozen structure clean
+.PHONY: demo test lint same bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb plan bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release wheel notebook image-steps test-pythons freeze frozen structure clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -158,12 +158,34 @@ constraints:
 	uv pip compile pyproject.toml --universal --python-version 3.11 --no-annotate --upgrade --quiet --custom-compile-command "make constraints" -o gate/constraints.txt
 
 # The files of a release, in dist/: sdist, wheel, and the CycloneDX bills of materials of Python and of the viewer's JavaScript. Requires npm.
+release wheel test-pythons notebook: export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct)
 release: $(VENV)/.thingc-dev
 	rm -rf dist
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check build cyclonedx-bom
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check cyclonedx-bom
 	$(BIN)/python -m build --outdir dist
 	$(BIN)/cyclonedx-py requirements gate/constraints.txt --pyproject pyproject.toml --output-reproducible -o dist/thingc.cdx.json
 	cd viewer && npm sbom --omit dev --package-lock-only --sbom-format cyclonedx > ../dist/thingc-viewer.cdx.json
+
+# Install the wheel and the sdist with all dependencies in new environments, and build a robot with each. Requires uv.
+wheel: $(VENV)/.thingc-dev
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/python packaging/pythons.py --sdist --no-tests
+
+PYTHONS ?= 3.11 3.12 3.13 3.14
+
+# Install the wheel for each version of Python, build a robot, and run some tests. Requires uv, which downloads missing interpreters.
+test-pythons: $(VENV)/.thingc-dev
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/python packaging/pythons.py --python $(PYTHONS)
+
+# Execute the notebook in a new environment, in which it installs the wheel. Requires uv.
+notebook: $(VENV)/.thingc-dev
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/python packaging/notebook.py
+
+# Run the steps of the Dockerfile in a new Debian system, without Docker. Requires root, debootstrap and a wheel in dist/.
+image-steps: $(VENV)/.thingc-dev
+	$(BIN)/python packaging/image_steps.py
 
 clean:
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache
