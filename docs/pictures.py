@@ -52,6 +52,9 @@ STRIPS: dict[str, tuple[str, list[list[str]]]] = {
         ["--mode", "bench", "--pose", "ok", "--azimuth", "215"], ["--mode", "hanging", "--azimuth", "215"],
     ]),
     "gallery_gecko.png": ("gallery/gecko/gecko.yaml", [["--mode", "floor"], ["--mode", "right_front"]]),
+    "gallery_so101.png": ("gallery/so101/so101.yaml", [
+        ["--mode", "bench", "--pose", "reaching", "--azimuth", "150"], ["--mode", "hanging", "--azimuth", "215"],
+    ]),
     "arm_frames.png": ("assemblies/arm.yaml", [["--mode", "drawing", "--joints", "--root", "--mounts-of", "hand.fixture"]]),
 }
 """Pictures that are placed side by side: the document, and the options of each."""
