@@ -353,7 +353,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"names": ["lod"]}, "the document has no number `lod`: did you mean `load`?"),
     ({"names": ["heavy"]}, "`heavy` is not a number, but `false`: remove `heavy`, or set its value separately"),
     ({"names": ["joints.*.offset"]}, "expected the name of one number, found `joints.*.offset`: write the names one by one"),
-    ({"names": ["joints.lift.velocty"]}, "the document has no number at `joints.lift.velocty`: correct the path, or write a value there"),
+    ({"names": ["joints.lift.velocty"]}, "the document has no number at `joints.lift.velocty`: correct the path, or add a value"),
     ({"names": ["load"], "at": [1]}, "expected `at` to be a mapping from names to values, found `[1]`"),
     ({"names": ["load"], "at": {"lo*": 1.0}}, "`load` is given twice: keep only one of the two"),
     ({"names": ["load", "load"]}, "`load` is given twice: keep only one of the two"),

@@ -222,8 +222,8 @@ WRONG: dict[str, tuple[Callable[[Made], object], type[Exception], str]] = {
     ),
     "a base that is elsewhere": (
         lambda made: made.modes.switch(made.modes["front"].state(base_pose=t(0, 0, 0.25) @ rx(0.5)), "bolted"), ModesError,
-        "mode `bolted` fixes `front` to the world, but it is 0.25 m and 0.5 rad away from there (tolerance 1e-06): move it "
-        "there first, or use `base: held` for the mode",
+        "mode `bolted` fixes `front` to the world, but this link is 0.25 m and 0.5 rad away from its fixed pose (tolerance 1e-06): move "
+        "the link to this pose first, or use `base: held` for the mode",
     ),
     "an unknown choice": (
         lambda made: made.modes.switch(made.modes["front"].state(), "rear", on_motion="stop"), ModesError,  # type: ignore[arg-type]

@@ -476,7 +476,7 @@ def test_resume_does_not_mind_what_else_was_built_in_the_workspace(tmp_path: Pat
     ({"timeout": 1e10}, "expected `timeout` to be a number of seconds, at most 1000000, found `10000000000.0`"),
     ({"verify": "all"}, "expected `verify` to be a whole number of at least 0, found `all`"),
     ({"pictures": "all"}, "expected `pictures` to be a whole number of at least 0, found `all`"),
-    ({"layout": "zipped"}, "there is no layout `zipped`: `folders`, `packed`"),
+    ({"layout": "zipped"}, "unknown layout `zipped`: use `folders`, `packed`"),
     ({"emit": ["mjcg"]}, "there is no target `mjcg`: did you mean `mjcf`"),
     ({"executor": 5}, "expected `executor` to be an executor of `concurrent.futures`, found `5`"),
 ])

@@ -169,7 +169,7 @@ def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: 
     address = mortal.with_workers(2).address
     remote = batch_here("faults.yaml", "--pictures", "none", "--cluster", address, cwd=there, env=environment(shared_store))
     assert remote.returncode == 0, remote.stderr
-    assert local.said == remote.stderr and "24 variants: 18 built, 6 kept out" in remote.stderr
+    assert local.said == remote.stderr and "24 variants: 18 built, 6 excluded" in remote.stderr
     mine, theirs = here / "build/faults", there / "build/faults"
     assert tree(mine / "variants") == tree(theirs / "variants")
     assert (mine / "index.html").read_bytes() == (theirs / "index.html").read_bytes()
@@ -318,7 +318,7 @@ def test_jobs_of_submitit_write_what_the_local_engine_writes(tmp_path: Path, sha
     here, there = local.folder, workspace(tmp_path, faults=CHEAP)
     cluster = ("--cluster", "slurm:cluster=local,cpus=2", "--jobs", "2")
     done = batch_here("faults.yaml", "--pictures", "none", *cluster, cwd=there, env=environment(shared_store))
-    assert done.returncode == 0 and "24 variants: 18 built, 6 kept out" in done.stderr, done.stderr
+    assert done.returncode == 0 and "24 variants: 18 built, 6 excluded" in done.stderr, done.stderr
     assert tree(here / "build/faults/variants") == tree(there / "build/faults/variants")
     assert without_run(rows(here / "build/faults")) == without_run(rows(there / "build/faults"))
     assert not [path for path in there.iterdir() if path.name.startswith(".thingc-jobs")]

@@ -296,7 +296,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path: Path, shared
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]"))
     (tmp_path / "file").write_text("")
     done = thingc_here("batch", "faults.yaml", *ALONE, "-o", "file/inside", cwd=here, store=shared_store)
-    assert done.code == 2 and f"error[{Code.OUTPUT.code}]" in done.err and "a file in place of a folder" in done.err
+    assert done.code == 2 and f"error[{Code.OUTPUT.code}]" in done.err and "a part of the path is a file" in done.err
     assert "Traceback" not in done.err
 
 
@@ -359,7 +359,7 @@ def test_where_no_runner_can_be_started_it_is_said(tmp_path: Path, shared_store:
     """As where the system has no process left: here the interpreter is gone."""
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]"))
     monkeypatch.setattr(sys, "executable", str(tmp_path / "gone"))
-    with pytest.raises(BatchFault, match="cannot start a runner: cannot start a process: No such file or directory") as caught:
+    with pytest.raises(BatchFault, match="cannot start a process for variants: cannot start a process: No such file or directory") as caught:
         run(str(here / "faults.yaml"), jobs=1, options=Options(store=shared_store), pictures=0)
     assert caught.value.diagnostic.code is Code.RUNNERS
 

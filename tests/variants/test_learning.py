@@ -180,7 +180,7 @@ def test_what_cannot_be_is_said_in_words(some: Path) -> None:
         ({"mode": "hanging", "reward": "fast"}, "unknown task `fast`: known tasks: `forward`, `hold`"),
         ({"mode": "hanging", "descriptor": ("weight",)}, "has no column `weight`"),
         ({"mode": "hanging", "descriptor": ("name",)}, "expected numbers in the column `name`, found `some_01` for variant `some_01`"),
-        ({"mode": "hanging", "weights": lambda variant: -1.0}, "expected weights that are not negative"),
+        ({"mode": "hanging", "weights": lambda variant: -1.0}, "expected non-negative weights"),
         ({"mode": "hanging", "weights": [1.0]}, "expected `weights` to be a column, or a function of a variant, found `\\[1.0\\]`"),
         ({"mode": "hanging", "frame_skip": 0}, "expected `frame_skip` to be a whole number of at least 1, found 0"),
     ):

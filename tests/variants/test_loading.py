@@ -167,7 +167,7 @@ def test_what_is_not_there_is_said_in_words(some: Path, tmp_path: Path, shared_s
     out = next(row for row in family.rows if row["status"] == "kept_out")
     for wrong, words in (
         (lambda: family["some_99"], "has no variant `some_99`: did you mean"),
-        (lambda: family[out["name"]], r"is not available: it is `kept_out` by the rule `"),
+        (lambda: family[out["name"]], r"is not available: its status is `kept_out`, because of the rule `"),
         (lambda: family[0].model(), "has 2 modes, `hanging`, `flying`: select one with `mode="),
         (lambda: family[0].model("hangin"), "has no mode `hangin`: did you mean `hanging`"),
         (lambda: load(some, mode="sitting"), "has no mode `sitting`: known modes: `flying`, `hanging`"),

@@ -113,7 +113,7 @@ def test_a_refused_switch_is_an_info_and_can_be_a_reward(family: thingc.RobotFam
     assert env.step(acting(0))[1] == 0.5
     _, rewarded, ended, _, info = env.step(acting(1))
     assert rewarded == -1.0 and not ended and info["mode"] == "loose"
-    assert info["refused"].startswith("mode `bolted` fixes `front` to the world, but it is ")
+    assert info["refused"].startswith("mode `bolted` fixes `front` to the world, but this link is ")
     guarded = make_vec_env(
         family, 2, modes=MODES, may_switch=lambda data, old, new: (old, new) != ("front", "rear") or data.time > 0.0,
     )
@@ -270,7 +270,7 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily) -> None:
         ({"observation_noise": -1.0}, FamilyError, "expected `observation_noise` to be numbers of at least 0, found -1.0 for `joints`"),
         ({"observation_noise": {"sensor": 1.0}}, UnknownVariant, "there is no observation `sensor`"),
         ({"action_delay": (2, 1)}, FamilyError, r"expected `action_delay` to be a whole number .* found \(2, 1\)"),
-        ({"push": (0, 1.0)}, FamilyError, r"expected `push` to be a number of actions and an impulse \[N s\], found \(0, 1.0\)"),
+        ({"push": (0, 1.0)}, FamilyError, r"expected `push` to be a pair \(number of actions, impulse \[N s\]\), found \(0, 1.0\)"),
         ({"on_motion": "stop"}, FamilyError, "expected `on_motion` to be .* found `stop`"),
         ({"render_mode": "human"}, FamilyError, 'expected `render_mode` to be "rgb_array" or None, found `human`'),
     ):
@@ -285,7 +285,7 @@ def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily) -> None:
     env.reset(seed=1)
     for action, words in (
         (np.zeros(2), "expected actions as a mapping with `mode` and `joints`, found"),
-        (acting(3), "expected `mode` to be 1 numbers of modes from 0 to 2, found `[3]`"),
+        (acting(3), "expected `mode` to be 1 mode indices from 0 to 2, found `[3]`"),
         (acting(-1), "from 0 to 2, found `[-1]`"),
         ({"mode": 0.5, "joints": np.zeros(2)}, "found `[0.5]`"),
         (acting(0, 1.0), "expected actions of shape (1, 2), found (1, 1)"),

@@ -87,7 +87,7 @@ def test_a_family_of_a_packed_batch_is_that_of_folders(here: Path, some: Path) -
     found = find_variant(plan(str(here / "some.yaml")), third.id, str(here / "build" / "some"))
     assert found is not None and found[0].index == third.index
     out = next(row for row in ours.rows if row["status"] == "kept_out")
-    for key, words in ((out["name"], "is not available: it is `kept_out`"), ("some_99", "did you mean"), ("0" * 12, "has no variant")):
+    for key, words in ((out["name"], "is not available: its status is `kept_out`"), ("some_99", "did you mean"), ("0" * 12, "has no variant")):
         with pytest.raises(UnknownVariant, match=words):
             ours[key]
 
@@ -212,7 +212,7 @@ def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared
 
 
 def test_a_batch_is_gone_on_with_in_its_own_layout(here: Path, shared_store: str) -> None:
-    with pytest.raises(BatchFault, match="started with other input: its layout is `packed`, not `folders`") as caught:
+    with pytest.raises(BatchFault, match="started with different input: its layout is `packed`, not `folders`") as caught:
         run(str(here / "some.yaml"), options=Options(store=shared_store), resume=True, layout="folders")
     assert caught.value.diagnostic.code is Code.BATCH_CHANGED
 

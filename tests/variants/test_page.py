@@ -212,8 +212,8 @@ def test_values_are_in_the_units_of_documents_and_what_has_no_picture_is_a_close
     """)
     assert found["faults"] == [] and found["open"] is False and found["hidden"] is True
     assert len(found["cards"]) == 6 and all(re.search("side[3-7]0 mm", card) for card in found["cards"])  # type: ignore[arg-type, attr-defined]
-    assert found["said"] == "6 without a picture: 3 built, 3 kept out" and len(found["lines"]) == 6  # type: ignore[arg-type]
-    assert sum("kept out: " in line for line in found["lines"]) == 3  # type: ignore[attr-defined]
+    assert found["said"] == "6 without a picture: 3 built, 3 excluded" and len(found["lines"]) == 6  # type: ignore[arg-type]
+    assert sum("excluded: " in line for line in found["lines"]) == 3  # type: ignore[attr-defined]
     assert "side [mm]" in found["title"] and found["units"][0] == "mm"  # type: ignore[operator, index]
     assert set(found["sides"]) == {"30", "40", "50", "60", "70", "80"}  # type: ignore[call-overload]
 

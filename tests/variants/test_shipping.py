@@ -383,7 +383,7 @@ def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str) 
             env["XDG_CACHE_HOME"] = str(tmp_path / f"cache{len(ship)}")
             beside.events()
             done = batch_here("faults.yaml", "--pictures", "none", "--cluster", address, *ship, cwd=here, env=env)
-            assert done.returncode == 0 and "5 built, 3 kept out; 8 parts modelled" in done.stderr, done.stderr
+            assert done.returncode == 0 and "5 built, 3 excluded; 8 parts modelled" in done.stderr, done.stderr
             assert kept(here) == local
             there = {path.parent.name + path.name for path in (served / store / "blobs").rglob("*") if path.is_file()}
             assert set(local[1]) <= there

@@ -5,7 +5,7 @@
   const { columns, rows } = batch;
   const PAGE = { pictures: 60, table: 200 };
   const TOLD = 5; // settings on a card, and of a variant in a line
-  const SPOKEN = { built: "built", kept_out: "kept out", refused: "refused", failed: "failed" };
+  const SPOKEN = { built: "built", kept_out: "excluded", refused: "refused", failed: "failed" };
   const PALETTE = ["#2b6a99", "#d98a2b", "#2f8f7a", "#b5495b", "#7a5ba6", "#8a6d3b", "#4aa5c4", "#66727f"];
   const SCALE = [[48, 62, 140], [42, 114, 142], [33, 157, 132], [110, 196, 88], [226, 205, 45]];
   const at = Object.fromEntries(columns.map((column, index) => [column.name, index]));
@@ -78,8 +78,7 @@
       if (wanted === "") return () => true; // still being typed
       if (!isNumber(column)) {
         if (sign !== "=" && sign !== "!=") throw `${name} is not a number`;
-        return (row) => (String(row[index] ?? "").replace("kept_out", "kept out") === wanted.replaceAll("_", " ") ||
-          String(row[index] ?? "") === wanted) === (sign === "=");
+        return (row) => [String(row[index] ?? ""), SPOKEN[row[index]]].includes(wanted) === (sign === "=");
       }
       const bound = Number(wanted);
       if (Number.isNaN(bound)) throw `${wanted} is not a number`;

@@ -438,5 +438,5 @@ def _holds(cell: Any, wanted: Any) -> bool:
 
 def _because(row: Mapping[str, Any]) -> str:
     if "rule" in row:
-        return f" by the rule `{row['rule']}`"
+        return f", because of the rule `{row['rule']}`"
     return f" ({row['code']}: {row['message']})" if "code" in row else ""

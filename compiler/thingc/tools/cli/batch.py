@@ -48,7 +48,7 @@ VERIFY = {"some": 64, "all": 1, "none": 0}
 """The values of the option `--verify`. If models differ only in numbers, MuJoCo compiles only every n-th model."""
 PAUSE = 30.0
 """Interval [s] between progress reports if standard error is not a terminal."""
-STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "failed": "failed"}
+STATUSES = {"built": "built", "kept_out": "excluded", "refused": "refused", "failed": "failed"}
 """The text for each status of a variant in messages."""
 
 
@@ -340,7 +340,7 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
     for one in forecast.first:
         settings = {**one.parameters, **one.choices}
         shown = ", ".join(f"{name}={text}" for name, text in settings.items()) or "settings of the assembly"
-        lines.append(f"  {one.id} {one.name}: {shown}{' (kept out)' if one.failed else ''}")
+        lines.append(f"  {one.id} {one.name}: {shown}{' (excluded)' if one.failed else ''}")
     if forecast.count > len(forecast.first):
         lines.append("  ...")
     return lines
