@@ -30,7 +30,7 @@ DECISIONS = ROOT / "docs" / "decisions"
 WITH_LINKS = (*PAGES, *sorted(DECISIONS.glob("*.md")), ROOT / "ARCHITECTURE.md")
 
 _FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-_FILE = re.compile(r"(?:# ([\w/]+\.(?:yaml|toml|py))|<!-- ([\w/]+\.(?:urdf|xml)) -->)$")
+_FILE = re.compile(r"(?:# ([\w/.]+\.(?:yaml|toml|py))|<!-- ([\w/]+\.(?:urdf|xml)) -->)$")
 _PROGRESS = re.compile(r"^((modelling|decomposing|slicing) parts: .*|\d+ of \d+ variants \(.*\); .* a second.*)\n", re.MULTILINE)
 
 

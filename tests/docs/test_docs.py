@@ -121,6 +121,7 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
     from thingc.documents.checks import kinds
     from thingc.documents.spec import (
         assembly,
+        calibration,
         drives,
         link_shapes,
         mass,
@@ -136,7 +137,10 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
     )
 
     checks = [sys.modules[kind.model.__module__] for kind in kinds().values()]
-    rooms = (assembly, drives, link_shapes, materials, modes, names, poses, sensors, mass, tendons, tests, *checks, variants, workspace)
+    rooms = (
+        assembly, calibration, drives, link_shapes, materials, modes, names, poses, sensors, mass, tendons, tests, *checks, variants,
+        workspace,
+    )
     models = {
         name: value for module in rooms
         for name, value in vars(module).items()

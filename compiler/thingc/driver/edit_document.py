@@ -24,14 +24,13 @@ from thingc.driver.environment import Environment, Options
 class EditResult(FrozenStruct):
     """The result of changing values in a document.
 
-    `found` contains all diagnostics. `text` is the new text of the document `root`, or None if errors occurred before the text was
-    computed. `done` contains the path, the previous value and the new value of each change. The previous value is None if the key did not
-    exist.
+    `found` contains all diagnostics. `changed` contains the old documents and their new texts, and is empty if errors occurred before the
+    texts were computed. `done` contains the path, the previous value and the new value of each change. The previous value is None if the
+    key did not exist.
     """
 
     found: tuple[Diagnostic, ...]
-    root: Document | None = None
-    text: str | None = None
+    changed: tuple[tuple[Document, str], ...] = ()
     done: tuple[tuple[str, str | None, str], ...] = ()
 
 
@@ -58,16 +57,27 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
         text = set_values(full, {keys: _parse_value(text) for keys, text in values.items()}).text
     except CannotSetValue as fault:
         return EditResult(found=(_wrong(str(fault), "edit the document by hand"),))
-    before, after = document_change(root, text)
-    _, diagnostics = checked(document, replace(options, texts={root.path: after}), strict=strict)
-    found = tuple(diagnostics)
+    return write_texts(root, {root.path: (root, text)}, tuple(changes(full, values)), options, strict=strict, dry=dry)
+
+
+def write_texts(
+    root: Document, texts: Mapping[str, tuple[Document, str]], done: tuple[tuple[str, str | None, str], ...], options: Options, *,
+    strict: bool = False, dry: bool = False,
+) -> EditResult:
+    """Replace the texts of document files, unless the document `root` would have errors.
+
+    `texts` maps paths to the old documents and their new texts. `done` describes the changes. See `write_values` for the other arguments.
+    """
+    files = {path: document_change(*change) for path, change in texts.items()}
+    _, diagnostics = checked(root.path, replace(options, texts={path: after for path, (_, after) in files.items()}), strict=strict)
+    found, changed = tuple(diagnostics), tuple(texts.values())
     if any(d.severity is Severity.ERROR for d in found):
-        return EditResult(found=found, root=root, text=text)
+        return EditResult(found=found, changed=changed)
     try:
-        replace_files({} if dry else {root.path: (before, after)})
+        replace_files({} if dry else files)
     except ReplacementRefused as fault:
         return EditResult(found=(fault.diagnostic,))
-    return EditResult(found=found, root=root, text=text, done=tuple(changes(full, values)))
+    return EditResult(found=found, changed=changed, done=done)
 
 
 def named(path: str) -> str:

@@ -112,10 +112,10 @@ class Compilation(FrozenStruct):
 def check(environment: Environment) -> Compilation:
     """Check a document of any kind, as `thingc check` does.
 
-    For an assembly, run every pass up to `root` for all modes, and report all errors. A materials document is only resolved, and a variants
-    document is only validated.
+    For an assembly, run every pass up to `root` for all modes, and report all errors. A materials document is only resolved, and variants
+    and calibration documents are only validated.
     """
-    compilation = compile(environment, kinds=("assembly", "materials", "variants"))
+    compilation = compile(environment, kinds=("assembly", "materials", "variants", "calibration"))
     say_unneeded(compilation, [Stage.CHECK])
     return compilation
 

@@ -23,7 +23,7 @@ from thingc.documents.load.text import MAX_ALL_BYTES, MAX_BYTES, MAX_FAULTS, dec
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
-KINDS: dict[str, str] = {"assembly": "1", "materials": "1", "variants": "1", "workspace": "1"}
+KINDS: dict[str, str] = {"assembly": "1", "materials": "1", "variants": "1", "calibration": "1", "workspace": "1"}
 """Kinds of documents, each with its supported version."""
 
 MAX_CHAIN = 100

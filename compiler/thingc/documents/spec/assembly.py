@@ -388,6 +388,8 @@ class JointSpec(JointDefaults):
     """The axis of motion, in the parent mount's frame. With an `axis`, the mounts coincide at q = 0 instead of facing each other."""
     offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = Field(default=None, examples=["30 deg"])
     """The position of the joint at q = 0, which is added to q."""
+    reverse: bool = False
+    """Whether the joint moves in the opposite direction of its axis."""
     lead: LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
     """For a `screw`, the advance per turn; negative for a left-hand thread."""
     mimic: MimicSpec | list[MimicSpec] | dict[Index, MimicSpec] | None = Field(

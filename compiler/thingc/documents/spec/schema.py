@@ -15,6 +15,7 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
+import thingc.documents.spec.calibration as calibration
 from thingc.documents.checks import kinds
 from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, names, poses, sensors, tendons, variants, workspace
 from thingc.documents.spec.validation import KINDS, model_of
@@ -23,13 +24,13 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema(kind: str) -> dict[str, Any]:
-    """Return the JSON Schema of a kind of document (`assembly`, `materials`, `variants`, `workspace`)."""
+    """Return the JSON Schema of a kind of document (`assembly`, `calibration`, `materials`, `variants`, `workspace`)."""
     model = model_of(kind)
     assert model is not None, kind
     schema = model.model_json_schema(schema_generator=_Generator)
     checks = [sys.modules[check.model.__module__] for check in kinds().values()]
     documented = _documentation(
-        poses, assembly, drives, link_shapes, materials, modes, names, sensors, mass, tendons, *checks, variants, workspace,
+        poses, assembly, drives, link_shapes, materials, modes, names, sensors, mass, tendons, *checks, variants, calibration, workspace,
     )
     documented["TestSpec"] = {check.name: check.summary for check in kinds().values()}
     for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():

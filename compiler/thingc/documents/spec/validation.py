@@ -20,7 +20,7 @@ from thingc.documents.spec.base import Model
 from thingc.documents.spec.invalid_entries import InvalidEntries, Specs
 from thingc.documents.spec.materials import MaterialsSpec
 
-KINDS = ("assembly", "materials", "variants", "workspace")
+KINDS = ("assembly", "calibration", "materials", "variants", "workspace")
 """Kinds of documents that have a pydantic model."""
 
 
@@ -39,6 +39,10 @@ def model_of(kind: str) -> type[Model] | None:
             from thingc.documents.spec.variants import VariantsSpec
 
             return VariantsSpec
+        case "calibration":
+            from thingc.documents.spec.calibration import CalibrationSpec
+
+            return CalibrationSpec
     return None
 
 

@@ -21,7 +21,7 @@ from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.lock.lock import LOCK_FILE
 from thingc.geometry.store.local import Store
 
-KINDS = ("assembly", "materials", "variants")
+KINDS = ("assembly", "materials", "variants", "calibration")
 
 
 class AffectedDocuments(FrozenStruct):

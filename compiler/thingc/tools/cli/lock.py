@@ -115,7 +115,7 @@ def _used(
     slicings: dict[str, set[Slicing]] = {}
     for document in documents_in(workspace.root, workspace):
         environment = Environment(document, options, lambda *_: geometry)
-        sources = read(environment, kinds=("assembly", "materials", "variants"), modelling=True)
+        sources = read(environment, kinds=("assembly", "materials", "variants", "calibration"), modelling=True)
         own = Report()
         if sources is not None and sources.documents.root.kind == "assembly":
             model = resolve(sources, Settings(), own)

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostic_output import OPTIONS
 from thingc.base.diagnostics import Diagnostic, Severity, shown_path
-from thingc.driver.edit_document import named, write_values
+from thingc.driver.edit_document import EditResult, named, write_values
 from thingc.driver.environment import Options
 from thingc.tools.cli import console
 
@@ -60,14 +60,17 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
     """
     typed = {named(path): f"{path}={text}" for path, text in given.items()}
     outcome = write_values(document, given, options, strict=getattr(arguments, "strict", False), dry=diff)
-    root, text = outcome.root, outcome.text
-    if root is None or text is None:
-        return _say(arguments, [_as_typed(one, typed) for one in outcome.found])
+    return report_edit(replace(outcome, found=tuple(_as_typed(one, typed) for one in outcome.found)), arguments, diff=diff)
+
+
+def report_edit(outcome: EditResult, arguments: argparse.Namespace, *, diff: bool) -> int:
+    """Print the result of changing a document, and return the exit code. With `diff`, print the difference of the texts."""
     wrong = any(d.severity is Severity.ERROR for d in outcome.found)
     if diff and not wrong and arguments.format == "text":
-        console.say_diff(shown_path(root.path), root.text, text)
+        for document, text in outcome.changed:
+            console.say_diff(shown_path(document.path), document.text, text)
         return console.exit_code(outcome.found)
-    return _say(arguments, outcome.found, done=outcome.done, texts={root.path: text} if wrong else None)
+    return _say(arguments, outcome.found, done=outcome.done, texts={one.path: text for one, text in outcome.changed} if wrong else None)
 
 
 def _as_typed(diagnostic: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:

@@ -1,0 +1,87 @@
+"""Write the calibration of a robot in the formats of other programs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pprint import pformat
+
+from thingc.model.robot.types import Robot
+from thingc.targets.name_mangling import safe
+from thingc.targets.ros.control import ros2_control
+from thingc.targets.ros.joints import joints
+from thingc.targets.xml_writer import write
+from thingc.tools.calibration.calibration import CalibratedJoint
+
+Calibration = Sequence[CalibratedJoint]
+
+
+class ExportRefused(Exception):
+    """Raised if a format cannot express a calibration. `hint` is an instruction for the user."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+def lerobot(calibration: Calibration, robot: Robot) -> str:
+    """Return the calibration file of LeRobot as JSON: `MotorCalibration` by name of the motor.
+
+    `homing_offset` makes the middle of the range the middle of the encoder: the motor reports the encoder value minus `homing_offset`.
+    """
+    return _json({safe(one.joint.path): _homed(one) for one in calibration})
+
+
+def _homed(one: CalibratedJoint) -> dict[str, int]:
+    if one.modulus is None:
+        message = f"LeRobot needs an encoder with one turn, but joint `{one.joint.name}` has a `resolution`"
+        raise ExportRefused(message, "write `ticks_per_turn` for this joint, or use --emit python")
+    homing, half = (one.lowest + one.highest) // 2 - (one.modulus - 1) // 2, one.modulus // 2
+    return {
+        "id": one.id, "drive_mode": int(one.sign < 0), "homing_offset": (homing + half) % one.modulus - half,
+        "range_min": one.lowest - homing, "range_max": one.highest - homing,
+    }
+
+
+def lerobot_motors(calibration: Calibration, robot: Robot) -> str:
+    """Return the motor mapping of LeRobot as JSON: the arguments of `Motor` by name of the motor."""
+    nameless = next((one for one in calibration if one.model is None), None)
+    if nameless is not None:
+        raise ExportRefused(f"LeRobot needs the model of the motor of joint `{nameless.joint.name}`", "write for example `model: sts3215`")
+    return _json({safe(one.joint.path): {"id": one.id, "model": one.model, "norm_mode": "degrees"} for one in calibration})
+
+
+def ros2_control_block(calibration: Calibration, robot: Robot) -> str:
+    """Return the `<ros2_control>` block of the robot, in which each joint also has the parameters of its motor."""
+    block, motors = ros2_control(robot), {one.joint.path: one for one in calibration}
+    if block is None:
+        raise ExportRefused("the robot has no moving joints", "use --emit python")
+    names = {joint.name: joint.move.joint.path for joint in joints(robot)}
+    for element in block.children:
+        one = motors.get(names.get(element.get("name"), ""))
+        if element.tag == "joint" and one is not None:
+            for name, value in (("id", one.id), ("offset", one.offset), ("sign", one.sign), ("ticks_per_unit", one.ticks)):
+                element.say("param", value, {"name": name})
+    return write(block, "Parameters of motors: ticks = offset + sign * q * ticks_per_unit [1/rad or 1/m]").text
+
+
+def python(calibration: Calibration, robot: Robot) -> str:
+    """Return a Python module with the dictionary `JOINTS`."""
+    entries = {
+        one.joint.path: {
+            "id": one.id, "model": one.model, "sign": one.sign, "offset": one.offset, "ticks_per_unit": one.ticks,
+            "range": (one.lowest, one.highest), "limits": (one.joint.limit.lower, one.joint.limit.upper),
+        } for one in calibration
+    }
+    head = f'"""Motors of the robot {robot.name}: ticks = offset + sign * q * ticks_per_unit [1/rad or 1/m]."""\n\n'
+    return f"{head}JOINTS = {pformat(entries, sort_dicts=False)}\n"
+
+
+def _json(data: Mapping[str, object]) -> str:
+    return json.dumps(data, indent=4) + "\n"
+
+
+EXPORTS: Mapping[str, Callable[[Calibration, Robot], str]] = {
+    "lerobot": lerobot, "lerobot_motors": lerobot_motors, "ros2_control": ros2_control_block, "python": python,
+}
+"""The formats of the option `--emit`."""

@@ -1,0 +1,69 @@
+"""Implementation of `thingc calibration`, which checks the calibration of a physical robot and converts it for other programs."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from functools import partial
+
+from thingc.base.diagnostics import Code, Diagnostic
+from thingc.base.filesystem import write_whole
+from thingc.base.one_line_repr import counted
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, attempted
+from thingc.tools.calibration.calibration import read_calibration
+from thingc.tools.calibration.exports import EXPORTS, ExportRefused
+from thingc.tools.cli import console
+
+EPILOG = """\
+  thingc calibration arm.yaml left.calibration.yaml                      check the file against the robot
+  thingc calibration arm.yaml left.calibration.yaml --emit lerobot -o left.json
+  thingc calibration arm.yaml left.calibration.yaml --emit ros2_control  print the <ros2_control> block of the first mode
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `thingc calibration` to the parser."""
+    parser.epilog = EPILOG
+    parser.add_argument("document", metavar="ROBOT", help="an assembly document (YAML or TOML)")
+    parser.add_argument("calibration", metavar="FILE", help="a document of the kind `calibration/1`")
+    parser.add_argument("--emit", choices=[*EXPORTS], help="format to write")
+    parser.add_argument("-o", "--output", metavar="OUT", help="output file (default: standard output)")
+    console.add_format(parser)
+    console.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `thingc calibration`, and return the exit code, which is 0 if the calibration has no errors."""
+    console.require_document(arguments.document)
+    found = attempted(arguments.document, console.options_of(arguments), partial(_convert, arguments))
+    return console.print_found(found, arguments.format, stream=sys.stderr, debug=arguments.debug)
+
+
+def _convert(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
+    """Check the calibration, and write the output. Return the diagnostics. Raises `WrongCommandLine`."""
+    compilation = pipeline.compile(environment)
+    report = compilation.report
+    if compilation.assembly is None or report.failed:
+        return console.final(report, strict=arguments.strict)
+    calibration = read_calibration(arguments.calibration, compilation.assembly, report)
+    found = console.final(report, strict=arguments.strict)
+    if console.exit_code(found):
+        return found
+    if arguments.emit is None:
+        if arguments.format == "text":
+            console.say(f"{arguments.calibration}: ok, {counted(len(calibration), 'motor')}")
+        return found
+    try:
+        text = EXPORTS[arguments.emit](calibration, compilation.robots[0])
+        if arguments.output is None:
+            console.hand_on(text)
+        else:
+            write_whole(os.path.abspath(arguments.output), text.encode())
+    except ExportRefused as fault:
+        raise console.WrongCommandLine(f"--emit {arguments.emit}: {fault}", fault.hint) from fault
+    except OSError as fault:
+        message = f"cannot write `{arguments.output}`: {(fault.strerror or str(fault)).lower()}"
+        raise console.WrongCommandLine(message, "choose another file with -o", Code.OUTPUT) from fault
+    return found

@@ -1,0 +1,1 @@
+"""Move zeros of joints in documents."""

@@ -1,0 +1,161 @@
+"""Move zeros of joints and reverse joints in a document, and in the documents of the workspace that use it.
+
+The coordinate of a joint changes by `q_new = sign * q_old + zero`, and the geometry stays the same. After each joint, the old and the new
+robots are compared in their poses and in random configurations.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator, Mapping, Sequence
+
+from msgspec.structs import replace
+
+from thingc.base.diagnostics import Report
+from thingc.base.pose import Pose
+from thingc.base.source import Document, walk
+from thingc.documents.format.value_edits import CannotSetValue, Keys, changes, set_values
+from thingc.documents.load.discovery import documents_in
+from thingc.documents.load.documents import load
+from thingc.documents.workspace import Workspace
+from thingc.driver import pipeline
+from thingc.driver.edit_document import EditResult, document_change, write_texts
+from thingc.driver.environment import Environment, Options
+from thingc.driver.pipeline import Compilation
+from thingc.model.assembly.kinematics import joints_of
+from thingc.model.assembly.types import JointEdge
+from thingc.model.robot.kinematics import occurrence_poses
+from thingc.model.robot.types import Robot
+from thingc.tools.rezero.shift_edits import JointShift, ShiftEdits, ShiftRefused, find_joint
+
+ALIKE, CLOSED = 1e-9, 1e-6
+"""Largest difference [m, or of an entry of a rotation matrix] between poses of the old and the new robot, without and with closed loops."""
+CONFIGURATIONS = 3
+"""Number of random configurations in which the old and the new robot are compared."""
+State = tuple[Mapping[str, float], Pose | None]
+"""Coordinates [rad or m] by joint, and the pose of the root in the world."""
+
+
+def rezero(document: str, shifts: Sequence[JointShift], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
+    """Move joints of a document file, unless this would cause errors or other poses. With `dry`, no file is written."""
+    first = _compiled(document, options)
+    if first.documents is None or first.report.failed:
+        return EditResult(found=tuple(first.report.ordered()))
+    root = first.documents.root
+    edits: dict[str, dict[Keys, str]] = {}
+    try:
+        old = {root.path: first} | {path: _sound(path, options) for path in _users(root, shifts)}
+        originals = documents = {path: one.documents.root for path, one in old.items() if one.documents is not None}
+        for shift in shifts:
+            moved = {path: _moved(documents[root.path], compilation, shift) for path, compilation in old.items()}
+            new_edits = {path: _edits(documents[path], one, shift, moved[path], own=path == root.path) for path, one in old.items()}
+            documents = {path: set_values(document, new_edits[path]) for path, document in documents.items()}
+            edits = {path: edits.get(path, {}) | new_edits[path] for path in old}
+            texts = {path: document_change(originals[path], one.text)[1] for path, one in documents.items()}
+            new = {path: _sound(path, replace(options, texts=texts)) for path in old}
+            for path in old:
+                _compare(documents[path], old[path], new[path], shift, [joint.path for joint in moved[path]])
+            old = new
+    except CannotSetValue as fault:
+        return EditResult(found=(ShiftRefused(str(fault), "edit the document by hand").diagnostic,))
+    except ShiftRefused as refused:
+        return EditResult(found=(refused.diagnostic,))
+    done = [change for path, own in edits.items() for change in _done(root, originals[path], own)]
+    changed = {path: (originals[path], one.text) for path, one in documents.items() if edits[path]}
+    return write_texts(root, changed, tuple(done), options, strict=strict, dry=dry)
+
+
+def _done(root: Document, document: Document, edits: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
+    place = "" if document.path == root.path else f"{document.relative}: "
+    return ((place + path, before, after) for path, before, after in changes(document, edits))
+
+
+def _compiled(document: str, options: Options) -> Compilation:
+    with Environment(document, replace(options, lock=True)) as environment:
+        return pipeline.compile(environment)
+
+
+def _sound(document: str, options: Options) -> Compilation:
+    """Compile a document. Raises `ShiftRefused` with its first error."""
+    compilation = _compiled(document, options)
+    error = next(iter(compilation.report.ordered()), None) if compilation.report.failed else None
+    if error is not None:
+        raise ShiftRefused(f"`{document}` would have an error: {error.message}", error.help or "edit the document by hand", error.span)
+    return compilation
+
+
+def _users(root: Document, shifts: Sequence[JointShift]) -> Iterator[str]:
+    """Yield the paths of the assemblies of the workspace that use the document.
+
+    Raises `ShiftRefused` for a variants document that sets values of the joints.
+    """
+    workspace = Workspace.find(root.path, Report())
+    if workspace is None:
+        return
+    for path in documents_in(workspace.root, workspace):
+        documents = load(path, workspace, Report(), kinds=("assembly", "variants"))
+        if documents is None or path == root.path:
+            continue
+        nested = any(one.path == root.path for one in documents.by_path.values())
+        if nested:
+            yield path
+        if documents.root.kind == "variants":
+            for keys, node in walk(documents.root.tree):
+                if any(f"joints.{shift.joint}." in str(keys[-1:]) for shift in shifts):
+                    message = f"`{documents.root.relative}` may set values of these joints"
+                    raise ShiftRefused(message, "edit both documents by hand", node.span)
+
+
+def _moved(root: Document, compilation: Compilation, shift: JointShift) -> list[JointEdge]:
+    """Return the joints of a robot that a joint of the document `root` defines."""
+    assert compilation.assembly is not None
+    place = root.span(("joints", shift.joint), key=True)
+    return [joint for joint in joints_of(compilation.assembly) if joint.origin[:1] == (place,)]
+
+
+def _edits(
+    document: Document, compilation: Compilation, shift: JointShift, moved: Sequence[JointEdge], *, own: bool,
+) -> dict[Keys, str]:
+    """Return the edits of a document. If `own` is true, the document defines the joint. Raises `ShiftRefused`."""
+    model, assembly = compilation.model, compilation.assembly
+    assert model is not None and assembly is not None
+    joint = find_joint(document, model, shift) if own else None
+    if not moved:
+        return {}
+    independent = [one.name for one in joints_of(assembly) if one.mimic is None and not one.kind.at_once]
+    names = [str(one.name) for one in moved]
+    return dict(ShiftEdits(document, model, shift, names, moved[0].twist.coordinate, independent).edits(joint))
+
+
+def _compare(document: Document, old: Compilation, new: Compilation, shift: JointShift, moved: Sequence[str]) -> None:
+    """Raise `ShiftRefused` unless the old and the new robot are equal in all poses and in random configurations."""
+    for one, other in zip(old.robots, new.robots, strict=True):
+        for pose, before, after in _states(one, other, shift, moved):
+            apart = math.inf if after is None else _apart(occurrence_poses(one, *before), occurrence_poses(other, *after))
+            if apart > (CLOSED if one.closures else ALIKE):
+                message = f"the robot would change by {apart:.3g} in {f'pose `{pose}` of ' if pose else ''}mode `{one.mode.name}`"
+                raise ShiftRefused(message, f"set `{shift.joint}` in all poses first", document.span(("poses", pose) if pose else ()))
+
+
+def _states(one: Robot, other: Robot, shift: JointShift, moved: Sequence[str]) -> Iterator[tuple[str, State, State | None]]:
+    """Yield equal states of the old and the new robot: poses by name, the start, and random configurations."""
+    frames = {frame.name: (frame.q, frame.base) for frame in other.keyframes}
+    for frame in one.keyframes:
+        yield frame.name, (frame.q, frame.base), frames.get(frame.name)
+    if one.start is None and other.start is not None:
+        yield "", ({}, None), (other.start.q, other.start.base)
+    draw = random.Random(0)
+    for _ in range(CONFIGURATIONS):
+        q = {joint.path: draw.uniform(-1.0, 1.0) for joint in joints_of(one.assembly) if joint.mimic is None}
+        there = {path: shift.sign * value + float(shift.zero.value) if path in moved else value for path, value in q.items()}
+        yield "", (q, None), (there, None)
+
+
+def _apart(one: Sequence[Pose], other: Sequence[Pose]) -> float:
+    """Return the largest difference of a coordinate [m] or of an entry of a rotation matrix."""
+    return max(abs(x - y) for a, b in zip(one, other, strict=True) for x, y in zip(_numbers(a), _numbers(b), strict=True))
+
+
+def _numbers(pose: Pose) -> tuple[float, ...]:
+    return (*pose.translation, *sum(pose.rotation, ()))

@@ -1,0 +1,170 @@
+"""Calibrations are checked against the robot, and written so that other programs compute the same encoder values."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thingc.tools.cli.main import main
+
+BODY = "frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
+ROBOT = f"""\
+thingc: assembly/1
+name: arm
+components: {{a: {{{BODY}}}, b: {{{BODY}}}, c: {{{BODY}}}, d: {{{BODY}}}, e: {{{BODY}}}, f: {{{BODY}}}}}
+joints:
+  pan:
+    type: revolute
+    parent: a.origin
+    child: b.origin
+    limit: {{lower: -90 deg, upper: 120 deg}}
+    drive: {{kind: position, kp: 1 N*m/rad}}
+  lift: {{type: revolute, parent: b.origin, child: c.origin, limit: {{lower: 10 deg, upper: 100 deg}}}}
+  slide: {{type: prismatic, parent: c.origin, child: d.origin, limit: {{lower: -5 mm, upper: 80 mm}}}}
+  geared: {{type: revolute, parent: d.origin, child: e.origin, mimic: {{joint: lift}}}}
+  wheel: {{type: continuous, parent: a.origin, child: f.origin}}
+"""
+GOOD = """\
+thingc: calibration/1
+joints:
+  pan: {id: 1, model: sts3215, offset: 2100, sign: -1, ticks_per_turn: 4096}
+  lift: {id: 2, model: sts3215, offset: 3900, ticks_per_turn: 4096}
+  wheel: {id: 7, model: xl330, offset: 12, ticks_per_turn: 4096}
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "arm.yaml").write_text(ROBOT)
+    return tmp_path
+
+
+def emitted(here: Path, form: str, text: str = GOOD) -> str:
+    (here / "left.calibration.yaml").write_text(text)
+    assert main(["calibration", "arm.yaml", "left.calibration.yaml", "--emit", form, "-o", "out"]) == 0
+    return (here / "out").read_text()
+
+
+def test_the_motor_of_lerobot_reports_the_ticks_of_each_angle(here: Path) -> None:
+    """Feetech motors report the encoder value minus `Homing_Offset`, modulo one turn; LeRobot measures from the middle of the range."""
+    motors = json.loads(emitted(here, "lerobot"))
+    assert list(motors) == ["pan", "lift", "wheel"]
+    assert {name: (one["id"], one["drive_mode"]) for name, one in motors.items()} == {"pan": (1, 1), "lift": (2, 0), "wheel": (7, 0)}
+    limits = {"pan": (-90.0, 120.0, 2100, -1), "lift": (10.0, 100.0, 3900, 1)}
+    for name, (lower, upper, offset, sign) in limits.items():
+        one = motors[name]
+        assert 0 <= one["range_min"] < one["range_max"] <= 4095 and -2048 <= one["homing_offset"] <= 2047
+        draw = random.Random(1)
+        for q in (lower, upper, *(draw.uniform(lower, upper) for _ in range(20))):
+            actual = round(offset + sign * q * 4096 / 360) % 4096
+            present = (actual - one["homing_offset"]) % 4096
+            assert one["range_min"] - 1 <= present <= one["range_max"] + 1
+            degrees = (present - (one["range_min"] + one["range_max"]) / 2) * 360 / 4095
+            assert degrees == pytest.approx(sign * (q - (lower + upper) / 2), abs=0.25)
+    assert (motors["wheel"]["range_min"], motors["wheel"]["range_max"], motors["wheel"]["homing_offset"]) == (0, 4095, 0)
+
+
+def test_the_motors_of_lerobot(here: Path) -> None:
+    assert json.loads(emitted(here, "lerobot_motors")) == {
+        "pan": {"id": 1, "model": "sts3215", "norm_mode": "degrees"}, "lift": {"id": 2, "model": "sts3215", "norm_mode": "degrees"},
+        "wheel": {"id": 7, "model": "xl330", "norm_mode": "degrees"},
+    }
+
+
+def test_python(here: Path) -> None:
+    text = GOOD + "  slide: {id: 9, offset: 500, resolution: 0.01 mm, range: [0, 8500]}\n"
+    read: dict[str, Any] = {}
+    exec(emitted(here, "python", text), read)
+    joints = read["JOINTS"]
+    assert list(joints) == ["pan", "lift", "wheel", "slide"]
+    assert joints["slide"] == {
+        "id": 9, "model": None, "sign": 1, "offset": 500, "ticks_per_unit": pytest.approx(1e5), "range": (0, 8500),
+        "limits": (-0.005, 0.08),
+    }
+    pan = joints["pan"]
+    for q in pan["limits"]:
+        assert min(abs(pan["offset"] + pan["sign"] * q * pan["ticks_per_unit"] - end) for end in pan["range"]) <= 0.5
+
+
+def test_ros2_control(here: Path) -> None:
+    block = ET.fromstring(emitted(here, "ros2_control"))
+    names = [one.get("name") for one in block.findall("joint")]
+    assert (block.tag, names) == ("ros2_control", ["pan", "lift", "slide", "geared", "wheel"])
+    pan = next(one for one in block.findall("joint") if one.get("name") == "pan")
+    params = {one.get("name"): float(one.text or "") for one in pan.findall("param")}
+    assert params["id"] == 1 and params["offset"] == 2100 and params["sign"] == -1
+    assert params["ticks_per_unit"] == pytest.approx(4096 / (2 * math.pi))
+    assert {one.get("name"): float(one.text or "") for one in pan.findall("command_interface/param")} == {
+        "min": pytest.approx(-math.pi / 2), "max": pytest.approx(2 * math.pi / 3),
+    }
+    assert block.findall("joint[@name='slide']/param") == []
+
+
+ONE_TURN = "id: 3, offset: 0, ticks_per_turn: 4096"
+
+
+@pytest.mark.parametrize(("entry", "code", "said"), [
+    ("elbow: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC304", "the robot has no joint `elbow`"),
+    ("geared: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC338", "joint `geared` mimics `lift`"),
+    ("lift: {id: 1, offset: 0, ticks_per_turn: 4096}", "TC311", "joints `pan` and `lift` have the same motor `id: 1`"),
+    ("lift: {id: 254, offset: 0, ticks_per_turn: 4096}", "TC315", "must be from 0 to 253, found 254"),
+    ("lift: {id: -1, offset: 0, ticks_per_turn: 4096}", "TC315", "must be from 0 to 253, found -1"),
+    ("lift: {id: 3, offset: 4096, ticks_per_turn: 4096}", "TC315", "has the values 0 to 4095, found 4096"),
+    ("lift: {id: 3, offset: -1, ticks_per_turn: 4096}", "TC315", "has the values 0 to 4095, found -1"),
+    ("lift: {id: 3, offset: 0, ticks_per_turn: 1}", "TC315", "must be at least 2, found 1"),
+    (f"lift: {{{ONE_TURN}, range: [100, 1100]}}", "TC315", "beyond the lower limit 10 deg of joint `lift`"),
+    (f"lift: {{{ONE_TURN}, range: [120, 1200]}}", "TC315", "1200 ticks are 105.469 deg, beyond the upper limit"),
+    (f"lift: {{{ONE_TURN}, sign: -1, range: [120, 1100]}}", "TC315", "120 ticks are -10.5469 deg, beyond the lower"),
+    (f"lift: {{{ONE_TURN}, range: [1100, 120]}}", "TC315", "must increase, found 1100 and 120"),
+    (f"lift: {{{ONE_TURN}, range: [120, 5000]}}", "TC315", "has the values 0 to 4095, found 5000"),
+    ("slide: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC314", "joint `slide` does not rotate"),
+    ("slide: {id: 3, offset: 0, resolution: 1 deg}", "TC314", "must be a length above 0"),
+    ("slide: {id: 3, offset: 0, resolution: -1 mm}", "TC314", "must be a length above 0"),
+    ("lift: {id: 3, offset: 0}", "TC212", "needs exactly one of `ticks_per_turn` and `resolution`, found none"),
+    (f"lift: {{{ONE_TURN}, resolution: 1 deg}}", "TC212", "found both"),
+    ("lift: {id: 3, offset: 0.5, ticks_per_turn: 4096}", "TC203", ""),
+    ("lift: {id: 3, offset: 0, sign: 2, ticks_per_turn: 4096}", "TC204", ""),
+    ("lift: {id: 3, offset: 0, tick_per_turn: 4096}", "TC201", "`tick_per_turn`"),
+    ("lift: {offset: 0, ticks_per_turn: 4096}", "TC202", "`id`"),
+])
+def test_errors_are_at_their_lines(here: Path, entry: str, code: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "left.calibration.yaml").write_text("\n".join(GOOD.splitlines()[:3]) + f"\n  {entry}\n")
+    assert main(["calibration", "arm.yaml", "left.calibration.yaml", "--emit", "lerobot", "-o", "out", "--format", "json"]) == 1
+    found, *_ = (one for one in json.loads(capsys.readouterr().out)["diagnostics"] if one["severity"] == "error")
+    assert (found["code"], found["file"], found["line"]) == (code, "left.calibration.yaml", 4) and said in found["message"], found
+    assert not (here / "out").exists()
+
+
+def test_an_encoder_that_is_too_small(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "arm.yaml").write_text(ROBOT.replace("lower: -90 deg, upper: 120 deg", "lower: -200 deg, upper: 200 deg"))
+    (here / "left.calibration.yaml").write_text(GOOD)
+    assert main(["calibration", "arm.yaml", "left.calibration.yaml"]) == 1
+    assert "the limits of joint `pan` span 4552 ticks, but its encoder has only 4096 values" in capsys.readouterr().err
+
+
+def test_what_a_format_cannot_express(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = GOOD + "  slide: {id: 9, offset: 500, resolution: 0.01 mm}\n"
+    (here / "left.calibration.yaml").write_text(text)
+    for form, words in (("lerobot", "needs an encoder with one turn"), ("lerobot_motors", "needs the model of the motor of joint `slide`")):
+        assert main(["calibration", "arm.yaml", "left.calibration.yaml", "--emit", form]) == 2
+        assert words in capsys.readouterr().err
+
+
+def test_other_commands_know_the_document(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "left.calibration.yaml").write_text(GOOD)
+    assert main(["check", "left.calibration.yaml"]) == 0
+    assert main(["check", "."]) == 0 and main(["fmt", "--check", "left.calibration.yaml"]) == 0
+    assert main(["calibration", "arm.yaml", "left.calibration.yaml"]) == 0
+    assert "left.calibration.yaml: ok, 3 motors\n" in capsys.readouterr().out
+    assert main(["build", "left.calibration.yaml"]) == 1
+    assert "found `calibration`" in "".join(capsys.readouterr())
+    assert main(["calibration", "arm.yaml", "arm.yaml"]) == 1
+    assert "expected a document of kind `calibration`, found `assembly`" in "".join(capsys.readouterr())

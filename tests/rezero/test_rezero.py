@@ -1,0 +1,316 @@
+"""Moving the zero of a joint, or reversing it, changes no pose of the robot: MuJoCo is the oracle, at corresponding joint angles."""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+import shutil
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import thingc
+from thingc.base.diagnostics import Report
+from thingc.tools.cli.main import main
+from thingc.tools.importing.importing import import_robot
+
+ROOT = Path(__file__).resolve().parents[2]
+ROBOTS = ROOT / "tests/importing/robots"
+HINGES = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+DEG = np.pi / 180.0
+BODY = "frame: true, mass: 300 g, com: 20 10 5 mm, inertia: {ixx: 1e-4 kg*m^2, iyy: 2e-4 kg*m^2, izz: 2.5e-4 kg*m^2}"
+RIG = f"""\
+thingc: assembly/1
+name: rig
+parameters: {{top: 40 deg}}
+defaults: {{joint: {{limit: {{lower: -60 deg, upper: 100 deg}}, dynamics: {{stiffness: 2 N*m/rad, rest: 10 deg}}}}}}
+components:
+  base: {{frame: true, mass: 2 kg, inertia: {{ixx: 1e-2 kg*m^2, iyy: 1e-2 kg*m^2, izz: 1e-2 kg*m^2}}, mounts: {{m: {{xyz: 0 0 50 mm}}}}}}
+  a: {{{BODY}, mounts: {{m: {{xyz: 50 20 0 mm, rpy: 20 30 40 deg}}}}}}
+  b: {{{BODY}, mounts: {{m: {{xyz: 0 60 10 mm, rpy: 90 0 0 deg}}}}}}
+  c: {{{BODY}, mounts: {{m: {{xyz: 30 0 30 mm, rpy: 0 -90 0 deg}}}}}}
+  d: {{{BODY}, mounts: {{m: {{xyz: 10 0 20 mm}}}}}}
+  e: {{{BODY}}}
+joints:
+  turn: {{type: revolute, parent: base.m, child: a.origin, turn: 15 deg, gap: 3 mm, offset: 5 deg}}   # with default limits and spring
+  slide:
+    type: prismatic
+    parent: a.m
+    child: b.origin
+    axis: [1, 2, 0]
+    turn: 20 deg
+    gap: 4 mm
+    limit: {{lower: -20 mm, upper: 3 cm}}   # of the rail
+    dynamics: {{stiffness: 300 N/m}}
+    drive: {{kind: position, kp: 50 N/m}}
+  wind: {{type: screw, parent: b.m, child: c.origin, lead: 8 mm, dynamics: {{stiffness: 1 N*m/rad, rest: =top / 2}}}}
+  lead: {{type: continuous, parent: c.m, child: d.origin}}
+  bend: {{type: revolute, parent: d.m, child: e.origin, mimic: {{joint: lead, polynomial: [5 deg, 0.5, "0.2 rad^-1", 0.1 rad^-2]}}}}
+tendons:
+  both: {{joints: {{slide: -0.5, wind: 12 mm/rad}}, limit: {{lower: -10 mm, upper: 40 mm}}, dynamics: {{stiffness: 200 N/m, rest: 5 mm}}}}
+poses:
+  up: {{turn: =top, "w*": 20 deg, slide: 0.5 cm}}
+  down: {{"*in*": -10 deg}}
+  flat: {{}}
+modes:
+  stand: {{root: base, pose: up}}
+  free: {{root: base, base: free, at: {{xyz: 0 0 1 m}}}}
+  other: {{extends: free, base: held}}
+tests:
+  clear: {{no_collision: {{joints: {{turn: [-10 deg, =top], slide: all}}}}}}
+"""
+Moves = dict[str, tuple[int, float]]
+"""By joint: the sign, and the new coordinate of the old zero [rad or m]."""
+
+CASES: dict[str, tuple[str, str, list[str], Moves]] = {
+    "arm": ("assemblies", "arm.yaml", ["elbow=90 deg", "yaw=-0.25 rad", "--flip", "elbow"], {"elbow": (-1, 90 * DEG), "yaw": (1, -0.25)}),
+    "minchw": ("assemblies", "minchw/leg.yaml", ["knee=20 deg", "--flip", "ankle"],
+               {f"{leg}/{name}": move for leg in ("front", "rear") for name, move in (("knee", (1, 20 * DEG)), ("ankle", (-1, 0.0)))}),
+    "gripper": ("gallery/gripper", "gripper.yaml", ["open=10deg", "--flip", "open", "--flip", "geared"],
+                {"open": (-1, 10 * DEG), "geared": (-1, 0.0)}),
+    "hand": ("gallery/hand", "hand.yaml", ["pull=15 deg", "thumb_curl=-20 deg", "--flip", "thumb_curl", "--flip", "turn"],
+             {"pull": (1, 15 * DEG), "thumb_curl": (-1, -20 * DEG), "turn": (-1, 0.0)}),
+    "constructs.urdf": ("", "constructs.urdf", ["elbow=1.5 rad", "shoulder=30 deg", "slide=5 mm", "--flip", "elbow", "--flip", "slide"],
+                        {"elbow": (-1, 1.5), "shoulder": (1, 30 * DEG), "slide": (-1, 0.005)}),
+    "hexapod": ("gallery/hexapod", "leg.yaml", ["lift=30 deg", "--flip", "knee"], {}),
+    "rig": ("", "", ["slide=5 mm", "turn=-0.5 rad", "wind=90 deg", "lead=20 deg", "--flip", "slide", "--flip", "lead", "--flip", "bend"],
+            {"slide": (-1, 0.005), "turn": (1, -0.5), "wind": (1, 90 * DEG), "wind:slide": (1, 0.002), "lead": (-1, 20 * DEG),
+             "bend": (-1, 0.0)}),
+}
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str) -> Path:
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def laid(folder: Path, of: str, name: str) -> Path:
+    """The document of a case, copied or imported into a folder."""
+    if not name:
+        (folder / "rig.yaml").write_text(RIG)
+        (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+        return folder / "rig.yaml"
+    if not of:
+        imported = import_robot(str(ROBOTS / name), Report())
+        assert imported is not None
+        for file, content in imported.files.items():
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            (folder / file).write_bytes(content)
+        (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+        return folder / imported.document
+    for part in (of, *(["parts", "thingc.toml"] if of == "assemblies" else [])):
+        target = folder / (Path(part).name if of != "assemblies" else part)
+        (shutil.copytree if (ROOT / part).is_dir() else shutil.copy)(ROOT / part, target)
+    return folder / (of if of == "assemblies" else Path(of).name) / name
+
+
+def models(document: Path) -> dict[str, mujoco.MjModel]:
+    compiled = thingc.compile(str(document))
+    return {name: mode.model() for name, mode in compiled.modes.items()}
+
+
+def following(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Set the coordinates of joints that mimic others, from the polynomials of the model."""
+    for _ in range(3):
+        for k in range(model.neq):
+            if model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT and model.eq_obj2id[k] >= 0:
+                follower, leader = (model.jnt_qposadr[i] for i in (model.eq_obj1id[k], model.eq_obj2id[k]))
+                away = data.qpos[leader] - model.qpos0[leader]
+                data.qpos[follower] = model.qpos0[follower] + sum(c * away**n for n, c in enumerate(model.eq_data[k][:5]))
+
+
+def apart(one: tuple[mujoco.MjModel, mujoco.MjData], other: tuple[mujoco.MjModel, mujoco.MjData]) -> float:
+    for model, data in (one, other):
+        mujoco.mj_kinematics(model, data)
+    names = [one[0].body(i).name for i in range(one[0].nbody)]
+    assert names == [other[0].body(i).name for i in range(other[0].nbody)]
+    return max(float(np.abs(getattr(one[1], key) - getattr(other[1], key)).max()) for key in ("xpos", "xmat"))
+
+
+def assert_moved(old: dict[str, mujoco.MjModel], new: dict[str, mujoco.MjModel], moves: Moves) -> None:
+    assert old.keys() == new.keys()
+    draw = random.Random(4)
+    for mode, model in old.items():
+        other = new[mode]
+        was, now = mujoco.MjData(model), mujoco.MjData(other)
+        for _ in range(4):
+            for i in range(model.njnt):
+                if model.jnt_type[i] in HINGES:
+                    name, q = model.joint(i).name, draw.uniform(-2.0, 2.0) * (0.01 if model.jnt_type[i] == HINGES[1] else 1.0)
+                    sign, zero = moves.get(name, (1, 0.0))
+                    was.joint(name).qpos[0], now.joint(name).qpos[0] = q, sign * q + zero
+            following(model, was)
+            following(other, now)
+            assert apart((model, was), (other, now)) < 1e-12
+        for i in range(model.njnt):
+            sign, zero = moves.get(model.joint(i).name, (1, 0.0))
+            if model.jnt_limited[i]:
+                assert other.jnt_range[other.joint(model.joint(i).name).id] == pytest.approx(
+                    sorted(sign * end + zero for end in model.jnt_range[i]), abs=1e-12,
+                )
+        loops = any(kind != mujoco.mjtEq.mjEQ_JOINT for kind in model.eq_type)
+        for k in range(model.nkey):
+            mujoco.mj_resetDataKeyframe(model, was, k)
+            mujoco.mj_resetDataKeyframe(other, now, other.key(model.key(k).name).id)
+            assert apart((model, was), (other, now)) < (1e-6 if loops else 1e-12), model.key(k).name
+            if not loops:
+                assert apart_at_rest(model, was, other, now) < 1e-9
+
+
+def apart_at_rest(model: mujoco.MjModel, was: mujoco.MjData, other: mujoco.MjModel, now: mujoco.MjData) -> float:
+    """The difference of the forces of springs and tendons, as the acceleration of the bodies without controls."""
+    for a, b in ((model, was), (other, now)):
+        b.ctrl[:] = 0.0
+        mujoco.mj_forward(a, b)
+    return float(np.abs(np.linalg.norm(was.qfrc_passive) - np.linalg.norm(now.qfrc_passive)))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_no_pose_changes(here: Path, case: str, capsys: pytest.CaptureFixture[str]) -> None:
+    of, name, words, moves = CASES[case]
+    document = laid(here, of, name)
+    robot = document.parent / f"{case.partition('.')[0]}.yaml"
+    if case == "hexapod":
+        moves = {f"leg_{k}/{joint}": move for k in range(6) for joint, move in (("lift", (1, 30 * DEG)), ("knee", (-1, 0.0)))}
+    old = models(robot)
+    before = document.read_text()
+    assert main(["rezero", str(document), *words]) == 0, capsys.readouterr().out
+    after = document.read_text()
+    assert re.findall(r"#.*", before) == re.findall(r"#.*", after)
+    assert_moved(old, models(robot), moves)
+
+
+CHAIN = """\
+thingc: assembly/1
+name: chain
+parameters: {ratio: 2}
+components:
+  a: {frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}}
+  b: {frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}}
+  c: {frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}}
+  d: {frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}, repeat: {count: 2}}
+  e: {frame: true}
+  f: {frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}}
+joints:
+  first: {type: continuous, parent: a.origin, child: b.origin, drive: {kind: motor, effort: 1 N*m}}
+  second: {type: continuous, parent: b.origin, child: c.origin, mimic: {joint: first, multiplier: =ratio}}
+  third: {type: continuous, parent: c.origin, child: d_$i.origin, repeat: {count: 2}}
+  stuck: {type: fixed, parent: a.origin, child: e.origin}
+  cross: {type: universal, parent: a.origin, child: f.origin}
+raw: {mjcf: {actuator: {first: {ctrlrange: -1 1}}}}
+"""
+
+
+@pytest.mark.parametrize(("words", "said", "line"), [
+    (["first=30 deg"], "the raw attribute `ctrlrange` may depend on the coordinate of joint `first`", "raw:"),
+    (["second=30 deg"], "`=ratio` depends on the coordinate of joint `second`", "  second:"),
+    (["third=30 deg"], "`third` is repeated, or has several coordinates", "  third:"),
+    (["third_0=30 deg"], "`third_0` is repeated, or has several coordinates", "joints:"),
+    (["stuck=30 deg"], "joint `stuck` is fixed and does not move", "  stuck:"),
+    (["cross=30 deg"], "`cross` is repeated, or has several coordinates", "  cross:"),
+    (["second=30"], "the zero of joint `second` must be an angle", "  second:"),
+    (["second=3 mm"], "the zero of joint `second` must be an angle", "  second:"),
+    (["fourth=3 deg"], "there is no joint `fourth`", ""),
+    (["first=1024 ticks"], "unknown unit `ticks`", ""),
+    (["first=1e400 deg"], "expected a number with a unit, at most", ""),
+    (["first=nan deg"], "expected a number with a unit", ""),
+    (["first==ratio"], "expected a number with a unit", ""),
+    (["first=1 deg", "first=2 deg"], "joint `first` is set twice", ""),
+    (["--flip", "first", "--flip", "first"], "joint `first` is reversed twice", ""),
+    ([], "expected a joint", ""),
+])
+def test_what_cannot_be_moved(here: Path, words: list[str], said: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (here / "chain.yaml").write_text(CHAIN)
+    assert main(["rezero", "chain.yaml", *words]) == 2
+    out = "".join(capsys.readouterr())
+    number = next((k for k, text in enumerate(CHAIN.splitlines(), 1) if line and text.startswith(line)), None)
+    assert said in out and (number is None or f"--> chain.yaml:{number}:" in out), out
+    assert (here / "chain.yaml").read_text() == CHAIN
+
+
+def test_a_joint_of_a_nested_document(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    body = "frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
+    (here / "leg.yaml").write_text(
+        f"thingc: assembly/1\nname: leg\ncomponents:\n  a: {{{body}}}\n  b: {{{body}, mounts: {{m: {{xyz: 0 0 1 m}}}}}}\n"
+        "joints: {knee: {type: continuous, parent: a.origin, child: b.m}}\nposes: {bent: {knee: 20 deg}, flat: {}}\n"
+    )
+    walker = (
+        f"thingc: assembly/1\nname: walker\ncomponents:\n  body: {{{body}}}\n"
+        "  left: {assembly: leg.yaml, at: {in: body.origin, xyz: 0 100 0 mm}}\n"
+        "  right: {assembly: leg.yaml, mirror: y, at: {in: body.origin, xyz: 0 -100 0 mm}}\n"
+        "poses:\n  up: {left: bent, right.knee: 0.5 rad}\n  on: {'*': bent}\n  off: {}\nmodes: {go: {root: body, base: free}}\n"
+    )
+    (here / "walker.yaml").write_text(walker)
+    old = models(here / "walker.yaml")
+    assert main(["rezero", "walker.yaml", "left.knee=30 deg"]) == 2
+    out = capsys.readouterr().out
+    assert "joint `knee` is defined in `leg.yaml`" in out and "--> walker.yaml:5:" in out and "`thingc rezero leg.yaml knee=...`" in out
+    assert main(["rezero", "leg.yaml", "knee=30 deg", "--flip", "knee", "--diff"]) == 0
+    out = capsys.readouterr().out
+    assert "+++ leg.yaml" in out and "+++ walker.yaml" in out and (here / "walker.yaml").read_text() == walker
+    assert main(["rezero", "leg.yaml", "knee=30 deg", "--flip", "knee"]) == 0
+    assert_moved(old, models(here / "walker.yaml"), {f"{leg}/knee": (-1, 30 * DEG) for leg in ("left", "right")})
+    text = (here / "walker.yaml").read_text()
+    assert "{left: bent, right.knee:" in text and "on: {'*': bent}" in text and "start: {left.knee: 30 deg, right.knee: 30 deg}" in text
+    (here / "sizes.yaml").write_text(
+        "thingc: variants/1\nassembly: walker.yaml\nname: sizes\n"
+        "parameters: {components.left.joints.knee.dynamics.damping: [0, 1 N*m*s/rad]}\n"
+    )
+    assert main(["rezero", "leg.yaml", "knee=30 deg"]) == 2
+    assert "`sizes.yaml` may set values of these joints" in capsys.readouterr().out
+
+
+def test_moving_back_restores_the_values(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    document = laid(here, "", "")
+    assert main(["rezero", "rig.yaml", "slide=5 mm", "wind=90 deg", "--flip", "slide"]) == 0
+    assert main(["rezero", "rig.yaml", "slide=5 mm", "wind=-90 deg", "--flip", "slide"]) == 0
+    after = document.read_text()
+    assert "limit: {lower: -20 mm, upper: 3 cm}" in after
+    assert "slide: 0.5 cm" in after and "w*\": 20 deg" in after and "rest: =top / 2 + 90 deg - 90 deg" in after
+
+
+def test_same_and_diff_name_exactly_these_zeros(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    document = laid(here, "", "constructs.urdf")
+    shutil.copy(document, here / "old.yaml")
+    assert main(["rezero", str(document), "shoulder=30 deg", "slide=4 mm", "--flip", "slide"]) == 0
+    capsys.readouterr()
+    assert main(["same", "old.yaml", str(document)]) == 0
+    assert "the same mechanism; zeros: shoulder +30 deg, slide +4 mm; reversed: slide\n" in capsys.readouterr().out
+    main(["same", "old.yaml", "constructs.yaml", "--format", "json"])
+    found = json.loads(capsys.readouterr().out)["comparisons"][0]
+    assert {one["one"]: (one["sign"], round(one["zero"], 9)) for one in found["joints"] if abs(one["zero"]) > 1e-12 or one["sign"] < 0} == {
+        "shoulder": (1, round(30 * DEG, 9)), "slide": (-1, 0.004),
+    }
+    assert found["limits"] == [] and found["differences"] == []
+    assert main(["rezero", str(document), "shoulder=-30 deg", "slide=4 mm", "--flip", "slide"]) == 0
+    capsys.readouterr()
+    assert main(["same", "old.yaml", str(document)]) == 0
+    assert "the same mechanism\n" in capsys.readouterr().out
+
+
+def test_toml(here: Path) -> None:
+    (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    body = 'frame = true\nmass = "1 kg"\ninertia = {ixx = "1e-3 kg*m^2", iyy = "1e-3 kg*m^2", izz = "1e-3 kg*m^2"}\n'
+    (here / "arm.toml").write_text(
+        f'thingc = "assembly/1"\nname = "arm"\n\n[components.a]\n{body}\n[components.b]\n{body}\n[joints.turn]  # the only one\n'
+        'type = "revolute"\nparent = "a.origin"\nchild = "b.origin"\nlimit = {lower = "-90 deg", upper = "20 deg"}\n\n'
+        '[poses.up]\nturn = "10 deg"\n\n[modes.go]\nroot = "a"\npose = "up"\n'
+    )
+    old = models(here / "arm.toml")
+    assert main(["rezero", "arm.toml", "turn=45 deg", "--flip", "turn"]) == 0
+    assert_moved(old, models(here / "arm.toml"), {"turn": (-1, 45 * DEG)})
+    assert 'limit = {lower = "25 deg", upper = "135 deg"}' in (here / "arm.toml").read_text()
+
+
+def test_reverse_needs_one_axis(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (here / "chain.yaml").write_text(CHAIN.replace("type: universal,", "type: universal, reverse: true,"))
+    assert main(["check", "chain.yaml"]) == 1
+    assert "error[TC338]: joint `cross` is universal and cannot have `reverse`" in capsys.readouterr().out
