@@ -257,7 +257,7 @@ def test_nothing_changed(readers: dict[str, Any], module_place: Any, define: Cal
         ("FromAsset", "asset.json", b"[1, 2, 4]", 8e-9, "file parts/asset.json changed"),
         ("Optional", "tall.flag", b"", 9e-9, "file parts/tall.flag appeared"),
         ("Tried", "tried.txt", b"3", 3e-9, "file parts/tried.txt appeared"),
-        ("Listing", "layers/two", b"", 3e-9, "folder parts/layers holds other files"),
+        ("Listing", "layers/two", b"", 3e-9, "folder parts/layers contains other files"),
         ("Chain", "a.txt", b"8", 8e-9, "file parts/a.txt changed"),
         ("Dynamic", "hidden.py", b"SIZE = 5\n", 5e-9, "file parts/hidden.py changed"),
         ("Itself", "readers.py", f"{textwrap.dedent(READERS)}# a remark for Itself\n".encode(), 2e-9, "file parts/readers.py changed"),
