@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from conformance.harness import build
+from conformance.harness import ROOT, build_here
 
 ARM = "assemblies/arm.yaml"
 
@@ -23,5 +23,5 @@ def arm(shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with open(base / "conformance.lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not (folder / "arm" / "manifest.json").exists():
-            build(ARM, "-o", folder, store=shared_store)
+            build_here(ARM, "-o", folder, store=shared_store, cwd=ROOT)
     return folder / "arm"

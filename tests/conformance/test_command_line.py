@@ -213,11 +213,12 @@ def test_outputs_that_are_current_stay_and_outdated_ones_go(tmp_path: Path) -> N
         assert build(*words).err == f"build/point is up to date ({len(both)} files)\n"
     (tmp_path / "point.yaml").write_text(dedent(point).replace("mass: 1 kg", "mass: 2 kg"))
     assert build("--emit", "bom").err == (
-        "removed 1 file of the previous build: `urdf/`\nBuilt build/point: 3 files; 0 parts modelled, 0 reused\n"
+        "removed 2 files of the previous build: `joint_order.json`, `urdf/`\nBuilt build/point: 3 files; 0 parts modelled, 0 reused\n"
     )
     (tmp_path / "build" / "point" / "bom.csv").unlink()
     assert build("--emit", "urdf").code == 0
-    assert {*tree(tmp_path / "build")} == {"point/manifest.json", "point/urdf/point_default.urdf"}, "a damaged build is not current"
+    left = {"point/manifest.json", "point/joint_order.json", "point/urdf/point_default.urdf"}
+    assert {*tree(tmp_path / "build")} == left, "a damaged build is not current"
 
 
 def test_a_raw_attribute_that_mujoco_refuses_is_shown_at_its_line(copy: Path, shared_store: str) -> None:

@@ -74,7 +74,7 @@ def watching(tmp_path: Path, shared_store: str) -> Iterator[Watching]:
 
 def test_lines(watching: Watching) -> None:
     """A build, a save, one that fails, one that mends it, one that means the same; then Ctrl-C."""
-    assert watching.text() == "Built build/robot: 6 files; 0 parts modelled, 0 reused\nwatching; press Ctrl-C to stop\n"
+    assert watching.text() == "Built build/robot: 7 files; 0 parts modelled, 0 reused\nwatching; press Ctrl-C to stop\n"
     robot = watching.folder / "robot.yaml"
     robot.write_text(ROBOT.replace("120 deg", "125 deg"))
     watching.says(" s\n")

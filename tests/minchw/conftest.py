@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from conformance.harness import ROOT, build
+from conformance.harness import ROOT, build_here
 from thingc.geometry.worker.lazy_build123d import import_cheaply
 
 import_cheaply("build123d")  # modules of tests use it, and a worker imports it in the same way, in half of the time
@@ -75,7 +75,7 @@ def minchw(shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with open(base / "robots.lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not (folder / "minchw" / "manifest.json").exists():
-            build(ROOT / DOCUMENT, "-o", folder, store=shared_store)
+            build_here(DOCUMENT, "-o", folder, store=shared_store, cwd=ROOT)
     return folder / "minchw"
 
 
