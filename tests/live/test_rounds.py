@@ -324,7 +324,7 @@ def test_parts_are_begun_at_once_and_one_that_never_ends_is_given_up_when_it_is_
         assert not next(rounds).good and live._workers._begun == {}
         (tmp_path / "robot.yaml").write_text(document)
         assert next(rounds).good
-        hanging = part.replace("        return", "        while True:\n            pass\n        return")
+        hanging = part.replace("        return", "        import time\n        time.sleep(600)\n        return")
         (tmp_path / "parts" / "things.py").write_text(hanging)
         mending = threading.Timer(3.0, (tmp_path / "parts" / "things.py").write_text, [part.replace("10)", "20)")])
         mending.start()

@@ -359,7 +359,8 @@ def test_where_no_runner_can_be_started_it_is_said(tmp_path: Path, shared_store:
     """As where the system has no process left: here the interpreter is gone."""
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]"))
     monkeypatch.setattr(sys, "executable", str(tmp_path / "gone"))
-    with pytest.raises(BatchFault, match="cannot start a process for variants: cannot start a process: No such file or directory") as caught:
+    why = "cannot start a process for variants: cannot start a process: No such file or directory"
+    with pytest.raises(BatchFault, match=why) as caught:
         run(str(here / "faults.yaml"), jobs=1, options=Options(store=shared_store), pictures=0)
     assert caught.value.diagnostic.code is Code.RUNNERS
 

@@ -253,7 +253,8 @@ def test_fields_of_another_batch_are_refused_and_nothing_is_changed(sliders: Bat
     for wrong, words in ((lambda: apply(model, own, 8), "fields for 8 variants, but none for index 8"),
                          (lambda: apply(model, own, -1), "but none for index -1"),
                          (lambda: apply(model, {**own, **other}, 1), "the field `.*` and this model belong to different batches"),
-                         (lambda: apply(model, {**own, "body_colour": own["body_mass"]}, 1), "`body_colour` and this model belong to different batches")):
+                         (lambda: apply(model, {**own, "body_colour": own["body_mass"]}, 1),
+                           "`body_colour` and this model belong to different batches")):
         with pytest.raises(FamilyError, match=words):
             wrong()
         assert arrays(model) == before

@@ -87,7 +87,8 @@ def test_a_family_of_a_packed_batch_is_that_of_folders(here: Path, some: Path) -
     found = find_variant(plan(str(here / "some.yaml")), third.id, str(here / "build" / "some"))
     assert found is not None and found[0].index == third.index
     out = next(row for row in ours.rows if row["status"] == "kept_out")
-    for key, words in ((out["name"], "is not available: its status is `kept_out`"), ("some_99", "did you mean"), ("0" * 12, "has no variant")):
+    kept_out = "is not available: its status is `kept_out`"
+    for key, words in ((out["name"], kept_out), ("some_99", "did you mean"), ("0" * 12, "has no variant")):
         with pytest.raises(UnknownVariant, match=words):
             ours[key]
 
