@@ -85,9 +85,13 @@ slips: $(VENV)/.thingc-dev
 bench-naming: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/naming/study.py
 
+# `CHECKERS="NAME ..."` only runs these checkers of other projects.
 conformance: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/conformance/checkers.py $(CHECKERS)
+ifndef CHECKERS
 	$(BIN)/python benchmarks/conformance/study.py
 	$(BIN)/python benchmarks/variants/worlds.py
+endif
 
 bench-designs: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/designs/study.py

@@ -10,11 +10,8 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import shlex
-import shutil
 import subprocess
 import sys
-import venv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,6 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import packages
+from environments import environment
 from reference import Question, question, stepped
 from robots import document
 
@@ -300,7 +298,8 @@ def built(path: Path, folder: Path, *options: str) -> None:
 
 def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) -> tuple[str, dict[str, Judged]]:
     """Run a reader. Return its version, and its results by group. If the reader is not available, return the reason and no results."""
-    python = environment(reader, folder)
+    place = folder / f"env-{'-'.join(reader.packages).replace('==', '-')}"
+    python = environment(place, reader.packages, reader.needs, alone=reader.alone)
     if python is None:
         return f"cannot be had here ({' '.join(reader.packages or reader.needs)})", {}
     requests, answers = folder / f"{reader.name}_asked.json", folder / f"{reader.name}.json"
@@ -311,33 +310,6 @@ def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) 
     for (group, one), answer in zip(asked, read["answers"], strict=True):
         groups.setdefault(group, Judged(reader.refuses, reader.floats)).add(one.name, answer, one.answer, one.request["joints"])
     return read["version"], groups
-
-
-def environment(reader: Reader, folder: Path) -> Path | None:
-    """Return the path of the Python interpreter in the environment of a reader. Create the environment if it does not exist. Return None if
-    packages are not available or a command in `needs` fails.
-    """
-    if not all(succeeds(command) for command in reader.needs):
-        return None
-    if not reader.packages:
-        return Path(sys.executable)
-    place = folder / f"env-{'-'.join(reader.packages).replace('==', '-')}"
-    python = place / "bin" / "python"
-    if not (place / "complete").exists():
-        venv.create(place, with_pip=False, clear=True)
-        alone = ["--no-deps"] if reader.alone else []
-        words = ["--quiet", "--disable-pip-version-check", "--no-compile", "--retries=1", *alone, *reader.packages]
-        pip = [sys.executable, "-m", "pip", "--python", str(python), "install"]
-        if subprocess.run([*pip, *words], check=False, stdout=subprocess.DEVNULL).returncode:
-            return None
-        (place / "complete").touch()
-    return python
-
-
-def succeeds(command: str) -> bool:
-    """Return whether a command exists and exits with status 0."""
-    words = shlex.split(command)
-    return shutil.which(words[0]) is not None and not subprocess.run(words, check=False, capture_output=True).returncode
 
 
 def table(rows: Mapping[tuple[str, str], tuple[str, dict[str, Judged]]]) -> Iterator[str]:

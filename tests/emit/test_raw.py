@@ -169,4 +169,4 @@ def test_attributes_of_usd_have_types(tmp_path: Path) -> None:
             ("token", "TGS"), ("int", 3), ("double", np.finfo(np.float64).max), ("float", float(np.finfo(np.float32).min)),
             ("vector3f", [0.0, 1.0, 0.0]),
         ]
-        assert text.count("physics:lowerLimit") == 1
+        assert text.count("physics:lowerLimit = -30") == 1 and text.count("physics:lowerLimit") == text.count("physics:upperLimit")

@@ -67,7 +67,7 @@ def emitted(tree: Tree, emit: Callable[[EmitRequest], Artifacts]) -> tuple[dict[
     with tempfile.TemporaryDirectory() as folder:
         made = emit(EmitRequest(
             assembly=tree.assembly, robots=tuple(chosen.values()), store=Store(folder), report=report, geometry=None,  # type: ignore[arg-type]
-            workspace=None,  # type: ignore[arg-type]
+            workspace=small_robot.WORKSPACE,
         ))
     assert report.diagnostics == []
     return chosen, made

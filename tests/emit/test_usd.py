@@ -34,6 +34,7 @@ from thingc.geometry.store.local import Store
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 from thingc.targets.usd.emit import emit
+from thingc.targets.usd.metadata import build_date
 from thingc.targets.usd.stage import moments_of
 
 FLOAT = 3e-6
@@ -170,6 +171,7 @@ def test_limits_are_in_degrees_and_gains_per_degree(every: Compiled) -> None:
         "newton:armature": 0.3, "newton:damping": 0.1 * degree, "newton:friction": 0.2, "newton:velocityLimit": 4 / degree,
     }
     assert said(joints["wheel"].prim, "physics:lower", "physics:upper", "drive:") == {
+        "physics:lowerLimit": -math.inf, "physics:upperLimit": math.inf,
         "drive:angular:physics:type": "force", "drive:angular:physics:stiffness": 0.0, "drive:angular:physics:damping": 2 * degree,
         "drive:angular:physics:targetVelocity": 0.0,
     }
@@ -236,7 +238,7 @@ def test_physx_takes_no_turns_that_follow_without_limits(tmp_path: Path) -> None
     document = MIMICS.replace(bounded, "continuous, parent: c0.a, child: c1.b")
     made = Compiled(tmp_path, document.replace("  joints:", "  rest:").replace("joints.b", "rest.b"), "usd")
     prim = read(made, "m").joints["b"].prim
-    assert said(prim, "physxMimic", "physics:lower") == {}
+    assert said(prim, "physxMimic", "physics:lower") == {"physics:lowerLimit": -math.inf}
     assert {one for one in schemas(prim) if "Mimic" in one} == {"NewtonMimicAPI"}
 
 
@@ -423,12 +425,10 @@ def test_what_is_drawn_is_there_once(tmp_path: Path) -> None:
         assert np.array(mesh.GetExtentAttr().Get()) == pytest.approx(np.array([points.min(0), points.max(0)]), abs=1e-8)
         assert mesh.GetSubdivisionSchemeAttr().Get() == "none"
         material, _ = UsdShade.MaterialBindingAPI(instances[name]).ComputeBoundMaterial()
-        assert bool(material) == (one.color is not None)
-        if one.color is not None:
-            color = material.ComputeSurfaceSource()[0].GetInput("diffuseColor").Get()
-            srgb = np.array([int(one.color[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-            light = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-            assert np.array(color) == pytest.approx(light, abs=1e-6)
+        color = material.ComputeSurfaceSource()[0].GetInput("diffuseColor").Get()
+        srgb = np.array([int((one.color or "#bfbfbf")[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+        light = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+        assert np.array(color) == pytest.approx(light, abs=1e-6)
 
 
 def test_what_collides_is_a_guide_and_rubs_as_its_material_does(tmp_path: Path) -> None:
@@ -465,14 +465,69 @@ def test_what_collides_is_a_guide_and_rubs_as_its_material_does(tmp_path: Path) 
             (as_matrix(in_link(whole)[first.index]) @ as_matrix(at))[:3, 3], abs=1e-12,
         )
     assert UsdPhysics.MeshCollisionAPI(shapes[4]).GetApproximationAttr().Get() == "convexHull"
-    assert {UsdGeom.Imageable(prim).ComputePurpose() for prim in shapes} == {"guide"}
+    assert {UsdGeom.Imageable(prim).GetPurposeAttr().Get() for prim in shapes} == {"guide"}
     material, _ = UsdShade.MaterialBindingAPI(shapes[0]).ComputeBoundMaterial("physics")
     rubs = UsdPhysics.MaterialAPI(material.GetPrim())
     assert (rubs.GetStaticFrictionAttr().Get(), rubs.GetDynamicFrictionAttr().Get()) == pytest.approx((0.7, 0.7))
+    assert rubs.GetRestitutionAttr().Get() == 0.0
     assert said(material.GetPrim(), "newton:") == {"newton:torsionalFriction": 0.01, "newton:rollingFriction": 0.001}
     said_of = {(one.path, one.what, one.how) for one in made.losses}
     for kind in ("torsional", "rolling"):
         assert (first.material.name, f"the {kind} friction, which only Newton reads", "carried as custom data") in said_of
+
+
+def test_a_shape_without_friction_has_that_of_mujoco(tmp_path: Path) -> None:
+    """Without a value, UsdPhysics reads 0."""
+    foot = "  foot: {link: true, mass: 1 g, shapes: [{sphere: {radius: 10 mm}, for: collision}], attach: {origin: c0.origin}}\n"
+    document = MIMICS.replace("  joints:", "  rest:").replace("joints.b", "rest.b").replace("components:\n", f"components:\n{foot}")
+    stage = read(Compiled(tmp_path, document, "usd"), "m").stage
+    (shape,) = (prim for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.CollisionAPI))
+    material, _ = UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial("physics")
+    rubs = UsdPhysics.MaterialAPI(material.GetPrim())
+    assert {rubs.GetStaticFrictionAttr().Get(), rubs.GetDynamicFrictionAttr().Get()} == {mujoco_default("friction")[0]} == {1.0}
+
+
+def mujoco_default(name: str) -> Any:
+    return getattr(mujoco.MjSpec().worldbody.add_geom(), name)
+
+
+def test_every_mesh_has_the_normals_of_its_triangles(tmp_path: Path) -> None:
+    """Of unit length, outward: the boxes of the small robot are closed."""
+    model = Model(text_of(emit(small_robot.request(small_robot.assembly(store := Store(str(tmp_path))), store)), "usd/arm_bench.usda"))
+    prims = [prim for prim in model.stage.TraverseAll() if prim.IsA(UsdGeom.Mesh)]
+    assert prims and store
+    for prim in prims:
+        mesh, primvar = UsdGeom.Mesh(prim), UsdGeom.PrimvarsAPI(prim).GetPrimvar("normals")
+        triangles = np.array(mesh.GetPointsAttr().Get(), float)[np.array(mesh.GetFaceVertexIndicesAttr().Get())].reshape(-1, 3, 3)
+        normals = np.array(primvar.Get(), float)
+        assert primvar.GetInterpolation() == "uniform" and normals.shape == (len(triangles), 3)
+        assert np.linalg.norm(normals, axis=1) == pytest.approx(np.ones(len(normals)), abs=2e-6)
+        assert np.einsum("ijk,ik->ij", triangles - triangles[:, :1], normals) == pytest.approx(0.0, abs=1e-6)
+        assert (np.einsum("ik,ik->i", triangles.mean(1) - triangles.mean((0, 1)), normals) > 0.0).all()
+
+
+def test_the_file_says_whose_robot_it_is(every: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What SimReady and REP 158 require beside UsdPhysics."""
+    model, reference = read(every, "rolling"), every.reference("rolling")
+    assert model.stage.GetTimeCodesPerSecond() == 1.0
+    assert {name: type(value).__name__ for name, value in model.root.GetAssetInfo().items()} == {
+        "identifier": "AssetPath", "name": "str", "version": "str",
+    }
+    found = model.stage.GetRootLayer().customLayerData["SimReady_Metadata"]
+    assert found.pop("mass") == pytest.approx(reference.body_mass.sum()) and found.pop("rigid_body_count") == len(model.links)
+    assert all(size >= 0.0 for size in found.pop("asset_extents")) and found.pop("source_file").endswith(".yaml")
+    assert found == {
+        "asset_license": "TODO: License declaration", "asset_name": "every", "asset_type": "robot", "author": "TODO", "category": "robot",
+        "qcode": "Q11012", "usd_date_generated": "1970-01-01",
+    }
+    for epoch, date in (("1700000000", "2023-11-14"), ("", "1970-01-01"), ("-1", "1970-01-01"), ("9" * 20, "1970-01-01")):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", epoch)
+        assert build_date() == date
+    assert {(joint.name, joint.prim.GetAttribute("ros:joint:name").Get()) for joint in model.joints.values()} == {
+        (name, name) for name in model.joints
+    }
+    steps = {tuple(op.GetOpType() for op in UsdGeom.Xformable(link).GetOrderedXformOps()) for link in model.links.values()}
+    assert steps == {(UsdGeom.XformOp.TypeTranslate, UsdGeom.XformOp.TypeOrient)}
 
 
 def test_moments_of_a_flat_body_are_those_of_a_body_as_floats_too() -> None:

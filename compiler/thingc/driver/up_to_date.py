@@ -29,13 +29,15 @@ FOLDER = "folder:"
 
 
 def fingerprint() -> str:
-    """Return a digest of the Python interpreter, the installed packages, the code of thingc, and the environment variables of workers.
+    """Return a digest of the Python interpreter, the installed packages, the code of thingc, and the environment variables that affect
+    builds.
 
     The installed packages are identified by the names of their metadata folders, which contain the versions.
     """
     from thingc.geometry.key.environment_variables import passed
 
-    digest = hashlib.sha256(f"{sys.version}\n{sorted(passed().items())}\n".encode("utf-8", "surrogateescape"))
+    variables = [*sorted(passed().items()), os.environ.get("SOURCE_DATE_EPOCH")]
+    digest = hashlib.sha256(f"{sys.version}\n{variables}\n".encode("utf-8", "surrogateescape"))
     for entry in sys.path:
         if not entry or not os.path.isdir(entry):
             continue

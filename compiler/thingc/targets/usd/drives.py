@@ -32,8 +32,21 @@ def ends(freedom: Freedom) -> tuple[float, float]:
     return (numeric.degrees(both[0]), numeric.degrees(both[1])) if freedom.turns else (both[0], both[1])
 
 
-def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
-    """Add the limits and drives of a joint to its USD prim."""
+def limits(joint: UsdJoint, follower: MimicJoint | None) -> tuple[float, float]:
+    """Return the lower and upper limit of a joint with one axis [deg or m].
+
+    PhysX requires limits for rotations that mimic another joint. If such a joint has no limits, they are computed from the limits of its
+    leader.
+    """
+    own = ends(joint.freedoms[0])
+    if follower is None or not follower.said or follower.reach is None or own != (-numeric.inf, numeric.inf):
+        return own
+    unit = numeric.degrees(1.0) if follower.turns else 1.0
+    return follower.reach[0] * unit, follower.reach[1] * unit
+
+
+def equip(prim: Prim, joint: UsdJoint, robot: Robot, follower: MimicJoint | None) -> None:
+    """Add the limits and drives of a joint to its USD prim. A joint with one axis has limits even if they are infinite."""
     if joint.type == "D6":
         free = {freedom.name: ends(freedom) for freedom in joint.freedoms}
         for name in GENERIC:
@@ -42,9 +55,8 @@ def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
             prim.say(f"float limit:{name}:physics:low", low)
             prim.say(f"float limit:{name}:physics:high", high)
     elif joint.single is not None:
-        for name, end in zip(("lower", "upper"), ends(joint.freedoms[0]), strict=True):
-            if numeric.isfinite(end):
-                prim.say(f"float physics:{name}Limit", end)
+        for name, end in zip(("lower", "upper"), limits(joint, follower), strict=True):
+            prim.say(f"float physics:{name}Limit", end)
     elif joint.freedoms and joint.freedoms[0].joint.limit.cone is not None:
         cone = numeric.degrees(joint.freedoms[0].joint.limit.cone)
         prim.say("float physics:coneAngle0Limit", cone)
@@ -141,15 +153,9 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
 def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> None:
     """Make a joint mimic the joint at the path `leader`. For a rotation, the values are in degrees.
 
-    PhysX requires limits for rotations. If the joint has no limits, they are computed from the limits of its leader. PhysX uses the
-    opposite sign of the gearing: q + gearing * q(leader) + offset = 0.
+    PhysX requires limits for rotations (see `limits`). PhysX uses the opposite sign of the gearing: q + gearing * q(leader) + offset = 0.
     """
-    unit = numeric.degrees(1.0) if follower.turns else 1.0
-    offset, own = follower.offset * unit, ends(joint.freedoms[0])
-    if follower.reach is not None and own == (-numeric.inf, numeric.inf):
-        own = follower.reach[0] * unit, follower.reach[1] * unit
-        prim.say("float physics:lowerLimit", own[0])
-        prim.say("float physics:upperLimit", own[1])
+    offset, own = follower.offset * (numeric.degrees(1.0) if follower.turns else 1.0), limits(joint, follower)
     prim.schemas.append("NewtonMimicAPI")
     prim.say("rel newton:mimicJoint", f"<{leader}>")
     prim.say("float newton:mimicCoef0", offset)

@@ -19,6 +19,7 @@ from thingc.targets.request import EmitRequest
 from thingc.targets.usd import raw
 from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import chain, followers
+from thingc.targets.usd.metadata import layer_metadata, prim_metadata
 from thingc.targets.usd.stage import identifiers, model, prototypes
 from thingc.targets.usd.usda import FLOAT_MAX, rendered, write
 
@@ -39,8 +40,10 @@ def emit(request: EmitRequest) -> Artifacts:
     models = [model(robot, shapes, paths, request.report) for robot in request.robots]
     raw.lay(assembly, models, request.report)
     for robot, made in zip(request.robots, models, strict=True):
-        said = heading(assembly.definition.document, robot.mode.name)
-        files[f"usd/{assembly.name}_{robot.mode.name}.usda"] = write([rendered(made), meshes], assembly.name, said).encode()
+        said, file = heading(assembly.definition.document, robot.mode.name), f"{assembly.name}_{robot.mode.name}.usda"
+        made.metadata += prim_metadata(assembly.name, file, request.workspace.about)
+        header = layer_metadata(robot, made, request.workspace.about)
+        files[f"usd/{file}"] = write([rendered(made), meshes], assembly.name, said, header).encode()
         lost |= dict.fromkeys(_losses_of_mode(robot))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))
 

@@ -16,14 +16,14 @@ are excluded from the articulation.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import TypeVar, assert_never
 
 from thingc.base import numeric
 from thingc.base.diagnostics import Report
 from thingc.base.inertia import MassProperties, physical_fault, principal_axes
 from thingc.base.numeric import hypot, maximum
-from thingc.base.pose import IDENTITY, Matrix, Pose, Vector
+from thingc.base.pose import IDENTITY, Matrix, Pose, Vector, cross
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Link
 from thingc.model.resolve.types import Material
@@ -36,7 +36,7 @@ from thingc.targets.name_mangling import MangledNames, frames, safe
 from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import UsdJoint, chain, followers
 from thingc.targets.usd.drives import articulation, dynamics, equip, follow
-from thingc.targets.usd.usda import Prim, listed, several
+from thingc.targets.usd.usda import Prim, listed, quoted, several
 
 Key = TypeVar("Key")
 
@@ -48,6 +48,14 @@ SCENE, MATERIALS, JOINTS = "scene", "materials", "joints"
 
 LINK = "_link"
 """Suffix of the name of an intermediate link in a chain of joints. The suffix is appended to the name of the preceding joint."""
+
+UNCOLOURED = "#bfbfbf"
+"""Colour of shapes for which the document does not specify a colour, as in GLB files."""
+
+SLIDE = 1.0
+"""Sliding friction of a shape whose material does not specify it. The value is the default of MuJoCo, so that all formats agree. Without a
+value, UsdPhysics would use a friction of 0, and each simulator a different default for shapes without a material.
+"""
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
 """Mass [kg] and moments of inertia [kg m^2] that are written for a link without mass. In UsdPhysics, the value 0 means "not specified"."""
@@ -82,8 +90,12 @@ class _Builder:
         self.path = f"/{self.assembly.name}"
         self.root = Prim(type="Xform", name=self.assembly.name)
         self.followers = followers(robot)
-        frictions = {friction: f"{material.name}_friction" for friction, material in rubbing(geometry).items()}
-        self.materials = identifiers({**{name: name for name in materials(geometry.shapes)}, **frictions})
+        touching = [_friction(shape.material) for one in geometry.shapes for shape in one.collision]
+        self.frictions = {friction: f"{friction[0]}_friction" for friction in touching}
+        self.colors = {name: color for name, (color, _) in materials(geometry.shapes).items()}
+        if any(shape.color is None for one in geometry.shapes for shape in one.visual):
+            self.colors["color"] = UNCOLOURED
+        self.materials = identifiers({**{name: name for name in self.colors}, **self.frictions})
 
     def build(self) -> Prim:
         """Build the default prim of the stage. The prim contains the scene, the materials, the links with their contents, and the
@@ -94,7 +106,6 @@ class _Builder:
             self.names.take(word, (), what)
         links = [robot.assembly.links[body.link] for body in robot.bodies]
         names = [self.names.take(link.name, link.origin) for link in links]
-        self.root.metadata.append('kind = "component"')
         self._scene()
         self._materials()
         poses = placed_bodies(robot.bodies, {joint.path: 0.0 for body in robot.bodies for joint in body.joints}, robot.bodies[0].X_PL)
@@ -129,7 +140,7 @@ class _Builder:
     def _materials(self) -> None:
         """Add a visual material for each colour, and a physics material for each combination of friction values."""
         holder = self.root.add("Scope", MATERIALS)
-        for name, (color, _) in materials(self.geometry.shapes).items():
+        for name, color in self.colors.items():
             red, green, blue, alpha = channels(color)
             material = holder.add("Material", self.materials[name])
             path = f"{self.path}/{MATERIALS}/{material.name}/surface.outputs:surface"
@@ -140,13 +151,13 @@ class _Builder:
             shader.say("float inputs:opacity", alpha)
             shader.say("float inputs:roughness", ROUGHNESS)
             shader.properties.append("token outputs:surface")
-        for friction, one in rubbing(self.geometry).items():
-            material = holder.add("Material", self.materials[friction])
-            material.schemas.append("PhysicsMaterialAPI")
-            if one.slide is not None:
-                material.say("float physics:dynamicFriction", one.slide)
-                material.say("float physics:staticFriction", one.slide)
-            said = [(word, value) for word, value in (("torsional", one.torsion), ("rolling", one.roll)) if value is not None]
+        for friction in self.frictions:
+            _, slide, torsion, roll = friction
+            material = holder.add("Material", self.materials[friction], "PhysicsMaterialAPI")
+            material.say("float physics:dynamicFriction", slide)
+            material.say("float physics:staticFriction", slide)
+            material.say("float physics:restitution", 0.0)
+            said = [(word, value) for word, value in (("torsional", torsion), ("rolling", roll)) if value is not None]
             if said:
                 material.schemas.append("NewtonMaterialAPI")
             for word, value in said:
@@ -163,7 +174,7 @@ class _Builder:
         prim.say("point3f physics:centerOfMass", several(properties.centre))
         prim.say("float3 physics:diagonalInertia", several(moments))
         prim.say("quatf physics:principalAxes", several(Pose(rotation=axes).quaternion()))
-        prim.place(pose)
+        prim.place(pose, always=True)
         return prim
 
     def _lead(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: Connection) -> None:
@@ -193,9 +204,10 @@ class _Builder:
             prim.say("uniform token physics:axis", '"X"')
         if not connection.in_tree:
             prim.say("bool physics:excludeFromArticulation", "1")
-        equip(prim, joint, self.robot)
-        dynamics(prim, joint, in_tree=connection.in_tree)
+        prim.say("string ros:joint:name", quoted(prim.name))
         follower = self.followers.get(joint.single.path) if joint.single is not None else None
+        equip(prim, joint, self.robot, follower)
+        dynamics(prim, joint, in_tree=connection.in_tree)
         if follower is not None and follower.said:
             follow(prim, joint, follower, f"{self.path}/{JOINTS}/{safe(follower.leader)}")
 
@@ -203,7 +215,6 @@ class _Builder:
         """Add the visual shapes and the collision shapes of a link. By default, viewers hide collision shapes."""
         taken = {child.name for child in prim.children}
         visuals, collisions = (Prim(type="Scope", name=free(word, taken)) for word in ("visuals", "collisions"))
-        collisions.say("uniform token purpose", '"guide"')
         for member, pose in zip(link.members, link.poses, strict=True):
             shapes = self.geometry.shapes[member]
             for index, shape in enumerate(shapes.visual):
@@ -221,10 +232,9 @@ class _Builder:
         if shape.kind == "mesh":
             prim.metadata += ["instanceable = true", f"prepend references = <{self.meshes[shape.mesh or '']}>"]
         prim.place(pose @ shape.pose, _measured(prim, shape))
-        material = material_name(shape.material, shape.color)
-        if material is not None:
-            prim.schemas.append("MaterialBindingAPI")
-            prim.say("rel material:binding", f"<{self.path}/{MATERIALS}/{self.materials[material]}>")
+        material = material_name(shape.material, shape.color) or "color"
+        prim.schemas.append("MaterialBindingAPI")
+        prim.say("rel material:binding", f"<{self.path}/{MATERIALS}/{self.materials[material]}>")
 
     def _collider(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
         kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
@@ -235,13 +245,11 @@ class _Builder:
             prim.schemas.append("PhysicsMeshCollisionAPI")
             prim.metadata.append(f"prepend references = <{self.meshes[shape.mesh or '']}/{MESH}>")
             prim.say("uniform token physics:approximation", '"convexHull"')
+        prim.say("uniform token purpose", '"guide"')
         prim.place(pose @ shape.pose, _measured(prim, shape))
-        material = shape.material
-        if material is not None and _friction(material) in self.materials:
-            prim.schemas.append("MaterialBindingAPI")
-            path = f"{self.path}/{MATERIALS}/{self.materials[_friction(material)]}"
-            prim.properties.append(f"rel material:binding:physics = <{path}> (")
-            prim.properties += ['    bindMaterialAs = "weakerThanDescendants"', ")"]
+        prim.schemas.append("MaterialBindingAPI")
+        path = f"{self.path}/{MATERIALS}/{self.materials[_friction(shape.material)]}"
+        prim.properties += [f"rel material:binding:physics = <{path}> (", '    bindMaterialAs = "weakerThanDescendants"', ")"]
 
 
 def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
@@ -257,21 +265,17 @@ def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
     return (a + lift, b + lift, c + lift), axes
 
 
-Friction = tuple[str, float | None, float | None, float | None]
+Friction = tuple[str, float, float | None, float | None]
 
 
-def _friction(material: Material) -> Friction:
-    """Return the values that distinguish physics materials from each other.
+def _friction(material: Material | None) -> Friction:
+    """Return the values that distinguish physics materials from each other: a name, and the sliding, torsional and rolling friction.
 
     The name of a material is not sufficient, because nested documents may use the same name for different materials.
     """
-    return material.name, material.slide, material.torsion, material.roll
-
-
-def rubbing(geometry: Geometry) -> dict[Friction, Material]:
-    """Return the materials of collision shapes that specify friction, by their friction values."""
-    touching = [shape.material for one in geometry.shapes for shape in one.collision if shape.material is not None]
-    return {_friction(one): one for one in touching if (one.slide, one.torsion, one.roll) != (None, None, None)}
+    if material is None or (material.slide, material.torsion, material.roll) == (None, None, None):
+        return "default", SLIDE, None, None
+    return material.name, SLIDE if material.slide is None else material.slide, material.torsion, material.roll
 
 
 def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
@@ -341,6 +345,19 @@ def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, st
     return prim
 
 
+def _normals(columns: list[list[float]], corners: list[int]) -> Iterator[Vector]:
+    """Yield the normal of each triangle. `columns` contains the coordinates of all points, and `corners` the points of each triangle.
+
+    A triangle without an area gets a vertical normal.
+    """
+    points = list(zip(*columns, strict=True))
+    for k in range(0, len(corners), 3):
+        a, b, c = (points[corner] for corner in corners[k : k + 3])
+        x, y, z = cross((b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]))
+        size = hypot(x, y, z)
+        yield (round(x / size, 6), round(y / size, 6), round(z / size, 6)) if size else (0.0, 0.0, 1.0)
+
+
 def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
     """Set the triangles of a mesh prim from a mesh in the store (OBJ), without changes."""
     rows = [line.split() for line in text.splitlines()]
@@ -352,6 +369,8 @@ def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
     prim.say("int[] faceVertexCounts", listed("3" for _ in range(len(corners) // 3)))
     prim.say("int[] faceVertexIndices", listed(str(corner) for corner in corners))
     prim.say("point3f[] points", listed(f"({', '.join(point)})" for point in points))
+    prim.properties.append(f"normal3f[] primvars:normals = {listed(map(several, _normals(columns, corners)))} (")
+    prim.properties += ['    interpolation = "uniform"', ")"]
     prim.say("uniform token subdivisionScheme", '"none"')
     if drawn and not asset.mesh.closed:
         prim.say("uniform bool doubleSided", "1")

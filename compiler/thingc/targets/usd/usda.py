@@ -7,7 +7,7 @@ round numbers in float attributes to eight digits, whereas this module writes al
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from thingc.base.pose import IDENTITY, Pose
@@ -48,13 +48,13 @@ class Prim:
         """Add a property to the prim, such as `float physics:mass`. The value is a number, or a string that is already USD text."""
         self.properties.append(f"{property} = {value if isinstance(value, str) else number(value)}")
 
-    def place(self, pose: Pose, scale: tuple[float, ...] = ()) -> None:
-        """Set the pose of the prim relative to its parent, and its scale factors. If the pose is the identity, it is omitted."""
+    def place(self, pose: Pose, scale: tuple[float, ...] = (), *, always: bool = False) -> None:
+        """Set the pose of the prim relative to its parent, and its scale factors. An identity is omitted, unless `always` is True."""
         steps = []
-        if any(pose.translation):
+        if always or any(pose.translation):
             self.say("double3 xformOp:translate", several(pose.translation))
             steps.append("translate")
-        if pose.rotation != IDENTITY:
+        if always or pose.rotation != IDENTITY:
             self.say("quatd xformOp:orient", several(pose.quaternion()))
             steps.append("orient")
         if scale:
@@ -84,15 +84,24 @@ def rendered(prim: Prim) -> str:
     return "\n".join(_lines(prim, ""))
 
 
-def write(prims: Iterable[str], default: str, heading: str) -> str:
-    """Return the text of a USD layer. The units of the layer are metres and kilograms, and its z axis points up.
-
-    `prims` contains the text of each prim. Empty strings are omitted. `default` is the name of the default prim.
+def dictionary(type: str, values: Mapping[str, str]) -> list[str]:
+    """Return the lines of a dictionary in metadata. `type` is the type and the name of the dictionary. The keys of `values` include their
+    types, such as `string author`.
     """
-    lines = [
-        "#usda 1.0", "(", f"{INDENT}defaultPrim = {quoted(default)}", f"{INDENT}doc = {quoted(heading)}", f"{INDENT}kilogramsPerUnit = 1",
-        f"{INDENT}metersPerUnit = 1", f'{INDENT}upAxis = "Z"', ")",
+    return [f"{type} = {{", *(f"{INDENT}{name} = {value}" for name, value in values.items()), "}"]
+
+
+def write(prims: Iterable[str], default: str, heading: str, metadata: Iterable[str] = ()) -> str:
+    """Return the text of a USD layer. The units of the layer are metres, kilograms and seconds, and its z axis points up.
+
+    `prims` contains the text of each prim. Empty strings are omitted. `default` is the name of the default prim. `metadata` contains more
+    lines of metadata.
+    """
+    header = [
+        *metadata, f"defaultPrim = {quoted(default)}", f"doc = {quoted(heading)}", "kilogramsPerUnit = 1", "metersPerUnit = 1",
+        "timeCodesPerSecond = 1", 'upAxis = "Z"',
     ]
+    lines = ["#usda 1.0", "(", *(f"{INDENT}{line}" for line in header), ")"]
     for prim in filter(None, prims):
         lines += ["", prim]
     return "\n".join([*lines, ""])
