@@ -67,7 +67,7 @@ class FamilyMjx:
         self._plan, self._values = plan, read.values
         given = self._given(read.values)
         if given is None:
-            raise FamilyError(f"MJX cannot vary {', '.join(self.names)}: nearby values require other decisions", "use `models`")
+            raise FamilyError(f"MJX cannot vary {', '.join(self.names)}: nearby values take different branches", "use `models`")
         by = [plan.free.index(at) for at in self._places] if plan.exchange is None else range(len(given))
         self._start, self._run = given, jax_function(plan.program, by, given, dtype, "models")
         self.mj_model: mujoco.MjModel = next(iter(models.each([(settings, read)], share=False)))

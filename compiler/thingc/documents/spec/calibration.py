@@ -36,7 +36,7 @@ class MotorSpec(Model):
     def _one_scale(self) -> MotorSpec:
         if (self.ticks_per_turn is None) == (self.resolution is None):
             here = "found none" if self.resolution is None else "found both"
-            help = "write for example `ticks_per_turn: 4096`"
+            help = "write, for example, `ticks_per_turn: 4096`"
             raise rule(f"a motor needs exactly one of `ticks_per_turn` and `resolution`, {here}", help)
         return self
 

@@ -109,11 +109,11 @@ class _Reader:
             return 1.0 / motor.resolution.value
         if coordinate != ANGLE:
             message = f"joint `{name}` does not rotate: `ticks_per_turn` needs a rotation"
-            self._error(Code.DIMENSION, message, "ticks_per_turn", help="write for example `resolution: 0.01 mm`", name=name)
+            self._error(Code.DIMENSION, message, "ticks_per_turn", help="write, for example, `resolution: 0.01 mm`", name=name)
             return None
         if count < 2:
             message = f"`ticks_per_turn` of joint `{name}` must be at least 2, found {count}"
-            self._error(Code.OUT_OF_RANGE, message, "ticks_per_turn", help="write for example 4096", name=name)
+            self._error(Code.OUT_OF_RANGE, message, "ticks_per_turn", help="write, for example, 4096", name=name)
             return None
         self._check_ticks(name, motor.offset, count, "offset")
         return count / (2.0 * math.pi)

@@ -47,7 +47,7 @@ def lerobot_motors(calibration: Calibration, robot: Robot) -> str:
     """Return the motor mapping of LeRobot as JSON: the arguments of `Motor` by name of the motor."""
     nameless = next((one for one in calibration if one.model is None), None)
     if nameless is not None:
-        raise ExportRefused(f"LeRobot needs the model of the motor of joint `{nameless.joint.name}`", "write for example `model: sts3215`")
+        raise ExportRefused(f"LeRobot needs the model of the motor of joint `{nameless.joint.name}`", "for example, write `model: sts3215`")
     return _json({safe(one.joint.path): {"id": one.id, "model": one.model, "norm_mode": "degrees"} for one in calibration})
 
 

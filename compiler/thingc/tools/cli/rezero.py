@@ -52,7 +52,7 @@ def _shifts(arguments: argparse.Namespace) -> list[JointShift]:
         arguments.zero, "JOINT=ZERO", "'elbow=90 deg'", "joint `{}` is set twice",
     ).items()}
     if not zeros and not arguments.flip:
-        raise console.WrongCommandLine("expected a joint", "write for example 'elbow=90 deg', or --flip elbow")
+        raise console.WrongCommandLine("expected a joint", "write, for example, 'elbow=90 deg', or --flip elbow")
     twice = next((name for name in arguments.flip if arguments.flip.count(name) > 1), None)
     if twice is not None:
         raise console.WrongCommandLine(f"--flip: joint `{twice}` is reversed twice", "keep only one of the two options")
@@ -66,8 +66,8 @@ def _zero(name: str, text: str) -> ExactQuantity:
     try:
         zero = read_quantity(text)
     except UnitError as fault:
-        raise console.WrongCommandLine(f"`{name}={text}`: {fault}", fault.help or f"write for example '{name}=90 deg'") from fault
+        raise console.WrongCommandLine(f"`{name}={text}`: {fault}", fault.help or f"write, for example, '{name}=90 deg'") from fault
     if zero.expression or abs(zero.value) > FARTHEST:
         message = f"`{name}={text}`: expected a number with a unit, at most {FARTHEST:g} rad or m"
-        raise console.WrongCommandLine(message, f"write for example '{name}=90 deg'")
+        raise console.WrongCommandLine(message, f"write, for example, '{name}=90 deg'")
     return zero

@@ -60,7 +60,7 @@ def find_joint(document: Document, model: AssemblyDefinition, shift: JointShift)
         raise ShiftRefused(f"joint `{name}` is {joint.kind.name} and does not move", "choose a joint that moves", span)
     expected = joint.twist.coordinate
     if shift.zero.value and shift.zero.dimension != expected:
-        raise ShiftRefused(f"the zero of joint `{name}` must be {expected.words}", f"write for example `{name}={expected.example}`", span)
+        raise ShiftRefused(f"the zero of joint `{name}` must be {expected.words}", f"write, for example, `{name}={expected.example}`", span)
     return joint
 
 
