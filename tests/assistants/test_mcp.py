@@ -18,12 +18,14 @@ from typing import Any
 
 import anyio
 import numpy as np
+import psutil
 import pytest
 from mcp import Client, StdioServerParameters
 from mcp.types import CallToolResult, ImageContent, ListToolsResult
 from PIL import Image
 from ruamel.yaml import YAML
 
+from editor.language_server import wait_until
 from thingc.driver import edit_document
 from thingc.tools.cli.main import COMMANDS, main
 from thingc.tools.mcp.server import Tools, create_server
@@ -235,6 +237,8 @@ def test_no_code_of_an_untrusted_folder_runs(rover: Path, monkeypatch: pytest.Mo
     (rover / "parts/shapes.py").write_text((rover / "parts/shapes.py").read_text().replace("= 90", "= 91"))
     for tool, given in (*reads, writes[0], *refused):
         assert codes(called(tool, given, trusted=False)) != [], f"{tool}: the lock is not up to date"
+    (rover / "robot.xacro").write_text('<robot name="a"><link name="${1 + 1}"/></robot>')
+    assert "Python expressions" in called("info", {"document": "robot.xacro"}, trusted=False).content[0].text  # type: ignore[union-attr]
     (rover / "parts.lock.json").unlink()
     for tool, given in (*reads, writes[0]):
         assert codes(called(tool, given, trusted=False)) == ["TC340"], f"{tool}: there is no lock"
@@ -294,6 +298,31 @@ def test_a_signal_ends_the_server_while_it_waits(rover: Path) -> None:
         assert json.loads(process.stdout.readline())["id"] == 1
         process.send_signal(signal.SIGTERM)
         assert process.wait(20.0) == 130 and process.stderr.read() == b""
+
+
+@pytest.mark.slow
+def test_a_signal_interrupts_a_command_and_ends_the_server(rover: Path) -> None:
+    """While a part is built: its worker ends as well."""
+    text = (rover / "parts/shapes.py").read_text()
+    slow = "class Slow(Boom):\n    def result(self):\n        time.sleep(300)\n"
+    (rover / "parts/shapes.py").write_text(f"{text}\n\nimport time\n\n\n{slow}")
+    (rover / "slow.yaml").write_text("thingc: assembly/1\nname: slow\ncomponents: {a: {part: shapes:Slow}}\n")
+    request = {"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {
+        "protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "t", "version": "1"},
+    }}
+    call = {"jsonrpc": "2.0", "id": 2, "method": "tools/call", "params": {"name": "check", "arguments": {"documents": ["slow.yaml"]}}}
+    words = [sys.executable, "-P", "-m", "thingc", "mcp", "--trusted"]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdin is not None and process.stdout is not None
+        for message in (request, {"jsonrpc": "2.0", "method": "notifications/initialized"}, call):
+            process.stdin.write(json.dumps(message).encode() + b"\n")
+        process.stdin.flush()
+        assert json.loads(process.stdout.readline())["id"] == 1
+        wait_until(lambda: psutil.Process(process.pid).children(recursive=True), 60.0)
+        workers = psutil.Process(process.pid).children(recursive=True)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20.0) == 130
+        assert psutil.wait_procs(workers, timeout=20.0)[1] == []
 
 
 def test_a_missing_extra_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

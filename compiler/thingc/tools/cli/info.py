@@ -44,6 +44,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc info`. With text output, diagnostics are printed to standard error."""
     options = console.options_of(arguments)
+    if arguments.no_code and arguments.document.lower().endswith(".xacro"):
+        raise console.WrongCommandLine("--no-code cannot read a xacro file, which contains Python expressions", "expand it with `xacro`")
     if robot_files.select_robot_files([arguments.document]):
         compilation = robot_files.compile_robot(arguments.document, options, robot_files.import_request(arguments))
     else:
