@@ -18,7 +18,7 @@ from thingc.driver.environment import Options
 from thingc.targets.render.picture import NoGraphics, ready
 from thingc.tools.cli import console, robot_files
 from thingc.tools.cli.sandboxed_check import confined
-from thingc.tools.diff.arguments import ComparisonRequest, UnknownComparison, asked
+from thingc.tools.diff.arguments import ComparisonRequest, asked
 from thingc.tools.diff.checkouts import BrokenSide, DocumentPair, compared, laid_out
 from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.results import DiffResult, answered, as_json, pack, unpack
@@ -32,7 +32,7 @@ mounts, the bill of materials and prints, each with its cause. Changes of layout
 
   thingc diff HEAD~3                                compare the working tree with a revision: all affected documents
   thingc diff main..HEAD                            compare two revisions, without checking them out
-  thingc diff main -- assemblies/arm.yaml           compare one document
+  thingc diff main -- assemblies/arm.yaml           compare one document, or one robot file of another format
   thingc diff old.yaml new.yaml                     compare two documents, build folders or parts.lock.json files
   thingc diff old.urdf new.urdf                     compare two robot files of other formats (.urdf, .xacro, .sdf, .xml)
   thingc diff main..HEAD --format markdown > comment.md
@@ -72,8 +72,6 @@ def run(arguments: argparse.Namespace) -> int:
         watched = fail_on(arguments.fail_on)
         options = console.options_of(arguments)
         wanted = asked(arguments.side, arguments.behind, ENDINGS)
-        if arguments.no_code and "model" in (wanted.old.kind, wanted.new.kind):
-            raise UnknownComparison("--no-code cannot compare robot files of other formats", "omit --no-code")
         with ExitStack() as stack:
             answer = _answer(arguments, wanted, options, stack)
     except NoGraphics as fault:

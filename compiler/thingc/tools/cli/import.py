@@ -43,11 +43,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("-o", "--output", metavar="DIR", help="output folder (default: the name of the robot)")
     robot_files.configure(parser)
     add("--check", action="store_true", help="write nothing; list imported elements, repairs and losses")
-    add(
-        "--repair", metavar="inertia=HOW", type=_repair,
-        help="change the inertia of links that cannot be simulated: inertia=nearest (nearest physical inertia) or "
-        "inertia=shapes (computed from shapes)",
-    )
     add("--root", metavar="LINK", action="append", default=[], help="add a mode with this link as root (may be repeated)")
     add("--update", action="store_true", help="merge with the last import and preserve your edits (exit code 1 if there are conflicts)")
 
@@ -58,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     """
     report = Report()
     request = replace(
-        robot_files.import_request(arguments), roots=arguments.root, repair=arguments.repair, update=arguments.update,
+        robot_files.import_request(arguments), roots=arguments.root, update=arguments.update,
         earlier=lambda name: earlier_import(arguments.output or name),
     )
     imported = import_robot(arguments.file, report, request)
@@ -138,14 +133,6 @@ def _became(old: str, new: str) -> str:
 
 def _some(lines: list[str]) -> list[str]:
     return lines[:MOST_SAID] + ([f"  and {len(lines) - MOST_SAID} more"] if len(lines) > MOST_SAID else [])
-
-
-def _repair(text: str) -> str:
-    """Parse the value of the option `--repair`. This function is an argparse type."""
-    what, _, how = text.partition("=")
-    if what != "inertia" or how not in ("nearest", "shapes"):
-        raise argparse.ArgumentTypeError(f"expected `inertia=nearest` or `inertia=shapes`, found `{text}`")
-    return how
 
 
 def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:

@@ -26,18 +26,26 @@ _HIDDEN = re.compile(rb"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>]*>", re.DOTALL)
 _ROOT = re.compile(rb"<([\w:.-]+)([^>]*)>")
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the options for reading robot files to a parser."""
+def configure(parser: argparse.ArgumentParser, *, meshes: bool = True) -> None:
+    """Add the options for reading robot files to a parser. If `meshes` is false, the command reads no meshes."""
     add = parser.add_argument
     add(
         "--package", metavar="NAME=DIR", action="append", default=[],
         help="folder of `package://NAME/...` (may be repeated; default: folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
     )
+    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="argument of a xacro file, `$(arg NAME)` (may be repeated)")
+    add(
+        "--repair", metavar="inertia=HOW", type=_repair,
+        help="change the inertia of links that cannot be simulated: inertia=nearest (nearest physical inertia) or "
+        "inertia=shapes (computed from shapes)",
+    )
+    if not meshes:
+        parser.set_defaults(mesh_root=[], no_meshes=True)
+        return
     add(
         "--mesh-root", metavar="DIR", action="append", default=[],
         help="additional folder with mesh files; a mesh is found by the end of its path (may be repeated)",
     )
-    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="argument of a xacro file, `$(arg NAME)` (may be repeated)")
     add("--no-meshes", action="store_true", help="omit meshes, and list them as losses")
 
 
@@ -45,8 +53,16 @@ def import_request(arguments: argparse.Namespace) -> ImportRequest:
     """Convert the command-line arguments to options for reading robot files. Raises `WrongCommandLine` for an invalid value."""
     return ImportRequest(
         packages=dict(map(_package, arguments.package)), arguments=dict(map(_argument, arguments.arg)), meshes=not arguments.no_meshes,
-        mesh_roots=tuple(map(_folder, arguments.mesh_root)),
+        mesh_roots=tuple(map(_folder, arguments.mesh_root)), repair=arguments.repair,
     )
+
+
+def _repair(text: str) -> str:
+    """Parse the value of the option `--repair`. This function is an argparse type."""
+    what, _, how = text.partition("=")
+    if what != "inertia" or how not in ("nearest", "shapes"):
+        raise argparse.ArgumentTypeError(f"expected `inertia=nearest` or `inertia=shapes`, found `{text}`")
+    return how
 
 
 def _package(word: str) -> tuple[str, str]:
@@ -123,6 +139,7 @@ def _remark(path: str, source: ImportRequest, losses: int) -> str | None:
     words = [("--package", f"{name}={folder}") for name, folder in source.packages.items()]
     words += [("--mesh-root", folder) for folder in source.mesh_roots]
     words += [("--arg", f"{name}={value}") for name, value in source.arguments.items()]
+    words += [("--repair", f"inertia={source.repair}")] if source.repair else []
     options = [*(text for pair in words for text in pair), *([] if source.meshes else ["--no-meshes"])]
     command = shlex.join(["thingc", "import", path, *options, "--check"])
     return f"{path}: {counted(losses, 'element')} not checked, listed by `{command}`"

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 
 from msgspec import to_builtins
 
-from thingc.tools.cli import console
+from thingc.tools.cli import console, robot_files
 from thingc.tools.diff.arguments import asked
 from thingc.tools.diff.checkouts import BrokenSide, laid_out
 from thingc.tools.importing.import_request import ENDINGS
@@ -38,6 +38,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--tolerance", metavar="T", type=_tolerance, default=TOLERANCE,
         help="largest difference of equal values: m, rad, or a fraction of masses and inertias (default: %(default)g)",
     )
+    robot_files.configure(parser, meshes=False)
     console.add_format(parser)
     console.add_geometry(parser)
 
@@ -60,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     names = (wanted.old.name, wanted.new.name)
     with ExitStack() as stack:
         for pair in laid_out(wanted, stack, code=options.code):
-            both = mechanisms(pair, names, options)
+            both = mechanisms(pair, names, options, robot_files.import_request(arguments))
             if isinstance(both, BrokenSide):
                 console.print_found(both.diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=both.texts)
                 return 1

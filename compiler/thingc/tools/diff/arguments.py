@@ -15,6 +15,7 @@ from thingc.tools.diff.revisions import DOCUMENTS, LOCK_FILE, Repository, Unknow
 SideKind = Literal["document", "build", "lock", "model", "revision", "checkout"]
 MANIFEST = "manifest.json"
 CHECKOUT = "working tree"
+_FILES = frozenset({"document", "model"})
 
 
 class UnknownComparison(Exception):
@@ -64,7 +65,7 @@ def asked(words: Sequence[str], documents: Sequence[str], models: tuple[str, ...
     sides = [side for word in words for side in _sides(word, models)]
     if len(sides) > 2:
         raise UnknownComparison(f"expected two states, found `{' '.join(words)}`", "write `OLD..NEW`, or two arguments")
-    if len(sides) == 1 and sides[0].kind == "document" and not documents:
+    if len(sides) == 1 and sides[0].kind in _FILES and not documents:
         return _asked([_revision("HEAD"), sides[0]], ())
     if len(sides) == 1:
         if sides[0].kind != "revision":
@@ -79,8 +80,8 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
     if documents and not kinds <= {"revision", "checkout"}:
         message = "documents after `--` require two revisions"
         raise UnknownComparison(message, "write `thingc diff OLD.yaml NEW.yaml`")
-    if kinds == {"revision", "document"}:  # compare the document in the revision with the document in the checkout
-        document = next(side for side in sides if side.kind == "document").place
+    if "revision" in kinds and len(kinds) == 2 and kinds & _FILES:  # compare the file in the revision with the file in the checkout
+        document = next(side for side in sides if side.kind in _FILES).place
         checkout = Side(kind="checkout", name=CHECKOUT)
         old, new = (side if side.kind == "revision" else checkout for side in sides)
         return ComparisonRequest(old=old, new=new, documents=(document,))

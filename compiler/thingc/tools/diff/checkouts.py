@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
+from typing import TypeVar
 
 from msgspec.structs import replace
 
@@ -23,8 +24,9 @@ from thingc.tools.diff.comparison import Comparison, compare
 from thingc.tools.diff.revisions import Repository, Revision
 from thingc.tools.diff.snapshot import Change, Snapshot
 from thingc.tools.diff.surface_distance import SurfaceDistances
-from thingc.tools.importing.import_request import ImportRequest
+from thingc.tools.importing.import_request import ENDINGS, ImportRequest
 
+T = TypeVar("T")
 SourceOf = Callable[[Span], "Span | None"]
 """A function that maps a location in a compiled document to a location in a file of the user."""
 
@@ -75,6 +77,8 @@ def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[
 
     If `code` is false, the comparison does not run part code. Raises `UnknownComparison` and `NotARepository`.
     """
+    if not code and ("model" in (asked.old.kind, asked.new.kind) or any(one.lower().endswith(ENDINGS) for one in asked.documents)):
+        raise UnknownComparison("--no-code cannot compare robot files of other formats", "omit --no-code")
     if asked.old.kind in ("document", "build", "lock", "model"):
         old, new = (Checkout(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
         return [DocumentPair(name=asked.new.name, old=old, new=new)]
@@ -112,7 +116,8 @@ def _has(repository: Repository, state: Revision | None, path: str) -> bool:
 def _laid(repository: Repository, state: Revision | None, path: str) -> Checkout | None:
     if not _has(repository, state, path):
         return None
-    return Checkout(path=os.path.join(repository.top, path)) if state is None else Checkout(path=state.file(path), revision=state)
+    kind: SideKind = "model" if path.lower().endswith(ENDINGS) else "document"
+    return Checkout(path=os.path.join(repository.top, path) if state is None else state.file(path), revision=state, kind=kind)
 
 
 def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequence[Revision | None], here: str) -> list[str]:
@@ -150,12 +155,12 @@ def compared(
         for laid, name in ((both.old, names[0]), (both.new, names[1])):
             try:
                 if laid.kind == "model":
-                    robot, home = _robot_file(laid, options, source, stack)
+                    robot, home = read_completely(laid, options, partial(_robot_file, laid, options, source, stack))
                     sides.append(robot)
-                    homes.append(home)
+                    homes.append(partial(_at_home, laid, home))
                 else:
                     sides.append(_snapshot(laid) if laid.kind != "document" else stack.enter_context(subject(laid, options)))
-                    homes.append(partial(_at_home, laid))
+                    homes.append(partial(_at_home, laid, lambda span: span))
             except BrokenDocument as broken:
                 return broken_side(laid, name, broken)
         old, new = sides
@@ -210,17 +215,18 @@ def _snapshot(laid: Checkout) -> Snapshot:
 
 
 def subject(laid: Checkout, options: Options) -> Subject:
-    """Compile a document of one side of the comparison. Raises `BrokenDocument`.
+    """Compile a document of one side of the comparison. Raises `BrokenDocument`."""
+    return read_completely(laid, options, lambda: Subject(laid.path, options))
 
-    At first, only some files of a git revision are written. If the compilation fails, the function writes all files of the revision and
-    compiles the document again.
-    """
+
+def read_completely(laid: Checkout, options: Options, read: Callable[[], T]) -> T:
+    """Call `read`. If it fails for a file of a git revision, write all files of the revision and call it again. Raises `BrokenDocument`."""
     try:
-        return Subject(laid.path, options)
+        return read()
     except BrokenDocument:
         if laid.revision is None or not options.code or not laid.revision.everything():
             raise
-    return Subject(laid.path, options)
+    return read()
 
 
 def _robot_file(laid: Checkout, options: Options, source: ImportRequest, stack: ExitStack) -> tuple[Subject, SourceOf]:
@@ -235,8 +241,9 @@ def _robot_file(laid: Checkout, options: Options, source: ImportRequest, stack: 
     return robot, partial(document.source_span, root=robot.document)
 
 
-def _at_home(laid: Checkout, span: Span) -> Span:
-    return replace(span, file=laid.home(span.file))
+def _at_home(laid: Checkout, source: SourceOf, span: Span) -> Span | None:
+    found = source(span)
+    return found and replace(found, file=laid.home(found.file))
 
 
 def _with_home(change: Change, homes: Sequence[SourceOf]) -> Change:

@@ -19,6 +19,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.documents.workspace import DEFAULT_PARTS, OWN_FILE, SHARED_FILE
 from thingc.tools.affected.dependents import NotARepository, git, run_git
+from thingc.tools.importing.import_request import ENDINGS
 
 LOCK_FILE = "parts.lock.json"
 DOCUMENTS = (".yaml", ".yml", ".toml")
@@ -114,6 +115,9 @@ class Revision:
         The paths of the documents are relative to the repository.
         """
         waiting = [path for path in documents if path in self._files]
+        for robot in (path for path in waiting if path.lower().endswith(ENDINGS)):  # with the files of its ROS package or folder
+            package = next((one for one in _above(robot) if posixpath.join(one, "package.xml") in self._files), posixpath.dirname(robot))
+            self._bring(path for path in self._files if path.startswith(f"{package}/" if package else ""))
         settings = {
             posixpath.join(folder, name) for path in documents for folder in _above(path) for name in (OWN_FILE, SHARED_FILE, LOCK_FILE)
         }

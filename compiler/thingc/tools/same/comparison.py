@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import product
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import numpy as np
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.tools.same.features import Array, RigidLink, motion_of, rigid_links
-from thingc.tools.same.matching import MOST, JointMap, RobotMap, Tolerances, axis_differences, find_maps, mass_differences
+from thingc.tools.same.features import Array, apply, motion_of
+from thingc.tools.same.matching import MOST, JointMap, RobotMap, find_maps
 from thingc.tools.same.mechanism import Mechanism, MechanismJoint
 
 TOLERANCE = 1e-5
@@ -24,12 +23,12 @@ EXACT = 1e-4
 """Fraction of the tolerance up to which values are equal but for rounding errors."""
 REACH = 10.0
 """Factor of the tolerance per joint up to which poses of links may differ."""
-MISFITS, STEPS = (1, 1000), (1e-3, 1e-2, 0.1)
-"""Numbers of differences, and tolerances of axes [m and rad], with which a map is searched for to explain differences."""
 
 Difference = Literal[
     "mass", "centre", "inertia", "axis angle", "axis position", "lead", "limits", "coupling", "pose", "links", "joints", "arrangement",
 ]
+OF_LINKS: tuple[Difference, ...] = ("mass", "centre", "inertia")
+OF_JOINTS: tuple[Difference, ...] = ("axis angle", "axis position", "lead")
 
 
 class MechanismDifference(FrozenStruct):
@@ -98,40 +97,31 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
 
     If `explain` is false, the differences of mechanisms that are not the same are not searched for.
     """
-    maps = find_maps(one, other, Tolerances(tolerance, tolerance))
+    maps = find_maps(one, other, tolerance)
     exact, complete = bool(maps), len(maps) < MOST
-    for misfits, step in product(MISFITS, (tolerance, *STEPS)) if explain else ():
-        maps = maps or find_maps(one, other, Tolerances(tolerance, max(step, tolerance), misfits))
+    if explain and not exact:
+        maps = find_maps(one, other, tolerance, exact=False)
+        maps = [found for found in maps if found.misfits == maps[0].misfits]
     if not maps:
         return MechanismComparison(one=one.name, other=other.name, same=False, differences=tuple(_counts(one, other)))
     maps = [found for found in maps if not any(_couplings(one, other, found, tolerance))] or maps
     limits = [len(list(_limits(one, other, found, tolerance))) for found in maps]
     maps = [found for found, count in zip(maps, limits, strict=True) if count == min(limits)]
-    rigid = rigid_links(one, tolerance), rigid_links(other, tolerance)
-    best = min(maps, key=lambda found: _worst(_links(*rigid, found)) > EXACT * tolerance)  # the first of those that fit exactly
-    links = tuple(_links(*rigid, best))
-    differences = [
-        *_mass_differences(one, other, links, best, tolerance), *_axis_differences(one, other, best, tolerance),
-        *_couplings(one, other, best, tolerance),
-    ]
+    best = min(maps, key=lambda found: max(max(link.apart) for link in found.links.values()) > EXACT * tolerance)  # the first exact one
+    differences = [*_differences(one, other, best, tolerance), *_couplings(one, other, best, tolerance)]
     apart = residual(one, other, best)
     if not differences and (not exact or max(apart) > REACH * tolerance * (len(one.joints) + 1)):
         differences.append(MechanismDifference(what="pose", by=max(apart)))
     return MechanismComparison(
         one=one.name, other=other.name, same=exact and not differences,
         maps=len(maps) if exact else 0, assignments=len({_assignment(found) for found in maps}) if exact else 0,
-        complete=complete, links=links, joints=tuple(_joints(one, other, best)), differences=tuple(differences),
+        complete=complete, links=tuple(_links(one, other, best)), joints=tuple(_joints(one, other, best)), differences=tuple(differences),
         limits=tuple(_limits(one, other, best, tolerance)), residual=apart,
     )
 
 
-def _worst(links: Iterable[LinkMatch]) -> float:
-    """Return the largest difference of masses, centres of mass and inertias."""
-    return max(max(link.mass, link.centre, link.inertia) for link in links)
-
-
 def _assignment(found: RobotMap) -> tuple[object, ...]:
-    return (*sorted((a, b) for a, (b, _) in found.links.items()), *sorted((j.one, j.other) for j in found.joints))
+    return (*sorted((a, link.other) for a, link in found.links.items()), *sorted((j.one, j.other) for j in found.joints))
 
 
 def _counts(one: Mechanism, other: Mechanism) -> Iterator[MechanismDifference]:
@@ -146,10 +136,10 @@ def _counts(one: Mechanism, other: Mechanism) -> Iterator[MechanismDifference]:
         yield MechanismDifference(what="arrangement")
 
 
-def _links(A: Sequence[RigidLink], B: Sequence[RigidLink], best: RobotMap) -> Iterator[LinkMatch]:
-    for a, (b, T) in sorted(best.links.items()):
-        mass, centre, inertia = map(float, mass_differences(A[a], B[b], T))
-        yield LinkMatch(one=A[a].name, other=B[b].name, mass=mass, centre=centre, inertia=inertia)
+def _links(one: Mechanism, other: Mechanism, best: RobotMap) -> Iterator[LinkMatch]:
+    for a, link in sorted(best.links.items()):
+        mass, centre, inertia = link.apart
+        yield LinkMatch(one=one.links[a].name, other=other.links[link.other].name, mass=mass, centre=centre, inertia=inertia)
 
 
 def _joints(one: Mechanism, other: Mechanism, best: RobotMap) -> Iterator[JointMatch]:
@@ -158,32 +148,18 @@ def _joints(one: Mechanism, other: Mechanism, best: RobotMap) -> Iterator[JointM
         yield JointMatch(one=a.name, other=b.name, kind=a.kind, sign=joint.sign, zero=joint.zero, determined=not joint.free)
 
 
-def _mass_differences(
-    one: Mechanism, other: Mechanism, links: Sequence[LinkMatch], best: RobotMap, tolerance: float,
-) -> Iterator[MechanismDifference]:
-    """Yield the differences of masses, centres of mass and inertias. `links` are in the order of the links of `one`."""
-    for link, (a, (b, _)) in zip(links, sorted(best.links.items()), strict=True):
-        A, B = one.links[a].properties, other.links[b].properties
-        if link.mass > tolerance:
-            yield MechanismDifference(what="mass", one=link.one, other=link.other, old=A.mass, new=B.mass, by=link.mass)
-        if link.centre > tolerance:
-            yield MechanismDifference(what="centre", one=link.one, other=link.other, by=link.centre)
-        if link.inertia > tolerance:
-            yield MechanismDifference(what="inertia", one=link.one, other=link.other, by=link.inertia)
-
-
-def _axis_differences(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
-    """Yield the differences of axes of joints, at both ends of each joint."""
-    for joint in sorted(best.joints):
-        p, q = one.joints[joint.one], other.joints[joint.other]
-        ends = [
-            axis_differences(motion_of(p, end), motion_of(q, end ^ joint.ends[0] ^ joint.ends[1]), best.links[link][1])
-            for end, link in enumerate((p.parent, p.child))
-        ]
-        names: tuple[Difference, ...] = ("axis angle", "axis position", "lead")
-        for what, by in zip(names, map(max, *ends), strict=True):
+def _differences(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
+    """Yield the differences of masses, centres of mass, inertias and axes."""
+    for a, link in sorted(best.links.items()):
+        A, B = one.links[a], other.links[link.other]
+        for what, by in zip(OF_LINKS, link.apart, strict=True):
             if by > tolerance:
-                yield MechanismDifference(what=what, one=p.name, other=q.name, by=by)
+                old, new = (A.properties.mass, B.properties.mass) if what == "mass" else (None, None)
+                yield MechanismDifference(what=what, one=A.name, other=B.name, old=old, new=new, by=by)
+    for joint in sorted(best.joints):
+        for what, by in zip(OF_JOINTS, joint.apart, strict=True):
+            if by > tolerance:
+                yield MechanismDifference(what=what, one=one.joints[joint.one].name, other=other.joints[joint.other].name, by=by)
 
 
 def _couplings(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
@@ -236,24 +212,19 @@ def residual(one: Mechanism, other: Mechanism, best: RobotMap) -> tuple[float, f
         for joint in best.joints:
             p, q = one.joints[joint.one], other.joints[joint.other]
             near, far = (p.child, p.parent) if joint.ends[0] else (p.parent, p.child)
-            poses = poses or {near: (best.links[near][1], np.eye(4))}
+            T, T_far = best.links[near].T, best.links[far].T
+            poses = poses or {near: (T, np.eye(4))}
             if far in poses:
                 continue
             a, b = motion_of(p, joint.ends[0]), motion_of(q, joint.ends[1])
             low, high = (1.0 if end is None else end for end in p.limits or (None, None))
             value = draw.uniform(min(low, high) if p.limits else -1.0, max(low, high))
-            X, Y = a.exponential(value) @ a.X, b.exponential(joint.sign * value + joint.zero) @ b.X
-            if p.kind == "ball":
+            if p.kind == "ball":  # about a random axis, from the same pose
                 axis = np.array([draw.gauss(0.0, 1.0) for _ in range(3)])
-                axis /= np.linalg.norm(axis)
-                there, T = best.links[near][1][:3, :3] @ axis, best.links[near][1] @ a.X @ np.linalg.inv(best.links[far][1])
-                X, Y = a._replace(axis=axis).exponential(value) @ a.X, b._replace(axis=there).exponential(value) @ T
+                a = a._replace(axis=axis / np.linalg.norm(axis))
+                b = b._replace(axis=T[:3, :3] @ a.axis, X=T @ a.X @ np.linalg.inv(T_far))
+            X, Y = a.exponential(value) @ a.X, b.exponential(joint.sign * value + joint.zero) @ b.X
             poses[far] = poses[near][0] @ X, poses[near][1] @ Y
-            centre = np.array(one.links[far].properties.centre)
-            worst = np.maximum(worst, _apart(poses[far][0], poses[far][1] @ best.links[far][1], centre))
+            apart, centre = poses[far][0] - poses[far][1] @ T_far, np.array(one.links[far].properties.centre)
+            worst = np.maximum(worst, [np.linalg.norm(apply(apart, centre)), np.linalg.norm(apart[:3, :3]) / np.sqrt(2.0)])
     return float(worst[0]), float(worst[1])
-
-
-def _apart(X: Array, Y: Array, point: Array) -> tuple[float, float]:
-    apart = np.linalg.norm((X - Y)[:3, :3] @ point + (X - Y)[:3, 3])
-    return float(apart), float(np.linalg.norm((X - Y)[:3, :3]) / np.sqrt(2.0))

@@ -1,6 +1,6 @@
-"""The features of a link, which determine how it can be placed on a link of another robot, and the values of joints that place it so.
+"""The features of a link: its centre of mass, its principal axes, and the axes and centres of its joints. Poses are 4 x 4 matrices.
 
-Features of a link are its centre of mass, its principal axes, and the axes and centres of its joints. Poses are 4 x 4 matrices.
+They determine how the link can be placed on a link of another robot, and the values of joints at which two links coincide.
 """
 
 from __future__ import annotations
@@ -16,12 +16,15 @@ from thingc.tools.same.mechanism import Mechanism, MechanismJoint, MechanismLink
 
 Array = NDArray[np.float64]
 
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 NEAR_PARALLEL = 0.05
 """Sine of the angle between two axes below which the position of an axis determines a rotation better than its direction."""
 DISTINCT = 1e-6
 """Difference of two values of a joint [rad or m] below which they are one candidate."""
 SYMMETRIC = 2.0
 """Relative error of a feature above which no position of the feature is distinguished from another."""
+OF_MASS = ("centre of mass", "principal axis 0", "principal axis 1", "principal axis 2")
+"""The tags of the features that depend on the mass distribution of a link."""
 
 
 class Motion(NamedTuple):
@@ -46,14 +49,29 @@ class Motion(NamedTuple):
         pose[:3, 3] = self.point - pose[:3, :3] @ self.point + self.pitch * q * self.axis
         return pose
 
+    def value(self, pose: Array) -> float:
+        """Return the coordinate [rad or m] of a motion from its pose."""
+        if self.kind == "translation":
+            return float(pose[:3, 3] @ self.axis)
+        if self.kind == "screw":
+            return float((apply(pose, self.point) - self.point) @ self.axis) / self.pitch
+        r = pose[:3, :3]
+        sine = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) @ self.axis / 2.0
+        return float(np.arctan2(sine, (np.trace(r) - 1.0) / 2.0))
+
 
 class Port(NamedTuple):
-    """One end of a joint. `far` is 0 at the parent of the joint and 1 at its child. `motion` is as seen from this end."""
+    """One end of a joint, at its parent (`end` is 0) or its child (1). `motion` is as seen from this end, and `other` is the other link.
+
+    Only ports with the same `tag` correspond. `row` is the number of the port in its link.
+    """
 
     joint: int
-    far: int
+    end: int
     other: int
     motion: Motion
+    tag: str
+    row: int
 
 
 class LinkFeature(NamedTuple):
@@ -69,43 +87,62 @@ class LinkFeature(NamedTuple):
 
     def moved(self, X: Array) -> LinkFeature:
         """Return the feature in frame A. It is expressed in frame B, whose pose in A is `X`."""
-        point = None if self.point is None else X[:3, :3] @ self.point + X[:3, 3]
+        point = None if self.point is None else apply(X, self.point)
         return self._replace(point=point, axis=None if self.axis is None else X[:3, :3] @ self.axis)
 
 
 class RigidLink(NamedTuple):
-    """A link with its mass properties in arrays, its principal moments in ascending order, its ports and its features of inertia."""
+    """A link with its mass properties in arrays, its principal moments in ascending order, its features and its ports.
 
-    name: str
+    `points` and `axes` are those of the ports, as arrays (n, 3).
+    """
+
     mass: float
     centre: Array
     inertia: Array
     moments: Array
-    ports: list[Port]
     features: list[LinkFeature]
+    ports: list[Port]
+    points: Array
+    axes: Array
 
 
 def rigid_links(mechanism: Mechanism, tolerance: float) -> list[RigidLink]:
-    """Return the links of a mechanism with their features. Principal moments that differ by less than `tolerance` have no axes."""
-    links = [_rigid_link(link, tolerance) for link in mechanism.links]
+    """Return the links of a mechanism with their features. Principal moments that differ by less than `tolerance` have no axes.
+
+    The tag of a port is equal for ports that the graph of links and joints does not distinguish.
+    """
+    shapes = [0] * len(mechanism.links)  # Weisfeiler and Leman: links are distinguished by the shapes of their neighbours
+    for _ in shapes:
+        around: list[list[tuple[str, int]]] = [[] for _ in shapes]
+        for joint in mechanism.joints:
+            around[joint.parent].append((joint.kind, shapes[joint.child]))
+            around[joint.child].append((joint.kind, shapes[joint.parent]))
+        shapes = [hash((shape, *sorted(found))) for shape, found in zip(shapes, around, strict=True)]
+    ports: list[list[Port]] = [[] for _ in shapes]
     for number, joint in enumerate(mechanism.joints):
-        links[joint.parent].ports.append(Port(number, 0, joint.child, motion_of(joint, 0)))
-        links[joint.child].ports.append(Port(number, 1, joint.parent, motion_of(joint, 1)))
-    return links
+        for end, (here, there) in enumerate(((joint.parent, joint.child), (joint.child, joint.parent))):
+            tag = f"{joint.kind} {shapes[here]} {shapes[there]}"
+            ports[here].append(Port(number, end, there, motion_of(joint, end), tag, len(ports[here])))
+    return [_rigid_link(link, own, tolerance) for link, own in zip(mechanism.links, ports, strict=True)]
 
 
-def _rigid_link(link: MechanismLink, tolerance: float) -> RigidLink:
+def _rigid_link(link: MechanismLink, ports: list[Port], tolerance: float) -> RigidLink:
     own = link.properties
     centre, inertia = np.array(own.centre), np.array(own.inertia)
     values, axes = principal_axes(own.inertia)
     order = np.argsort(values)
     moments = np.array(values)[order]
-    features = [LinkFeature("centre of mass", centre, None)] if own.mass > 0.0 else []
+    features = [LinkFeature(OF_MASS[0], centre, None)] if own.mass > 0.0 else []
     for number, column in enumerate(order):
         gap = min(abs(moments[number] - other) for k, other in enumerate(moments) if k != number)
         if own.mass > 0.0 and gap > tolerance * moments[2]:
-            features.append(LinkFeature(f"principal axis {number}", None, np.array(axes)[:, column], moments[2] / gap))
-    return RigidLink(link.name, own.mass, centre, inertia, moments, [], features)
+            features.append(LinkFeature(OF_MASS[1 + number], None, np.array(axes)[:, column], moments[2] / gap))
+    for port in ports:
+        kind, _, point, axis, _ = port.motion
+        features.append(LinkFeature(port.tag, None if kind == "translation" else point, None if kind == "ball" else axis))
+    points, directions = (np.array([getattr(port.motion, name) for port in ports]).reshape(-1, 3) for name in ("point", "axis"))
+    return RigidLink(own.mass, centre, inertia, moments, features, ports, points, directions)
 
 
 def motion_of(joint: MechanismJoint, end: int) -> Motion:
@@ -117,108 +154,84 @@ def motion_of(joint: MechanismJoint, end: int) -> Motion:
     return Motion(joint.kind, np.array(X.rows()), np.array(twist.anchor), np.array(twist.axis), twist.pitch)
 
 
-def features_of(link: RigidLink, without: Port | None = None) -> list[LinkFeature]:
-    """Return all features of a link in the frame of the link, but for those of the port `without`."""
-    found = list(link.features)
-    for port in link.ports:
-        if without is not None and (port.joint, port.far) == (without.joint, without.far):
-            continue
-        motion = port.motion
-        match motion.kind:
-            case "ball":
-                found.append(LinkFeature("ball", motion.point, None))
-            case "translation":
-                found.append(LinkFeature("translation", None, motion.axis))
-            case _:
-                found.append(LinkFeature(motion.kind, motion.point, motion.axis))
-    return found
-
-
-def joint_values(motion: Motion, one: Sequence[LinkFeature], other: Sequence[LinkFeature], tolerance: float) -> list[float] | None:
-    """Return the values z of a joint for which `exp(motion z)` moves a feature of `other` to the corresponding feature of `one`.
-
-    At least one of the values moves all features of `other` to those of `one`, if this is possible. Return None if the features do not
-    determine the value.
-    """
-    if motion.kind == "translation":
-        return translations(motion.point, motion.axis, one, other, tolerance)
-    if motion.kind == "screw" and (along := translations(motion.point, motion.axis, one, other, tolerance)) is not None:
-        return [value / motion.pitch for value in along]
-    return rotations(motion.point, motion.axis, one, other, tolerance)
-
-
-def rotations(point: Array, axis: Array, one: Sequence[LinkFeature], other: Sequence[LinkFeature], tolerance: float) -> list[float] | None:
-    """Return the angles [rad] about a line that rotate `other` to `one`, or None if all features are symmetric about the line."""
-    side = np.cross(axis, np.eye(3)[int(np.argmin(abs(axis)))])
-    side /= np.linalg.norm(side)
-    basis = np.array([side, np.cross(axis, side)])
-
-    def radial(feature: LinkFeature) -> tuple[float, list[float]]:
-        """Return the error of the angle of a feature, and its angles."""
-        if feature.axis is not None:
-            x, y = basis @ feature.axis
-            size = float(np.hypot(x, y))
-            if size > NEAR_PARALLEL or feature.point is None:
-                angle = float(np.arctan2(y, x))
-                return feature.error * tolerance / max(size, 1e-300), [angle, angle + np.pi]
-        assert feature.point is not None
-        away = feature.point - point
-        if feature.axis is not None:  # the point of a nearly parallel line in the plane through `point`
-            away = away - (away @ axis) / (feature.axis @ axis) * feature.axis
-        x, y = basis @ away
-        return feature.error * tolerance / max(float(np.hypot(x, y)), 1e-300), [float(np.arctan2(y, x))]
-
-    return _differences([(f.tag, *radial(f)) for f in one], [(f.tag, *radial(f)) for f in other], turns=True)
-
-
-def translations(
-    point: Array, axis: Array, one: Sequence[LinkFeature], other: Sequence[LinkFeature], tolerance: float,
-) -> list[float] | None:
-    """Return the distances [m] along a line that move `other` to `one`, or None if no feature determines the distance."""
-
-    def axial(feature: LinkFeature) -> tuple[float, list[float]]:
-        """Return the error of the position of a feature along the line, and this position."""
-        if feature.point is None:
-            return 2.0 * SYMMETRIC, [0.0]
-        away, error = feature.point - point, tolerance
-        if feature.axis is not None:
-            across = feature.axis - (feature.axis @ axis) * axis
-            size = float(across @ across)
-            if size < NEAR_PARALLEL**2:
-                return 2.0 * SYMMETRIC, [0.0]
-            away = away - (away @ across) / size * feature.axis
-            error /= size**0.5
-        return error, [float(away @ axis)]
-
-    return _differences([(f.tag, *axial(f)) for f in one], [(f.tag, *axial(f)) for f in other], turns=False)
-
-
 Located = tuple[str, float, list[float]]
+"""The tag of a feature, the error of its coordinate, and the coordinate: two angles of a line without direction."""
 
 
-def _differences(one: Sequence[Located], other: Sequence[Located], *, turns: bool) -> list[float] | None:
-    """Return the differences of the most exact coordinate in `one` to all coordinates in `other` with the same tag, or None."""
-    tag, error, values = min(one, key=lambda item: item[1], default=("", 2.0 * SYMMETRIC, []))
-    if error > SYMMETRIC:
+class AxisLine(NamedTuple):
+    """A line in space. Features are located by their angle about it and by their position along it. `tolerance` is their error."""
+
+    point: Array
+    axis: Array
+    tolerance: float
+
+    def angles(self, features: Sequence[LinkFeature]) -> list[Located]:
+        """Return the angles [rad] of features about the line."""
+        side = cross(self.axis, np.eye(3)[int(np.argmin(abs(self.axis)))])
+        side /= np.linalg.norm(side)
+        basis = np.array([side, cross(self.axis, side)])
+        found: list[Located] = []
+        for tag, point, axis, error in features:
+            x, y = basis @ axis if axis is not None else (0.0, 0.0)
+            turns = [0.0, np.pi]
+            if point is not None and np.hypot(x, y) <= NEAR_PARALLEL:
+                error, turns, away = 1.0, [0.0], point - self.point
+                if axis is not None:  # the point of a nearly parallel line in the plane through the point
+                    away = away - (away @ self.axis) / (axis @ self.axis) * axis
+                x, y = basis @ away
+            size, angle = np.hypot(x, y), float(np.arctan2(y, x))
+            found.append((tag, float(error * self.tolerance / max(size, 1e-300)), [angle + turn for turn in turns]))
+        return found
+
+    def heights(self, features: Sequence[LinkFeature]) -> list[Located]:
+        """Return the positions [m] of features along the line: of a point, and of the point that is nearest to another line."""
+        found: list[Located] = []
+        for tag, point, axis, _ in features:
+            across = (0.0 if axis is None else axis - (axis @ self.axis) * self.axis) + np.zeros(3)
+            size = 1.0 if axis is None else float(across @ across)
+            if point is not None and size >= NEAR_PARALLEL**2:
+                away = point - self.point
+                away = away if axis is None else away - (away @ across) / size * axis
+                found.append((tag, self.tolerance / size**0.5, [float(away @ self.axis)]))
+        return found
+
+
+def differences(one: Sequence[Located], other: Sequence[Located], *, turns: bool, most: int | None) -> list[float] | None:
+    """Return the differences of coordinates in `one` to all coordinates in `other` with the same tag, the most exact first.
+
+    Only the `most` most exact coordinates in `one` are used. Return None if none of them is exact enough.
+    """
+    exact = sorted((item for item in one if item[1] <= SYMMETRIC), key=lambda item: item[1])
+    if not exact:
         return None
     found: list[float] = []
-    for name, _, bases in other:
-        for base in bases if name == tag else ():
-            for value in values[:1]:
-                difference = float(np.remainder(value - base + np.pi, 2.0 * np.pi) - np.pi) if turns else value - base
-                if all(abs(difference - known) > DISTINCT for known in found):
-                    found.append(difference)
+    for tag, _, values in exact[:most]:
+        for base in (base for name, error, bases in other if name == tag and error <= SYMMETRIC for base in bases):
+            difference = float(np.remainder(values[0] - base + np.pi, 2.0 * np.pi) - np.pi) if turns else values[0] - base
+            if all(abs(difference - known) > DISTINCT for known in found):
+                found.append(difference)
     return found
 
 
 def line_poses(line: LinkFeature, other: LinkFeature) -> Iterator[Array]:
-    """Yield the two poses that move the line or direction `other` to `line`: with equal and with opposite directions."""
+    """Yield the two poses that move the line `other` to `line`: with equal and with opposite directions."""
     assert line.axis is not None and line.point is not None and other.axis is not None and other.point is not None
     for sign in (1.0, -1.0):
         pose = np.eye(4)
         pose[:3, :3] = rotation_between(other.axis, sign * line.axis)
         pose[:3, 3] = line.point - pose[:3, :3] @ other.point
         yield pose
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross products of vectors (..., 3). `numpy.cross` takes several times as long for few vectors."""
+    product: Array = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
+    return product
+
+
+def apply(X: Array, point: Array) -> Array:
+    """Return a point in frame A. It is expressed in frame B, whose pose in A is `X`."""
+    return X[:3, :3] @ point + X[:3, 3]
 
 
 def rotation_about(axis: Array, angle: float) -> Array:
@@ -231,10 +244,10 @@ def rotation_about(axis: Array, angle: float) -> Array:
 
 def rotation_between(one: Array, other: Array) -> Array:
     """Return the smallest rotation (3, 3) that turns the unit vector `one` to `other`."""
-    across = np.cross(one, other)
+    across = cross(one, other)
     sine = float(np.linalg.norm(across))
     if sine < 1e-12:
         if one @ other > 0.0:
             return np.eye(3)
-        across, sine = np.cross(one, np.eye(3)[int(np.argmin(abs(one)))]), 0.0
+        across, sine = cross(one, np.eye(3)[int(np.argmin(abs(one)))]), 0.0
     return rotation_about(across / np.linalg.norm(across), float(np.arctan2(sine, one @ other)))

@@ -1,46 +1,70 @@
-"""Find all maps between two mechanisms: which link and which joint of one robot is which of the other, with signs and zeros."""
+"""Find the maps between two mechanisms: which link and which joint of one robot is which of the other, with signs and zeros.
+
+The search begins with one link, and adds one joint with the link behind it in each step. After each step, only the best partial maps are
+kept.
+"""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
-from itertools import chain
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from thingc.tools.same.features import (
+    DISTINCT,
+    OF_MASS,
     Array,
+    AxisLine,
     LinkFeature,
     Motion,
     Port,
     RigidLink,
-    features_of,
-    joint_values,
+    apply,
+    cross,
+    differences,
     line_poses,
     rigid_links,
     rotation_between,
-    rotations,
-    translations,
 )
-from thingc.tools.same.mechanism import Mechanism, MechanismJoint
+from thingc.tools.same.mechanism import Mechanism
 
 MOST = 64
 """Maximum number of maps that are searched for. A robot with more maps is reported as having at least this number."""
-FEW = 4
-"""Maximum number of maps of each part of a robot if values may differ."""
-STEPS = 3_000
-"""Maximum number of placed links in a search for differences."""
+WIDTH, FEW = 256, 16
+"""Maximum number of partial maps: without differences, and if values may differ."""
+MARGIN = 2
+"""A partial map is kept if it has at most this number of differences more than the best one."""
+FEATURES = 3
+"""Number of features of a link that are used to place it, if values may differ."""
+NEAREST = 3
+"""Number of joints of a link, the nearest first, that may be a joint of the other robot, if values may differ."""
 CLOSED = 3.0
-"""Factor of the tolerance up to which the two ends of a loop may differ, because errors of several joints add up."""
-OF_MASS = ("centre of mass", "principal axis 0", "principal axis 1", "principal axis 2")
-"""The tags of the features that depend on the mass distribution of a link."""
+"""Factor of the tolerance up to which the two ends of a joint may differ, because errors of several joints of a loop add up."""
+
+
+class LinkMap(NamedTuple):
+    """A link of A that is the link `other` of B at the pose `T`. `apart` are the differences of mass (fraction), centre [m] and inertia.
+
+    `axes` are the differences of each axis of A from each axis of B: angle [rad], distance [m] and lead [m/rad]. `nearest` contains the
+    smallest of them for each axis of A. `misfits` is the cost of masses, centres, inertias and axes that differ. `free` means that neither
+    masses nor axes determine the zero of the joint before the link.
+    """
+
+    other: int
+    T: Array
+    apart: tuple[float, float, float]
+    axes: Array
+    nearest: Array
+    misfits: float
+    free: bool = False
 
 
 class JointMap(NamedTuple):
     """A joint of A that is a joint of B: `q_B = sign * q_A + zero` [rad or m].
 
     `free` means that neither masses nor axes determine the zero. `ends` are the ends of the joints in A and B at which the search met them.
+    `apart` is the difference of the axes: angle [rad], distance [m] and lead [m/rad].
     """
 
     one: int
@@ -49,240 +73,206 @@ class JointMap(NamedTuple):
     zero: float
     free: bool
     ends: tuple[int, int]
+    apart: tuple[float, ...]
 
 
 class RobotMap(NamedTuple):
-    """A map from mechanism A to mechanism B, or a part of one. `links` maps a link of A to a link of B and to its pose in this link.
+    """A map from mechanism A to mechanism B, or a part of one. The keys of `links` are links of A.
 
-    `joints` are in the order of the search, which visits each joint after its nearer link. `cuts` are ends of joints of A that close loops,
-    each with the joint and the end in B. `misfits` counts the masses, centres of mass, inertias and axes that differ.
+    `joints` are in the order of the search, which visits each joint after its nearer link. `misfits` counts the values that differ.
     """
 
-    links: dict[int, tuple[int, Array]]
-    joints: tuple[JointMap, ...] = ()
-    cuts: tuple[tuple[int, int, int, int], ...] = ()
-    misfits: int = 0
-
-    def with_part(self, part: RobotMap) -> RobotMap:
-        """Return the union of this map and another part of the same map."""
-        return RobotMap(
-            {**self.links, **part.links}, self.joints + part.joints, self.cuts + part.cuts, self.misfits + part.misfits,
-        )
+    links: dict[int, LinkMap]
+    joints: tuple[JointMap, ...]
+    misfits: float
 
 
-class Tolerances(NamedTuple):
-    """The differences up to which values are equal (`exact`: [m], [rad], or a fraction of masses), and axes may differ (`geometry`).
-
-    At most `misfits` masses, centres of mass, inertias and axes may differ; if it is not 0, masses may differ by any amount.
-    """
-
-    exact: float
-    geometry: float
-    misfits: int = 0
-
-
-def find_maps(one: Mechanism, other: Mechanism, tolerances: Tolerances) -> list[RobotMap]:
+def find_maps(one: Mechanism, other: Mechanism, tolerance: float, *, exact: bool = True) -> list[RobotMap]:
     """Return the maps from `one` to `other`, at most `MOST`. Maps that preserve names and have small zeros come first.
 
-    If values may differ, the result contains only the first maps that are found.
+    If `exact` is false, masses, inertias and axes may differ, and the first map has the fewest differences.
     """
-    if len(one.links) != len(other.links) or Counter(j.kind for j in one.joints) != Counter(j.kind for j in other.joints):
-        return []
-    return _Search(one, other, tolerances).maps()
+    different: dict[tuple[object, ...], RobotMap] = {}
+    for found in _Search(one, other, tolerance, exact).maps():
+        links = ((a, link.other) for a, link in sorted(found.links.items()))
+        joints = ((j.one, j.other, j.sign, round(j.zero, 4)) for j in sorted(found.joints))
+        different.setdefault((*links, *joints), found)
+    return list(different.values())[:MOST]
 
 
 class _Search:
     """The search for maps from mechanism A to mechanism B. Lists and attributes contain A first."""
 
-    def __init__(self, one: Mechanism, other: Mechanism, tolerances: Tolerances) -> None:
+    def __init__(self, one: Mechanism, other: Mechanism, tolerance: float, exact: bool) -> None:
         self.mechanisms = (one, other)
-        self.links = tuple(rigid_links(robot, tolerances.exact) for robot in (one, other))
-        self.tolerances = tolerances
-        self.tree: set[int] = set()
-        self.exact = tolerances.misfits == 0
-        self.most = MOST if self.exact else FEW
-        self.steps = STEPS
-        self.likeness = [[_likeness(a, b, tolerances.exact) for b in self.links[1]] for a in self.links[0]]
-        self.least = 2 if self.exact else 1
+        self.tolerance, self.exact, self.most = tolerance, exact, 1 if exact else FEATURES
+        self.links = tuple(rigid_links(robot, tolerance) for robot in (one, other))
 
     def maps(self) -> list[RobotMap]:
-        """Return all maps, the best first. If values may differ, stop at the first maps."""
-        if any(max(line) < self.least for line in (*self.likeness, *zip(*self.likeness, strict=True))):
+        """Return the maps that are found, the best first."""
+        A, B = self.links
+        shapes = [sorted(_shape(link) for link in links) for links in self.links]
+        if shapes[0] != shapes[1]:
             return []
-        counts = [row.count(2) or len(row) + 1 for row in self.likeness]
-        start = min(range(len(counts)), key=lambda n: (counts[n], self.links[0][n].mass == 0.0, -len(self.links[0][n].ports)))
-        self.tree = self._spanning_tree(start)
-        found: list[RobotMap] = []
-        for b in sorted(range(len(counts)), key=lambda n: -self.likeness[start][n]):
-            for T in self._starts(self.links[0][start], self.links[1][b]) if self.likeness[start][b] >= self.least else ():
-                found += [whole for part in self._placed(start, b, T, None, None) if (whole := self._closed(part)) is not None]
-                if found and not self.exact:
-                    return sorted(found, key=self.rank)
-        return _distinct(sorted(found, key=self.rank))[: self.most]
+        alike = [[n for n, b in enumerate(B) if _shape(a) == _shape(b) and (self._equal(a, b) or not self.exact)] for a in A]
+        start = min(range(len(A)), key=lambda n: (len(alike[n]), A[n].mass == 0.0, -len(A[n].ports)))
+        placed = (self._link(start, b, T) for b in alike[start] for T in self._starts(A[start], B[b]))
+        found = self._kept(RobotMap({start: link}, (), link.misfits) for link in placed)
+        for near, port in _joints_from(A, start):
+            found = self._kept(longer for part in found for longer in self._extended(part, near, port))
+        return found
 
-    def rank(self, found: RobotMap) -> tuple[int, int, int, float]:
+    def _equal(self, a: RigidLink, b: RigidLink) -> bool:
+        """Return whether two links have the same mass and principal moments."""
+        scale = max(a.moments[2], b.moments[2])
+        same_mass = abs(a.mass - b.mass) <= self.tolerance * max(a.mass, b.mass)
+        return same_mass and bool(np.all(abs(a.moments - b.moments) <= self.tolerance * scale))
+
+    def _kept(self, found: Iterable[RobotMap]) -> list[RobotMap]:
+        """Return the best of partial maps, the best first."""
+        ranked = sorted((one for one in found if not (self.exact and one.misfits)), key=self._rank)
+        return [one for one in ranked if one.misfits <= ranked[0].misfits + MARGIN][: WIDTH if self.exact else FEW]
+
+    def _cost(self, *apart: float) -> float:
+        """Return the number of differences, plus their sizes."""
+        return sum(1.0 + min(value, 1.0) for value in apart if value > self.tolerance)
+
+    def _rank(self, found: RobotMap) -> tuple[float, int, int, float]:
         """Return a key by which better maps come first: fewer differences, more names preserved, fewer signs and zeros changed."""
         A, B = self.mechanisms
-        kept = sum(A.links[a].name == B.links[b].name for a, (b, _) in found.links.items())
+        kept = sum(A.links[a].name == B.links[link.other].name for a, link in found.links.items())
         kept += sum(A.joints[j.one].name == B.joints[j.other].name for j in found.joints)
-        return found.misfits, -kept, sum(j.sign < 0 for j in found.joints), sum(abs(j.zero) for j in found.joints)
+        return round(found.misfits, 6), -kept, sum(j.sign < 0 for j in found.joints), sum(abs(j.zero) for j in found.joints)
 
-    def _spanning_tree(self, start: int) -> set[int]:
-        met, tree, waiting = {start}, set(), [start]
-        while waiting:
-            for port in self.links[0][waiting.pop(0)].ports:
-                if port.other not in met:
-                    met.add(port.other)
-                    tree.add(port.joint)
-                    waiting.append(port.other)
-        return tree
+    # --- links -------------------------------------------------------------------------------------------------------
 
-    # --- one link ----------------------------------------------------------------------------------------------------
+    def _link(self, a: int, b: int, T: Array) -> LinkMap:
+        """Compare two links. `T` is the pose of the link of A in the frame of the link of B."""
+        one, other = self.links[0][a], self.links[1][b]
+        apart, axes = mass_differences(one, other, T), axis_differences(one, other, T, self.tolerance)
+        nearest = axes.max(axis=2, initial=0.0).min(axis=1, initial=np.inf)
+        return LinkMap(b, T, apart, axes, nearest, self._cost(*apart, *nearest))
 
-    def _starts(self, a: RigidLink, b: RigidLink, centre: tuple[Array, Array] | None = None) -> Iterator[Array]:
-        """Yield poses of `a` in `b` that may move all features of `a` to those of `b`.
+    def _starts(self, a: RigidLink, b: RigidLink, centres: tuple[Array, Array] | None = None) -> list[Array]:
+        """Return different poses of `a` in `b` that may move all features of `a` to those of `b`.
 
-        `centre` is a point of `a` and the same point of `b`, if known.
+        `centres` are a point of `a` and the same point of `b`, if known.
         """
-        both = [features_of(a), features_of(b)]
-        sets = [both]
-        if not self.exact:  # also without the features of masses, which may differ
-            sets.append([[one for one in found if one.tag not in OF_MASS] for found in both])
-        for ones, others in sets:
-            if centre is not None:
-                ones, others = [LinkFeature("given", centre[0], None, 1e-3), *ones], [LinkFeature("given", centre[1], None, 1e-3), *others]
-            yield from self._starts_with(ones, others)
+        given = [[] if centres is None else [LinkFeature("given", centre, None)] for centre in centres or (None, None)]
+        found: list[Array] = []
+        for tags in ((),) if self.exact else ((), OF_MASS):  # also without the features of masses, which may differ
+            ones, others = ([one for one in link.features if one.tag not in tags] for link in (a, b))
+            for T in self._starts_with([*given[0], *ones], [*given[1], *others]):
+                if all(np.abs(T - known).max() > DISTINCT for known in found):
+                    found.append(T)
+        return found
 
     def _starts_with(self, ones: list[LinkFeature], others: list[LinkFeature]) -> Iterator[Array]:
         """Yield poses that may move the features `ones` to `others`, beginning with the pose of one line."""
         lines = _lines(ones)
         if not lines:
-            point = next((f.point for f in ones if f.point is not None), None)
-            to = next((f.point for f in others if f.point is not None), None)
+            point, to = (next((f.point for f in features if f.point is not None), None) for features in (ones, others))
             T = np.eye(4)
             T[:3, 3] = 0.0 if point is None or to is None else to - point
             yield T
             return
-        line, limit = lines[0], self.tolerances.geometry
-        for end in (found for found in _lines(others) if found.tag == line.tag):
+        for end in (found for found in _lines(others) if found.tag == lines[0].tag):
             assert end.point is not None and end.axis is not None
-            for T in line_poses(end, line):
+            line, turn = AxisLine(end.point, end.axis, self.tolerance), Motion("rotation", np.eye(4), end.point, end.axis, 0.0)
+            for T in line_poses(end, lines[0]):
                 moved = [one.moved(T) for one in ones]
-                for along in translations(end.point, end.axis, others, moved, limit) or [0.0]:
+                for along in differences(line.heights(others), line.heights(moved), turns=False, most=self.most) or [0.0]:
                     shift = np.eye(4)
                     shift[:3, 3] = along * end.axis
                     placed = [one.moved(shift) for one in moved]
-                    for angle in rotations(end.point, end.axis, others, placed, limit) or [0.0]:
-                        yield Motion("rotation", T, end.point, end.axis, 0.0).exponential(angle) @ shift @ T
+                    for angle in differences(line.angles(others), line.angles(placed), turns=True, most=self.most) or [0.0]:
+                        yield turn.exponential(angle) @ shift @ T
 
-    # --- the tree ----------------------------------------------------------------------------------------------------
+    # --- joints ------------------------------------------------------------------------------------------------------
 
-    def _placed(self, a: int, b: int, T: Array, entry_a: Port | None, entry_b: Port | None) -> list[RobotMap]:
-        """Return the maps of link `a` and of all links behind it, if `a` is link `b` at the pose `T`."""
-        one, other = self.links[0][a], self.links[1][b]
-        misfits = int(np.sum(mass_differences(one, other, T) > self.tolerances.exact))
-        self.steps -= not self.exact
-        if self.likeness[a][b] < self.least or misfits > self.tolerances.misfits or self.steps < 0:
-            return []
-        ports = [port for port in one.ports if entry_a is None or port.joint != entry_a.joint or port.far != entry_a.far]
-        targets = [port for port in other.ports if entry_b is None or port.joint != entry_b.joint or port.far != entry_b.far]
-        options: list[dict[int, list[RobotMap]]] = []
-        for port in ports:
-            found = {n: self._across(port, target, T) for n, target in enumerate(targets)}
-            options.append({n: parts for n, parts in found.items() if parts})
-            if not options[-1]:
-                return []
-        maps = [(RobotMap({a: (b, T)}, misfits=misfits), frozenset[int]())]
-        for choices in sorted(options, key=len):
-            maps = [
-                (known.with_part(part), taken | {n})
-                for known, taken in maps for n, parts in choices.items() if n not in taken for part in parts
-                if known.misfits + part.misfits <= self.tolerances.misfits
-            ]
-            maps = sorted(maps, key=lambda item: self.rank(item[0]))[: self.most]
-        return [known for known, _ in maps]
+    def _extended(self, part: RobotMap, near: int, port: Port) -> Iterator[RobotMap]:
+        """Yield a partial map with one more joint, and with the link behind the joint if it is not in the map."""
+        link, known = part.links[near], part.links.get(port.other)
+        joints, placed = {joint.other for joint in part.joints}, {one.other for one in part.links.values()}
+        apart = link.axes[port.row].max(axis=1)
+        free = (target for target in self.links[1][link.other].ports if target.tag == port.tag and target.joint not in joints)
+        targets = sorted(free, key=lambda target: float(apart[target.row]))
+        fitting = [target for target in targets if apart[target.row] <= self.tolerance]
+        for target in fitting if self.exact else targets[:NEAREST]:
+            sign, X = _behind(port.motion, target.motion, link.T)
+            if known is not None and known.other == target.other:
+                yield self._joined(part, link, known, port, target, sign, X)
+            elif known is None and target.other not in placed:
+                for far in self._far_links(port, target, sign, X):
+                    yield self._joined(part, link, far, port, target, sign, X)
 
-    def _across(self, port: Port, target: Port, T: Array) -> list[RobotMap]:
-        """Return the maps of a joint and of all links behind it, if a port of A, placed at `T`, is the port `target` of B."""
-        a, b = port.motion, target.motion
-        apart = axis_differences(a, b, T)
-        if a.kind != b.kind or max(apart) > self.tolerances.geometry:
-            return []
-        misfits = sum(one > self.tolerances.exact for one in apart)
-        if port.joint not in self.tree:
-            return [RobotMap({}, (), ((port.joint, port.far, target.joint, target.far),), misfits)]
-        sign = _sign(a, b, T)
+    def _far_links(self, port: Port, target: Port, sign: int, X: Array) -> Iterator[LinkMap]:
+        """Yield maps of the link behind a joint. `X` is the pose of this link, at q = 0 in A, in the nearer link of B."""
+        b = target.motion
         one, other = self.links[0][port.other], self.links[1][target.other]
-        back_a, back_b = _other_end(one, port), _other_end(other, target)
-        maps: list[RobotMap] = []
-        for zero, free, at in self._values(port, target, T, sign):
-            for part in self._placed(port.other, target.other, at, back_a, back_b):
-                if part.misfits + misfits > self.tolerances.misfits:
-                    continue
-                joint = JointMap(port.joint, target.joint, sign, zero, free, (port.far, target.far))
-                maps.append(RobotMap(part.links, (joint, *part.joints), part.cuts, part.misfits + misfits))
-            if not self.exact and any(part.misfits == 0 for part in maps):
-                break
-        return sorted(maps, key=self.rank)[: self.most]
-
-    def _values(self, port: Port, target: Port, T: Array, sign: int) -> Iterator[tuple[float, bool, Array]]:
-        """Yield the zeros for which the link behind a port may be the link behind `target`, and its pose in this link."""
-        a, b = port.motion, target.motion
-        one, other = self.links[0][port.other], self.links[1][target.other]
-        X = _aligned(a, b, T, sign) @ T @ a.X
-        back = np.linalg.inv(b.X)
         if b.kind == "ball":
-            centres = (_other_end(one, port).motion.point, _other_end(other, target).motion.point)
-            yield from ((0.0, False, at) for at in self._starts(one, other, centres))
+            centres = _other_end(one, port).motion.point, _other_end(other, target).motion.point
+            yield from (self._link(port.other, target.other, T) for T in self._starts(one, other, centres))
             return
-        placed = [feature.moved(X) for feature in features_of(one, _other_end(one, port))]
-        there = [feature.moved(b.X) for feature in features_of(other, _other_end(other, target))]
-        values = joint_values(b, placed, there, self.tolerances.exact)
-        A, B = self.mechanisms[0].joints[port.joint], self.mechanisms[1].joints[target.joint]
-        wanted = _zero_of_limits(A, B, sign)
-        if values is not None and not self.exact:  # each feature may be one that differs
-            values += [*chain(*(joint_values(b, [one], there, self.tolerances.exact) or () for one in placed)), wanted or 0.0]
-        for value in [wanted or 0.0] if values is None else values:
-            zero = _unwound(b, value, wanted)
-            yield zero, values is None, back @ b.exponential(-zero) @ X
+        line, back = AxisLine(b.point, b.axis, self.tolerance), np.linalg.inv(b.X)
+        placed, there = [feature.moved(X) for feature in one.features], [feature.moved(b.X) for feature in other.features]
+        values = None
+        if b.kind != "rotation":
+            values = differences(line.heights(placed), line.heights(there), turns=False, most=self.most)
+            values = values and [value / (b.pitch or 1.0) for value in values]
+        if b.kind != "translation" and values is None:
+            values = differences(line.angles(placed), line.angles(there), turns=True, most=self.most)
+        zeros = [self._zero_of_limits(port, target, sign) or 0.0] if values is None or not self.exact else []
+        found = [self._link(port.other, target.other, back @ b.exponential(-value) @ X) for value in (*(values or ()), *zeros)]
+        if not self.exact and all(far.misfits for far in found):
+            found += [self._link(port.other, target.other, T) for T in self._starts(one, other)]
+        yield from (far._replace(free=values is None) for far in found)
 
-    # --- loops -------------------------------------------------------------------------------------------------------
+    def _joined(self, part: RobotMap, link: LinkMap, far: LinkMap, port: Port, target: Port, sign: int, X: Array) -> RobotMap:
+        """Return a map with one more joint and the link behind it. `link` and `far` are the maps of its two links."""
+        b, zero = target.motion, 0.0
+        rest: Array = np.eye(4)
+        if b.kind != "ball":
+            move = X @ np.linalg.inv(b.X @ far.T)
+            zero, wanted = b.value(move), self._zero_of_limits(port, target, sign)
+            if b.kind == "rotation" and wanted is not None:
+                zero += 2.0 * np.pi * round((wanted - zero) / (2.0 * np.pi))
+            rest = b.exponential(-zero) @ move
+        loose = np.array([*_screw(rest, b.point, self.tolerance), 0.0])
+        loose[loose <= CLOSED * self.tolerance] = 0.0
+        back, back_b = (_other_end(self.links[n][one.other], one) for n, one in enumerate((port, target)))
+        apart = np.max([loose, link.axes[port.row, target.row], far.axes[back.row, back_b.row]], axis=0).tolist()
+        new = port.other not in part.links
+        joint = JointMap(port.joint, target.joint, sign, zero, new and far.free, (port.end, target.end), tuple(apart))
+        misfits = part.misfits + (far.misfits if new else 0.0) + self._cost(max(apart))
+        misfits -= self._cost(link.nearest[port.row]) + self._cost(far.nearest[back.row])  # the links count the nearest axes
+        return RobotMap({**part.links, port.other: far}, (*part.joints, joint), misfits)
 
-    def _closed(self, part: RobotMap) -> RobotMap | None:
-        """Return the map with the joints that close loops, or None if a link or joint of B is used twice or a loop does not fit."""
-        ends: dict[int, list[tuple[int, int, int]]] = {}
-        for joint, end, other, other_end in part.cuts:
-            ends.setdefault(joint, []).append((end, other, other_end))
-        joints = list(part.joints)
-        for number, both in ends.items():
-            (end, other, other_end), (_, again, other_again) = sorted(both)
-            if other != again or other_end == other_again:
-                return None
-            closing = self._closing(part, number, other, (end, other_end))
-            if closing is None:
-                return None
-            joints.append(closing)
-        used = [b for b, _ in part.links.values()]
-        if len(set(used)) < len(used) or len({j.other for j in joints}) < len(joints) or len(used) < len(self.links[1]):
+    def _zero_of_limits(self, port: Port, target: Port, sign: int) -> float | None:
+        """Return the zero for which the middle of the limits of a joint is the same, or None if a joint has no limits."""
+        joints = self.mechanisms[0].joints[port.joint], self.mechanisms[1].joints[target.joint]
+        ends = [end for joint in joints for end in joint.limits or (None,)]
+        if None in ends:
             return None
-        return RobotMap(part.links, tuple(joints), (), part.misfits)
+        a_low, a_high, b_low, b_high = (float(end) for end in ends if end is not None)
+        return (b_low + b_high) / 2.0 - sign * (a_low + a_high) / 2.0
 
-    def _closing(self, part: RobotMap, number: int, other: int, ends: tuple[int, int]) -> JointMap | None:
-        """Return the map of a joint that closes a loop, if its two links are placed so that it moves as in B."""
-        A, B = self.mechanisms[0].joints[number], self.mechanisms[1].joints[other]
-        near, far = (A.parent, A.child) if ends[0] == 0 else (A.child, A.parent)
-        a = next(port for port in self.links[0][near].ports if port.joint == number and port.far == ends[0])
-        b = next(port for port in self.links[1][part.links[near][0]].ports if port.joint == other and port.far == ends[1])
-        T_near, T_far = part.links[near][1], part.links[far][1]
-        sign = _sign(a.motion, b.motion, T_near)
-        if b.motion.kind == "ball":
-            return JointMap(number, other, 1, 0.0, False, ends)
-        X = _aligned(a.motion, b.motion, T_near, sign) @ T_near @ a.motion.X
-        move = X @ np.linalg.inv(b.motion.X @ T_far)
-        zero = _unwound(b.motion, _value_of(b.motion, move), _zero_of_limits(A, B, sign))
-        if np.abs(b.motion.exponential(zero) - move).max() > CLOSED * self.tolerances.geometry:
-            return None
-        return JointMap(number, other, sign, zero, False, ends)
+
+def _shape(link: RigidLink) -> list[str]:
+    return sorted(port.tag for port in link.ports)
+
+
+def _joints_from(links: Sequence[RigidLink], start: int) -> Iterator[tuple[int, Port]]:
+    """Yield all joints, depth first, each with its nearer link and its end there."""
+    met, joints, waiting = {start}, set[int](), [(start, port) for port in links[start].ports]
+    while waiting:
+        near, port = waiting.pop()
+        if port.joint not in joints:
+            joints.add(port.joint)
+            yield near, port
+            if port.other not in met:
+                met.add(port.other)
+                waiting += [(port.other, further) for further in links[port.other].ports]
 
 
 def _lines(features: Sequence[LinkFeature]) -> list[LinkFeature]:
@@ -293,90 +283,65 @@ def _lines(features: Sequence[LinkFeature]) -> list[LinkFeature]:
 
 
 def _other_end(link: RigidLink, port: Port) -> Port:
-    return next(back for back in link.ports if back.joint == port.joint and back.far != port.far)
+    return next(back for back in link.ports if back.joint == port.joint and back.end != port.end)
 
 
-def _likeness(a: RigidLink, b: RigidLink, limit: float) -> int:
-    """Return 2 if two links have the same kinds of joints, mass and principal moments, 1 for the same kinds of joints only, otherwise 0."""
-    if Counter(port.motion.kind for port in a.ports) != Counter(port.motion.kind for port in b.ports):
-        return 0
-    scale = max(a.moments[2], b.moments[2])
-    return 2 if abs(a.mass - b.mass) <= limit * max(a.mass, b.mass) and np.all(abs(a.moments - b.moments) <= limit * scale) else 1
-
-
-def mass_differences(a: RigidLink, b: RigidLink, T: Array) -> Array:
+def mass_differences(a: RigidLink, b: RigidLink, T: Array) -> tuple[float, float, float]:
     """Return how much the mass (as a fraction), the centre of mass [m] and the inertia (as a fraction) of two links differ.
 
     `T` is the pose of link `a` in the frame of link `b`. Fractions refer to the larger mass and the largest moment of inertia.
     """
     turned = T[:3, :3] @ a.inertia @ T[:3, :3].T
     mass = abs(a.mass - b.mass) / max(a.mass, b.mass, 1e-300)
-    centre = float(np.linalg.norm(T[:3, :3] @ a.centre + T[:3, 3] - b.centre)) if min(a.mass, b.mass) > 0.0 else 0.0
-    return np.array([mass, centre, np.max(abs(turned - b.inertia)) / max(a.moments[2], b.moments[2], 1e-300)])
+    centre = float(np.linalg.norm(apply(T, a.centre) - b.centre)) if min(a.mass, b.mass) > 0.0 else 0.0
+    return mass, centre, float(np.max(abs(turned - b.inertia)) / max(a.moments[2], b.moments[2], 1e-300))
 
 
-def axis_differences(a: Motion, b: Motion, T: Array) -> tuple[float, float, float]:
-    """Return how much the axes of two joints differ: the angle [rad], the distance [m] and the travel per turn [m/rad].
+def axis_differences(a: RigidLink, b: RigidLink, T: Array, tolerance: float) -> Array:
+    """Return how much the axes of ports differ: the angle [rad], the distance [m] and the travel per turn [m/rad], as an array (n, n, 3).
 
-    `T` is the pose of the link of `a` in the frame of the link of `b`. The centres of ball joints have only a distance.
+    `T` is the pose of link `a` in the frame of link `b`. Axes whose angle is larger than `tolerance` have the shortest distance between
+    them. Centres of ball joints have only a distance, and translations only an angle. Ports with different tags have infinite differences.
     """
-    away = T[:3, :3] @ a.point + T[:3, 3] - b.point
+    away = (a.points @ T[:3, :3].T + T[:3, 3])[:, None] - b.points
+    found = np.zeros((len(a.ports), len(b.ports), 3))
+    axes = a.axes @ T[:3, :3].T
+    across = cross(axes[:, None], b.axes)
+    sine = np.linalg.norm(across, axis=2)
+    found[:, :, 0] = np.arctan2(sine, abs(axes @ b.axes.T))
+    shortest = abs((away * across).sum(axis=2)) / np.maximum(sine, tolerance)
+    found[:, :, 1] = np.where(sine > tolerance, shortest, np.linalg.norm(cross(away, b.axes), axis=2))
+    for n, m in np.ndindex(found.shape[:2]):
+        one, other = a.ports[n], b.ports[m]
+        if one.tag != other.tag:
+            found[n, m] = np.inf
+        elif one.motion.kind == "ball":
+            found[n, m] = 0.0, np.linalg.norm(away[n, m]), 0.0
+        elif one.motion.kind == "translation":
+            found[n, m, 1] = 0.0
+        found[n, m, 2] += abs(one.motion.pitch - other.motion.pitch)
+    return found
+
+
+def _behind(a: Motion, b: Motion, T: Array) -> tuple[int, Array]:
+    """Return the sign of the joint of A in B, and the pose of the other link of A, at q = 0, in the link of B.
+
+    `T` is the pose of the nearer link of A in the link of B. The result includes the small motion that moves the axis exactly to that of B.
+    """
     if a.kind == "ball":
-        return 0.0, float(np.linalg.norm(away)), 0.0
-    angle = float(np.linalg.norm(np.cross(T[:3, :3] @ a.axis, b.axis)))
-    distance = 0.0 if a.kind == "translation" else float(np.linalg.norm(np.cross(away, b.axis)))
-    return angle, distance, abs(a.pitch - b.pitch)
-
-
-def _sign(a: Motion, b: Motion, T: Array) -> int:
-    """Return whether the axis of `a`, placed at `T`, has the direction of the axis of `b` (1) or the opposite direction (-1)."""
-    return 1 if a.kind == "ball" or T[:3, :3] @ a.axis @ b.axis > 0.0 else -1
-
-
-def _unwound(motion: Motion, value: float, wanted: float | None) -> float:
-    """Return the value of a rotation plus the full turns by which it is nearest to `wanted`."""
-    if motion.kind != "rotation" or wanted is None:
-        return value
-    return value + 2.0 * np.pi * round((wanted - value) / (2.0 * np.pi))
-
-
-def _aligned(a: Motion, b: Motion, T: Array, sign: int) -> Array:
-    """Return the small motion that moves the axis of `a`, placed at `T`, exactly to the axis of `b`."""
-    move = np.eye(4)
-    point = T[:3, :3] @ a.point + T[:3, 3]
-    to = b.point
-    if a.kind != "ball":
-        move[:3, :3] = rotation_between(T[:3, :3] @ a.axis, sign * b.axis)
-        to = point if a.kind == "translation" else b.point + ((point - b.point) @ b.axis) * b.axis
+        return 1, T @ a.X
+    move, point, axis = np.eye(4), apply(T, a.point), T[:3, :3] @ a.axis
+    sign = 1 if axis @ b.axis > 0.0 else -1
+    to = point if a.kind == "translation" else b.point + ((point - b.point) @ b.axis) * b.axis
+    move[:3, :3] = rotation_between(axis, sign * b.axis)
     move[:3, 3] = to - move[:3, :3] @ point
-    return move
+    return sign, move @ T @ a.X
 
 
-def _value_of(motion: Motion, move: Array) -> float:
-    """Return the coordinate [rad or m] of a motion from its pose."""
-    if motion.kind == "translation":
-        return float(move[:3, 3] @ motion.axis)
-    if motion.kind == "screw":
-        return float((move[:3, :3] @ motion.point + move[:3, 3] - motion.point) @ motion.axis) / motion.pitch
-    r = move[:3, :3]
-    sine = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) @ motion.axis / 2.0
-    return float(np.arctan2(sine, (np.trace(r) - 1.0) / 2.0))
-
-
-def _zero_of_limits(one: MechanismJoint, other: MechanismJoint, sign: int) -> float | None:
-    """Return the zero for which the middle of the limits of a joint is the same, or None if a joint has no limits."""
-    ends = [end for joint in (one, other) for end in joint.limits or (None,)]
-    if None in ends:
-        return None
-    a_low, a_high, b_low, b_high = (float(end) for end in ends if end is not None)
-    return (b_low + b_high) / 2.0 - sign * (a_low + a_high) / 2.0
-
-
-def _distinct(maps: Sequence[RobotMap]) -> list[RobotMap]:
-    """Return the maps without those that are found twice."""
-    found: dict[tuple[object, ...], RobotMap] = {}
-    for one in maps:
-        links = ((a, b) for a, (b, _) in sorted(one.links.items()))
-        joints = ((j.one, j.other, j.sign, round(j.zero, 4)) for j in sorted(one.joints))
-        found.setdefault(tuple(chain(links, joints)), one)
-    return list(found.values())
+def _screw(X: Array, point: Array, tolerance: float) -> tuple[float, float]:
+    """Return the angle [rad] of a motion, and its distance [m] along the axis of the rotation, or of the point if it does not rotate."""
+    r, away = X[:3, :3], apply(X, point) - point
+    axis = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / 2.0
+    sine = float(np.linalg.norm(axis))
+    angle = float(np.arctan2(sine, (np.trace(r) - 1.0) / 2.0))
+    return angle, float(abs(away @ axis) / sine if sine > tolerance else np.linalg.norm(away))

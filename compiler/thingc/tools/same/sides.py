@@ -10,29 +10,33 @@ from thingc.modes.errors import ModesError
 from thingc.modes.modes_file import load_modes
 from thingc.tools.diff.arguments import UnknownComparison
 from thingc.tools.diff.cached_snapshots import BrokenDocument
-from thingc.tools.diff.checkouts import BrokenSide, Checkout, DocumentPair, broken_side, subject
+from thingc.tools.diff.checkouts import BrokenSide, Checkout, DocumentPair, broken_side, read_completely, subject
 from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.imported_document import imported_document
 from thingc.tools.same.mechanism import Mechanism, mechanism_of_assembly, mechanism_of_mode
 
+NO_MESHES = ImportRequest(meshes=False)
 
-def mechanisms(pair: DocumentPair, names: tuple[str, str], options: Options) -> tuple[Mechanism, Mechanism] | BrokenSide:
+
+def mechanisms(
+    pair: DocumentPair, names: tuple[str, str], options: Options, source: ImportRequest,
+) -> tuple[Mechanism, Mechanism] | BrokenSide:
     """Read both mechanisms of a pair, or return the side that has errors.
 
-    `names` are the names of the sides in diagnostics. Raises `UnknownComparison`.
+    `names` are the names of the sides in diagnostics, and `source` the options for reading robot files. Raises `UnknownComparison`.
     """
     found: list[Mechanism] = []
     for laid, name in zip((pair.old, pair.new), names, strict=True):
         if laid is None:
             raise UnknownComparison(f"`{pair.name}` does not exist in {name}", "compare documents that exist in both revisions")
         try:
-            found.append(read_side(laid, options))
+            found.append(read_side(laid, options, source))
         except BrokenDocument as broken:
             return broken_side(laid, name, broken)
     return found[0], found[1]
 
 
-def read_side(laid: Checkout, options: Options) -> Mechanism:
+def read_side(laid: Checkout, options: Options, source: ImportRequest = NO_MESHES) -> Mechanism:
     """Read the mechanism of one side. Raises `BrokenDocument` and `UnknownComparison`."""
     match laid.kind:
         case "build":
@@ -44,16 +48,16 @@ def read_side(laid: Checkout, options: Options) -> Mechanism:
         case "lock":
             raise UnknownComparison(f"`{laid.path}` is a lock file, which contains no joints", "compare documents or build folders")
         case "model":
-            return _imported(laid.path, options)
+            return read_completely(laid, options, lambda: _imported(laid.path, options, source))
         case _:
             with subject(laid, options) as compiled:
                 return mechanism_of_assembly(compiled.assembly)
 
 
-def _imported(path: str, options: Options) -> Mechanism:
-    """Import a robot without its meshes, and compile the document. Raises `BrokenDocument`."""
+def _imported(path: str, options: Options, source: ImportRequest) -> Mechanism:
+    """Import a robot, and compile the document. Raises `BrokenDocument`."""
     report = Report()
-    with imported_document(path, options, report, ImportRequest(meshes=False)) as document:
+    with imported_document(path, options, report, source) as document:
         compilation = None if document is None else document.compile(report)
     if compilation is None or compilation.assembly is None:
         raise BrokenDocument([one for one in report.ordered() if one.severity is Severity.ERROR])
