@@ -15,9 +15,6 @@ from thingc.targets.name_mangling import safe
 from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven, losses, moving, start
 from thingc.tools.learners.python_text import Call, Expression, assignment, constant, file_name, module
 
-WRITES = ("isaaclab/*.py",)
-UNASKED = False
-
 MOTIONS = frozenset({"single"})
 """The types of motion of joints that Isaac Lab supports: hinges and slides."""
 

@@ -17,9 +17,6 @@ from thingc.targets.mjcf.lowering import lowered
 from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven, losses, moving, start
 from thingc.tools.learners.python_text import Call, Expression, assignment, constant, file_name, imported, module
 
-WRITES = ("mjlab/*.py",)
-UNASKED = False
-
 MOTIONS = frozenset({"single", "several", "universal", "screw"})
 """The types of motion of joints that mjlab supports. mjlab requires one position for each MuJoCo joint, and a ball joint has four."""
 

@@ -8,9 +8,6 @@ from thingc.targets.mjcf.emit import model_trees
 from thingc.targets.xml_writer import Element
 from thingc.tools.learners.python_text import Expression, assignment, file_name, module
 
-WRITES = ("playground/*.py",)
-UNASKED = False
-
 
 def emit(request: EmitRequest) -> Artifacts:
     """Write a module for each chosen mode."""
