@@ -12,8 +12,10 @@ import pytest
 from thingc.base.diagnostics import Code, Report
 from thingc.base.joints.kinds import KINDS
 from thingc.documents.load.documents import Documents, load
+from thingc.documents.spec import assembly, drives, link_shapes, materials, modes, poses, sensors, variants, workspace
+from thingc.documents.spec.annotation_types import model_keys
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.foreign_keywords import WORDS
+from thingc.documents.spec.foreign_keywords import keywords
 from thingc.documents.spec.materials import MaterialsSpec
 from thingc.documents.spec.validation import part_references, validate
 from thingc.documents.workspace import Workspace
@@ -418,5 +420,15 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
 
 
 def test_a_kind_of_joint_is_no_word_for_another() -> None:
-    taken = sorted({*WORDS} & {*KINDS})
-    assert not taken, f"{taken}: kinds now; take them out of `WORDS` in compiler/thingc/documents/spec/foreign_keywords.py"
+    taken = sorted({*keywords()[1]} & {*KINDS})
+    assert not taken, f"{taken}: kinds now; take them out of the table `words` in compiler/thingc/documents/spec/foreign_keywords.toml"
+
+
+def test_keywords_of_other_formats_belong_to_models_and_mean_keys_of_them() -> None:
+    rooms = (assembly, drives, link_shapes, materials, modes, poses, sensors, variants, workspace)
+    for name, meant in keywords()[0].items():
+        model = next(vars(room)[name] for room in rooms if name in vars(room))
+        known = model_keys(model)
+        for word, meaning in meant.items():
+            assert word not in known, f"{word} is a key of {name} now"
+            assert " " in meaning or meaning in known, f"{meaning} is no key of {name}"
