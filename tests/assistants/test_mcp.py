@@ -98,6 +98,7 @@ def test_what_is_read_is_what_the_commands_print(rover: Path) -> None:
         ("info", {"document": "rover.yaml", "parameters": {"length": "200 mm"}}, ["info", "rover.yaml", "-p", "length=200 mm"]),
         ("explain", {"code": "302"}, ["explain", "TC302"]),
         ("parts", {"part": ["shapes:Post"]}, ["parts", "shapes:Post"]),
+        ("parts", {"part": ["shapes", "thingc_stock.magnets"]}, ["parts", "shapes", "thingc_stock.magnets"]),
     ):
         result = called(tool, given)
         assert not result.is_error and result.structured_content == printed(*words), tool
@@ -229,7 +230,9 @@ def test_no_code_of_an_untrusted_folder_runs(rover: Path, monkeypatch: pytest.Mo
             assert result.structured_content["mass"] == pytest.approx(expected, rel=1e-9)
         if tool == "parts":
             posts = [one for one in result.structured_content["parts"] if one["reference"] == "shapes:Post"]
-            assert len(posts) == 1 and "table_0" in posts[0]["mounts"]
+            assert posts == [{"reference": "shapes:Post", "doc": "A post on a foot, with a pin at the top that carries another part."}]
+            mounts = called("parts", {"part": ["shapes:Post"]}, trusted=False).structured_content["parts"][0]["mounts"]
+            assert {"ground", "pin", "table_0"} <= mounts.keys()
     part = {"what": "part", "to": "rover.yaml", "on": "boom.tip"}
     refused = [("render", {"document": "rover.yaml"}), ("add", {**part, "name": "shapes:Post"}), ("add", {**part, "name": "Flag"})]
     for tool, given in refused:

@@ -66,12 +66,16 @@ class Tools:
         return self._run("explain", {}, words=[code])
 
     async def parts(self, part: list[str] | None = None, workspace: str = ".") -> CallToolResult:
-        """List the available parts with their parameters and mounts.
+        """List the available parts. With `part`, also list their parameters, mounts and reference geometry.
 
-        `part` contains names of parts, modules or packages, such as `thingc_stock.servos:MG90S` or `thingc_stock.servos`. The default is
-        all parts, which is a long list.
+        `part` contains names of parts, modules or packages, such as `thingc_stock.servos:MG90S` or `thingc_stock.servos`.
         """
-        return self._run("parts", {"workspace": workspace}, words=part or [])
+        result = self._run("parts", {"workspace": workspace}, words=part or [])
+        if part:
+            return result
+        data: dict[str, Any] = result.structured_content
+        brief = [{"reference": one["reference"], "doc": one["doc"].partition("\n")[0]} for one in data.get("parts", ())]
+        return _result({**data, "parts": brief}, failed=result.is_error is True)
 
     async def render(
         self, document: str, mode: str | None = None, pose: str | None = None, azimuth: float | None = None, elevation: float | None = None,
@@ -136,9 +140,7 @@ class Tools:
             except console.WrongCommandLine as fault:
                 console.print_found([fault.diagnostic], "json", stream=sys.stdout, debug=False)
                 code = console.USAGE
-        failed = code == console.USAGE or code != 0 and command != "check"
-        text = printed.getvalue()
-        return CallToolResult(content=[TextContent(type="text", text=text)], structured_content=json.loads(text), is_error=failed)
+        return _result(json.loads(printed.getvalue()), failed=code == console.USAGE or code != 0 and command != "check")
 
     def _code(self, command: str) -> list[str]:
         """Return the option that forbids to run code of the workspace, if the folder is not trusted. Raises `WrongCommandLine`."""
@@ -172,6 +174,11 @@ class Tools:
             message = f"`{path}` is outside the folder of the server, `{self._folder}`"
             raise console.WrongCommandLine(message, "use a file in this folder", Code.OUTSIDE_WORKSPACE)
         return inside
+
+
+def _result(data: dict[str, Any], *, failed: bool) -> CallToolResult:
+    text = json.dumps(data, ensure_ascii=False)
+    return CallToolResult(content=[TextContent(type="text", text=text)], structured_content=data, is_error=failed)
 
 
 def create_server(tools: Tools) -> MCPServer:
