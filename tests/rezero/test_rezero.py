@@ -54,6 +54,7 @@ tendons:
 poses:
   up: {{turn: =top, "w*": 20 deg, slide: 0.5 cm}}
   down: {{"*in*": -10 deg}}
+  each: {{"*n*": 7 deg}}
   flat: {{}}
 modes:
   stand: {{root: base, pose: up}}
@@ -76,9 +77,10 @@ CASES: dict[str, tuple[str, str, list[str], Moves]] = {
     "constructs.urdf": ("", "constructs.urdf", ["elbow=1.5 rad", "shoulder=30 deg", "slide=5 mm", "--flip", "elbow", "--flip", "slide"],
                         {"elbow": (-1, 1.5), "shoulder": (1, 30 * DEG), "slide": (-1, 0.005)}),
     "hexapod": ("gallery/hexapod", "leg.yaml", ["lift=30 deg", "--flip", "knee"], {}),
-    "rig": ("", "", ["slide=5 mm", "turn=-0.5 rad", "wind=90 deg", "lead=20 deg", "--flip", "slide", "--flip", "lead", "--flip", "bend"],
-            {"slide": (-1, 0.005), "turn": (1, -0.5), "wind": (1, 90 * DEG), "wind:slide": (1, 0.002), "lead": (-1, 20 * DEG),
-             "bend": (-1, 0.0)}),
+    "rig": ("", "", ["slide=5 mm", "turn=-0.5 rad", "wind=90 deg", "lead=20 deg", "bend=12 deg",
+                     *(word for name in ("slide", "turn", "lead", "bend") for word in ("--flip", name))],
+            {"slide": (-1, 0.005), "turn": (-1, -0.5), "wind": (1, 90 * DEG), "wind:slide": (1, 0.002), "lead": (-1, 20 * DEG),
+             "bend": (-1, 12 * DEG)}),
 }
 
 
@@ -314,3 +316,20 @@ def test_reverse_needs_one_axis(here: Path, capsys: pytest.CaptureFixture[str]) 
     (here / "chain.yaml").write_text(CHAIN.replace("type: universal,", "type: universal, reverse: true,"))
     assert main(["check", "chain.yaml"]) == 1
     assert "error[TC338]: joint `cross` is universal and cannot have `reverse`" in capsys.readouterr().out
+
+
+def test_ranges_of_tests_follow(here: Path) -> None:
+    document = laid(here, "", "")
+    assert main(["rezero", "rig.yaml", "turn=15 deg", "--flip", "turn"]) == 0
+    assert 'joints: {turn: ["=-(top) + 15 deg", 25 deg], slide: all}' in document.read_text().replace("'", '"').replace(
+        "[=-(top) + 15 deg, 25 deg]", '["=-(top) + 15 deg", 25 deg]',
+    )
+
+
+def test_a_pose_whose_loop_would_close_elsewhere_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    document = laid(here, *CASES["gripper"][:2])
+    before = document.read_text()
+    assert main(["rezero", str(document), "left_close=5 deg"]) == 2
+    out = capsys.readouterr().out
+    line = before[: before.index("  half:")].count("\n") + 1
+    assert "the robot would change by" in out and f"gripper.yaml:{line}:" in out and document.read_text() == before
