@@ -333,3 +333,15 @@ def test_a_pose_whose_loop_would_close_elsewhere_is_refused(here: Path, capsys: 
     out = capsys.readouterr().out
     line = before[: before.index("  half:")].count("\n") + 1
     assert "the robot would change by" in out and f"gripper.yaml:{line}:" in out and document.read_text() == before
+
+
+def test_a_reversed_joint_is_a_difference(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    text = re.sub(r"^(raw|  (second|third|cross)).*\n", "", CHAIN, flags=re.MULTILINE)
+    text = re.sub(r"^  [cdf]: .*\n", "", text, flags=re.MULTILINE)
+    for name in ("old.yaml", "new.yaml"):
+        (here / name).write_text(text)
+    assert main(["rezero", "new.yaml", "--flip", "first"]) == 0
+    capsys.readouterr()
+    assert main(["diff", "old.yaml", "new.yaml"]) == 0
+    assert "joint first: reverse false -> true" in capsys.readouterr().out

@@ -153,9 +153,9 @@ def _coordinates(
             Code.COORDINATES, words, (*path, key), key=True, help=help,
             notes=scope.beside("the type of the joint is set here", (*path, "type"), (*path, key)),
         )
-    if count < 2:
-        return (replace(_resolve_joint(table, item, kind, next(iter(twists), None), (parent, child), layers, None), axis=axis),)
-    return tuple(replace(_resolve_joint(table, item, kind, twist, (parent, child), layers, k), axis=axis) for k, twist in enumerate(twists))
+    each: Sequence[tuple[int | None, Twist | None]] = [*enumerate(twists)] if count > 1 else [(None, next(iter(twists), None))]
+    own = (_resolve_joint(table, item, kind, twist, (parent, child), layers, number) for number, twist in each)
+    return tuple(replace(joint, axis=axis, reverse=item.spec.reverse) for joint in own)
 
 
 def _ball(

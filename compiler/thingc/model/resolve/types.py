@@ -213,7 +213,7 @@ class Joint(Coordinate):
     after the motions of the preceding coordinates (None for a `fixed` joint). For diagnostics, `spans` contains the spans of values of the
     joint by path (`limit.lower`), and `written` contains these values. If the joint has an `axis` (a unit vector in the frame of the parent
     mount), the mounts coincide at q = 0 instead of facing each other. Without `axis`, a `mirrored` joint moves in a frame that is the frame
-    of the parent mount after a rotation by pi about x.
+    of the parent mount after a rotation by pi about x. If `reverse` is True, `twist` is the reversed motion.
     """
 
     twist: Twist | None
@@ -226,6 +226,7 @@ class Joint(Coordinate):
     written: dict[str, str] = {}
     loop: bool = False
     mirrored: bool = False
+    reverse: bool = False
     axis: Vector | None = None
 
 

@@ -197,7 +197,7 @@ class _Following:
         causes |= self.changes.causes("component", ends, MADE)
         if occurrence.joint is not None:
             coordinates = [occurrence.joint, *(f"{occurrence.joint}_{k}" for k in range(6))]
-            causes |= self.changes.causes("joint", coordinates, ("turn", "gap", "axis", "offset", "parent", "child", "type"))
+            causes |= self.changes.causes("joint", coordinates, ("turn", "gap", "axis", "offset", "reverse", "parent", "child", "type"))
         return causes
 
     # --- links and the whole robot -----------------------------------------------------------------------------------

@@ -167,7 +167,7 @@ class _Reader:
             "parent": fact(first, "parent", _occurrence(definition, prefix, first.parent)),
             "child": fact(first, "child", _occurrence(definition, prefix, first.child)),
             "axis": fact(first, "axis", first.axis), "turn": fact(first, "turn", first.turn), "gap": fact(first, "gap", first.gap),
-            "loop": fact(first, "loop", first.loop),
+            "loop": fact(first, "loop", first.loop), "reverse": fact(first, "reverse", first.reverse),
         }
         if first.twist is not None and first.kind.leads:
             facts["lead"] = fact(first, "lead", first.twist.pitch)

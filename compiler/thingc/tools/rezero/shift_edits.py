@@ -140,7 +140,7 @@ class ShiftEdits:
         }
         yield from self._new((*path, "offset"), stated["offset"], -shift.zero.value)
         if shift.sign < 0:
-            yield (*path, "reverse"), "false" if joint.written.get("reverse", "").lower() == "true" else "true"
+            yield (*path, "reverse"), "false" if joint.reverse else "true"
         ends = {key: stated[f"limit.{key}"] for key in ("lower", "upper") if getattr(limit, key) is not None}
         if len(ends) == 1 and shift.sign < 0:
             raise ShiftRefused(f"joint `{shift.joint}` has only one limit", "add the other limit first", joint.spans["limit"])
