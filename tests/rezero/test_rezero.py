@@ -345,3 +345,22 @@ def test_a_reversed_joint_is_a_difference(here: Path, capsys: pytest.CaptureFixt
     capsys.readouterr()
     assert main(["diff", "old.yaml", "new.yaml"]) == 0
     assert "joint first: reverse false -> true" in capsys.readouterr().out
+
+
+def test_the_calibrations_of_so101_become_one(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The zeros that `thingc same` prints, rounded as there, make the old calibration the new one."""
+    for name in ("old", "new"):
+        assert main(["import", str(ROOT / f"gallery/so101/source/so101_{name}_calib.urdf"), "-o", name, "--no-meshes"]) == 0
+    old, new = "old/so101_old_calib.yaml", "new/so101_new_calib.yaml"
+    capsys.readouterr()
+    assert main(["same", old, new]) == 0
+    head = capsys.readouterr().out.splitlines()[0]
+    zeros = re.findall(r"(\w+) ([+-][\d.]+ deg)", head.partition("zeros: ")[2])
+    assert {name for name, _ in zeros} == {"shoulder_lift", "elbow_flex", "wrist_roll"}
+    assert main(["rezero", old, *(f"{name}={zero}" for name, zero in zeros)]) == 0
+    capsys.readouterr()
+    assert main(["same", old, new, "--format", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)["comparisons"][0]
+    assert found["same"] and all(one["sign"] == 1 and abs(one["zero"]) < 1e-5 for one in found["joints"])
+    assert main(["diff", old, new]) == 0
+    assert "zeros:" not in capsys.readouterr().out

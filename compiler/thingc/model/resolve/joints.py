@@ -129,13 +129,11 @@ def _coordinates(
     lead = _lead(scope, item.spec, kind, item.name, path)
     axis = _axis(scope, item.spec, kind, item.name, path)
     twists = kind.about(axis, lead or 0.0) if axis is not None else kind.twists if lead is None else kind.with_lead(lead)
-    if item.spec.reverse and not kind.axial:
-        scope.error(
-            Code.JOINT_FIELD, f"joint `{item.name}` is {kind.name} and cannot have `reverse`", (*path, "reverse"), key=True,
-            help="remove `reverse`", notes=scope.beside("the type of the joint is set here", (*path, "type"), (*path, "reverse")),
-        )
-    elif item.spec.reverse:
+    if item.spec.reverse and kind.axial:
         twists = tuple(twist.reversed() for twist in twists)
+    elif item.spec.reverse:
+        message = f"joint `{item.name}` is {kind.name} and cannot have `reverse`"
+        scope.error(Code.JOINT_FIELD, message, (*path, "reverse"), key=True, help="remove `reverse`")
     if kind.at_once:
         return _ball(table, item, kind, (parent, child), layers)
     for key in ("limit", "dynamics", "drive", "offset", "mimic"):
