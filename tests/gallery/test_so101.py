@@ -115,6 +115,14 @@ def test_drives_are_those_of_the_stock_servo(shared_store: str) -> None:
             assert joint.limit.effort == pytest.approx(30 * 0.0980665) and joint.limit.velocity == pytest.approx(45 * np.pi / 30)
 
 
+def test_the_elbow_hits_the_shoulder_within_the_limit_of_the_source(capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
+    """The limit of the file with the old calibration, 180 deg, is 90 deg here."""
+    for upper, code in (("1.5708 rad", 0), ("1.62 rad", 1), ("1.69 rad", 1)):
+        words = ["--only", "elbow", "--set", f"joints.elbow_flex.limit.upper={upper}", "--store", shared_store]
+        assert main(["test", str(FOLDER / "so101.yaml"), *words]) == code, upper
+        assert ("`shoulder_lift_servo` and `lower_arm_link` overlap" in capsys.readouterr().out) == bool(code)
+
+
 def test_the_servo_is_where_the_source_draws_it(shared_store: str) -> None:
     """The case of the stock servo in the box of the mesh of the source, in each link."""
     robot = compiled("so101.yaml", shared_store)
