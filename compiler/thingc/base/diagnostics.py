@@ -231,7 +231,7 @@ class Code(DiagnosticCode):
     SAME_NAME = ("TC709", "name clash in the files of a target", "Rename one of the two elements.")
     COMPAT = ("TC710", "model that another program rejects", "Change the value, or select other modes with `--mode`.", Stage.COMPAT)
     STEP_FAILED = ("TC752", "the STEP file could not be written", "Change the part that the message shows, or use `--emit` without `step`.")
-    UNSTATED = ("TC753", "target with undeclared files", "Ask the author of the package to list the files in `WRITES`.")
+    UNSTATED = ("TC753", "target with undeclared files", "Ask the author of the package to add the files to `WRITES`.")
     SAME_FILE = ("TC751", "two definitions with the same file name", "Rename one of the two part files.")
     # --- TC8xx: folders and files (driver, command line) -----------------------------------------------------------
     COMMAND_LINE = ("TC801", "wrong command line", "Run `thingc COMMAND --help` to list the arguments and options.")

@@ -69,7 +69,7 @@ class Moments(OneLineRepr, FrozenStruct):
         return [self.volume, *self.first, s[0][0], s[1][1], s[2][2], s[0][1], s[0][2], s[1][2]]
 
     def plus(self, other: Moments, share: float = 1.0) -> Moments:
-        """Return the sum of these moments and `share` times the moments of another body."""
+        """Add the moments of another body, multiplied by `share`. Return the sum."""
         return Moments(
             volume=self.volume + share * other.volume,
             first=added(self.first, other.first, share),

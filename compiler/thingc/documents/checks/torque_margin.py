@@ -77,7 +77,7 @@ def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck
 
 
 def _carried(mode: Mode) -> bool:
-    """Return whether the document specifies a support for the base of a mode, such as feet or holds."""
+    """Return True if the base of a mode does not float, or if feet or holds support it."""
     return mode.base != "free" or mode.standing is not None or bool(mode.holds)
 
 

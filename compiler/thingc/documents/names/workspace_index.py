@@ -111,5 +111,5 @@ def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
 
 
 def mentioned(text: str, word: str) -> bool:
-    """Return whether a text contains the name `word`, or the name of an item of a repeat, such as `leg_0` if `word` is `leg`."""
+    """Return True if a text contains the name `word`, or this name with the index of a repeat. For example, `leg_0` contains `leg`."""
     return re.search(rf"(?<![A-Za-z0-9_]){re.escape(word)}(?![A-Za-z0-9])", text, re.ASCII) is not None

@@ -111,7 +111,7 @@ class UnknownKey:
         return f"move `{self.key}` below the key `{best}`, indented by two more spaces"
 
     def _of_entries(self, root: type[Model]) -> str | None:
-        """Describe the sections of the document whose entries accept the unknown key."""
+        """Return a hint that lists other sections in which the unknown key is valid."""
         having = [name for name, entry in sections(root) if entry.model is not None and self.key in model_keys(entry.model)]
         return f"`{self.key}` is a key of an entry of {one_of(having)}: check the indentation" if having else None
 

@@ -155,7 +155,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
                 *([Note(message=f"`{first.path}` is defined here", span=first.origin[0])] if first.origin else []),
                 *(Note(message=f"also `{joint.path}`") for joint in more[:3]),
                 *([Note(message=f"the same problem occurs in {others}")] if others else []),
-            ], help=f"add a `pose` to the mode that sets `{first.path.replace('/', '.')}`", allow=True,
+            ], help=f"add a `pose` to the mode, with a value for `{first.path.replace('/', '.')}`", allow=True,
         )
 
 

@@ -107,7 +107,7 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
 
 
 def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to build in parallel") -> None:
-    """Add the options that concern the geometry of parts to a parser. `jobs` is the help text of the option `--jobs`."""
+    """Add the options for part geometry, such as `--store`, to a parser. `jobs` is the help text of the option `--jobs`."""
     parser.add_argument(
         "--store", metavar="DIR", help="cache of built parts, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
     )

@@ -89,7 +89,7 @@ def facts_of(
     tree: MappingNode, model: AssemblyDefinition | None, records: Records, schemas: Mapping[str, PartSchema | PartFailure],
     usual: Mapping[str, Names],
 ) -> DocumentFacts:
-    """Return the names in a document that editors suggest.
+    """Return the names for completion in editors: components, joints, mounts and others of one document.
 
     `usual` contains the default mounts of part classes, for parts whose mounts are unknown.
     """
