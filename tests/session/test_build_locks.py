@@ -9,6 +9,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,67 +45,79 @@ PARTS = """
 
 CLIENT = """
 import json, sys
+from thingc.geometry.client import Workers
 from thingc.geometry.record import PartDefinition, PartRecord
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store
 from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
-root, store, part, first, last = sys.argv[1:]
+root, part = sys.argv[1:]
 workspace = Workspace(
     root=root, parts=(root + "/parts",), packages=("thingc_stock",), build=root + "/build", part_timeout=60.0,
     mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
 )
+workers = Workers(1)
+workers.warm()
 def block(width):
     text = f"blocks:{part}(width={width})"
     return PartDefinition(reference=f"blocks:{part}", kind="code", parameters=(("width", width),), text=text, label=text)
-step = 1 if int(first) <= int(last) else -1
-with GeometryService(workspace, Store(store), 1, 60.0) as service:
-    service.warm()
-    print("ready", flush=True)
-    sys.stdin.readline()
-    found = service.realize([block(k / 1000) for k in range(int(first), int(last), step)])
-print(json.dumps({
-    "modelled": service.modelled, "reused": service.reused, "records": {text: repr(record) for text, record in found.items()},
-    "sound": all(isinstance(record, PartRecord) for record in found.values()),
-}))
+for line in sys.stdin:
+    store, first, last = json.loads(line)
+    with GeometryService(workspace, Store(store), 1, 60.0, workers=workers) as service:
+        found = service.realize([block(k / 1000) for k in range(first, last, 1 if first <= last else -1)])
+    print(json.dumps({
+        "modelled": service.modelled, "reused": service.reused, "records": {text: repr(record) for text, record in found.items()},
+        "sound": all(isinstance(record, PartRecord) for record in found.values()),
+    }), flush=True)
+workers.close()
 """
 
 
 class Client:
-    """A process with a geometry service of its own, which models blocks of `first` to `last` mm when it is told to."""
+    """A process with a kernel of its own, which models blocks of `first` to `last` mm whenever it is told to."""
 
-    def __init__(self, folder: Path, part: str, first: int, last: int) -> None:
-        arguments = [sys.executable, "-c", CLIENT, str(folder), str(folder / "store"), part, str(first), str(last)]
+    def __init__(self, folder: Path, part: str) -> None:
+        arguments = [sys.executable, "-c", CLIENT, str(folder), part]
         self.process = subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        assert self.process.stdout is not None
-        assert self.process.stdout.readline() == "ready\n"
 
-    def go(self) -> None:
+    def go(self, store: Path, first: int, last: int) -> None:
         assert self.process.stdin is not None
-        self.process.stdin.write("\n")
+        self.process.stdin.write(json.dumps([str(store), first, last]) + "\n")
         self.process.stdin.flush()
 
     def answer(self) -> dict[str, Any]:
-        out, _ = self.process.communicate(timeout=120)
-        assert self.process.returncode == 0
-        found: dict[str, Any] = json.loads(out)
+        assert self.process.stdout is not None
+        found: dict[str, Any] = json.loads(self.process.stdout.readline())
         assert found["sound"]
         return found
 
 
+def workspace(folder: Path) -> Path:
+    """A workspace whose parts take a while."""
+    folder.joinpath("parts").mkdir()
+    folder.joinpath("parts/blocks.py").write_text(textwrap.dedent(PARTS))
+    return folder
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A workspace whose parts take a while."""
-    tmp_path.joinpath("parts").mkdir()
-    tmp_path.joinpath("parts/blocks.py").write_text(textwrap.dedent(PARTS))
-    return tmp_path
+    return workspace(tmp_path)
 
 
-def test_two_processes_model_each_part_once(folder: Path) -> None:
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Client, Client]]:
+    """Two processes, which load the kernel once for all tests."""
+    folder = workspace(tmp_path_factory.mktemp("both"))
+    clients = Client(folder, "Block"), Client(folder, "Block")
+    yield clients
+    for client in clients:
+        client.process.communicate(timeout=60)
+
+
+def test_two_processes_model_each_part_once(both: tuple[Client, Client], tmp_path: Path) -> None:
     """One goes up, the other comes down: in between each needs what the other has begun."""
-    both = Client(folder, "Block", 10, 20), Client(folder, "Block", 19, 9)
-    for client in both:
-        client.go()
+    for client, first, last in zip(both, (10, 19), (20, 9), strict=True):
+        client.go(tmp_path / "store", first, last)
     one, other = (client.answer() for client in both)
     assert len(one["modelled"]) + len(other["modelled"]) == 10
     assert set(one["modelled"]).isdisjoint(other["modelled"])
@@ -116,8 +129,8 @@ def test_two_processes_model_each_part_once(folder: Path) -> None:
 def test_a_killed_process_is_not_waited_for(folder: Path) -> None:
     store = Store(str(folder / "store"))
     store.check()
-    first = Client(folder, "Endless", 10, 11)
-    first.go()
+    first = Client(folder, "Endless")
+    first.go(folder / "store", 10, 11)
     own = BuildLocks(store)
     key = _key_under_way(folder)
     assert not own.take(key), "somebody is at it"
@@ -156,12 +169,11 @@ def _key_under_way(folder: Path) -> str:
     return key
 
 
-def test_without_locks_both_model_and_agree(folder: Path) -> None:
+def test_without_locks_both_model_and_agree(both: tuple[Client, Client], tmp_path: Path) -> None:
     """A file that cannot be locked (here: a folder in its place) hinders nobody."""
-    (folder / "store" / build_locks.FILE).mkdir(parents=True)
-    both = Client(folder, "Block", 10, 12), Client(folder, "Block", 10, 12)
+    (tmp_path / "store" / build_locks.FILE).mkdir(parents=True)
     for client in both:
-        client.go()
+        client.go(tmp_path / "store", 10, 12)
     one, other = (client.answer() for client in both)
     assert one["records"] == other["records"]
     assert len(one["modelled"]) + len(other["modelled"]) >= 2
