@@ -250,7 +250,7 @@ def _sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 
 def _square(value: Floats) -> tuple[Floats, Floats]:
-    """Return the rounded square of an array, and the rounding error of the square."""
+    """Square each element of an array. Return the squares, and their rounding errors."""
     square = value * value
     scaled = 134217729.0 * value  # 2**27 + 1
     high = scaled - (scaled - value)

@@ -156,7 +156,9 @@ For longer programs, derivatives are computed with arrays instead of generated c
 
 
 def derivative_function(program: Program, by: Sequence[int] | None = None) -> DerivativeFunction:
-    """Create a function that computes the outputs of a program, and their derivatives by the variables with the indices `by` (None: all).
+    """Create a function that computes the outputs of a program and their derivatives.
+
+    `by` contains the indices of the variables by which the outputs are differentiated (default: all variables).
 
     The argument of the returned function contains the values of all variables. For values to which the program does not apply, the returned
     function returns None, or raises `ArithmeticError` or `ValueError`. The returned function raises `NotSmooth` if a derivative does not

@@ -182,7 +182,7 @@ Point = Sequence[float]
 
 
 def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[list[float]], tuple[float, float, float]]:
-    """Return the corner points [m] of the MuJoCo model `xml`, and the gravity [m/s^2] of the model. There are no points if no geom is
+    """Return the corner points [m] and the gravity [m/s^2] of a MuJoCo model. `xml` is the text of the model. There are no points if no geom is
     visible.
 
     The model is in the keyframe `pose` if this keyframe exists. A model without this keyframe is in its first keyframe. Raises `ValueError`
