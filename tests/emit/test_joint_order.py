@@ -155,6 +155,19 @@ def test_files_have_these_joints(built: dict[str, Folder]) -> None:
     assert 0 < missing < len(every_mode(built)) // 2
 
 
+def test_isaac_has_the_order_that_its_doctor_reports(built: dict[str, Folder]) -> None:
+    pytest.importorskip("isaaclab_robot_doctor", reason="isaaclab-robot-doctor is not installed: pip install isaaclab-robot-doctor")
+    from isaaclab_robot_doctor.checks import CHECKS
+    from isaaclab_robot_doctor.loader import load_robot
+
+    for seed in SEEDS:
+        folder = built[f"plain_{seed}"]
+        for mode, order in folder.modes.items():
+            model = load_robot(folder.path / "usd" / f"{folder.name}_{mode}.usda")
+            (found,) = (one.message for check in CHECKS for one in check(model) if one.id == "order.joints")
+            assert found.partition(": ")[2].partition(" - ")[0].split(", ") == order["joints"]["isaac"]
+
+
 def test_an_index_leads_to_the_same_joint(built: dict[str, Folder]) -> None:
     """A number for each coordinate of the document arrives at the joint with its name, by every way."""
     for folder, mode, order in every_mode(built):

@@ -4,8 +4,8 @@ A simulator or a controller passes positions and commands as arrays. The file co
 in Isaac Sim (PhysX) and in ROS, and the indices that convert arrays from one order to another.
 
     MuJoCo          depth-first, as in the model; a free base is a joint
-    Isaac           PhysX visits links breadth-first, and the children of a link in the order of the joints in the USD file. The base is not
-                    part of the order. A joint with several rotations has the entries `NAME:0` (about x), `NAME:1` and `NAME:2`
+    Isaac           Isaac Sim visits links breadth-first, and the children of a link in the order of the joints in the USD file. The base is
+                    not part of the order. A joint with several rotations has the entries `NAME:0` (about x), `NAME:1` and `NAME:2`
     URDF            the order in the file, where mimic joints come last
     joint_states    `joint_state_broadcaster` sorts the joints of the URDF by name
 """
