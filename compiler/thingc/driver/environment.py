@@ -124,7 +124,7 @@ class Environment:
 
     @property
     def geometry(self) -> GeometryService:
-        """The geometry service, which builds parts with the CAD kernel. The service is only available if the code in the workspace is allowed to run."""
+        """The geometry service, which builds parts with the CAD kernel. It is only available if the workspace is allowed to run code."""
         from thingc.geometry.service import GeometryService
 
         assert isinstance(self.parts, GeometryService), "the geometry service requires permission to run code of the workspace"
