@@ -184,8 +184,8 @@ Point = Sequence[float]
 def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[list[float]], tuple[float, float, float]]:
     """Return the corner points [m] and the gravity [m/s^2] of a MuJoCo model. `xml` is the text of the model.
 
-    There are no points if no geom is visible. The model is in the keyframe `pose` if this keyframe exists. A model without this keyframe is in its first keyframe. Raises `ValueError`
-    if `xml` is not a valid model.
+    There are no points if no geom is visible. The model is in the keyframe `pose` if this keyframe exists. A model without this keyframe is
+    in its first keyframe. Raises `ValueError` if `xml` is not a valid model.
     """
     import mujoco
 
