@@ -37,10 +37,6 @@ class CalibratedJoint(FrozenStruct):
     modulus: int | None
     model: str | None
 
-    def position(self, ticks: float) -> float:
-        """Return the position q [rad or m] at an encoder value."""
-        return self.sign * (ticks - self.offset) / self.ticks
-
 
 def read_calibration(path: str, assembly: Assembly, report: Report) -> tuple[CalibratedJoint, ...]:
     """Read a calibration document. Errors are added to `report`."""

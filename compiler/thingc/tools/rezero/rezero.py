@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Report
+from thingc.base.diagnostics import Report, shown_path
 from thingc.base.pose import Pose
 from thingc.base.source import Document, walk
 from thingc.documents.format.value_edits import CannotSetValue, Keys, changes, set_values
@@ -81,7 +81,7 @@ def _sound(document: str, options: Options) -> Compilation:
     compilation = _compiled(document, options)
     error = next(iter(compilation.report.ordered()), None) if compilation.report.failed else None
     if error is not None:
-        raise ShiftRefused(f"`{document}` would have an error: {error.message}", error.help or "edit the document by hand", error.span)
+        raise ShiftRefused(f"error in `{shown_path(document)}`: {error.message}", error.help or "edit the document by hand", error.span)
     return compilation
 
 
