@@ -53,6 +53,11 @@ def beginning(path: str, most: int) -> bytes:
         return stream.read(most)
 
 
+def without_suffix(path: str) -> str:
+    """Return the path of a document or module without its extension: `a.yaml`, `a.thingc.yaml` and `a.py` become `a`."""
+    return os.path.splitext(path)[0].removesuffix(".thingc")
+
+
 def working_folder() -> str | None:
     """Return the path of the current working directory, or None if the directory has been deleted."""
     try:

@@ -7,7 +7,7 @@ import os
 import sys
 from functools import cache
 
-from thingc.base.filesystem import working_folder
+from thingc.base.filesystem import without_suffix, working_folder
 
 
 @cache
@@ -58,7 +58,7 @@ def dotted_name(file: str) -> str:
 
     The name does not depend on the folder in which the package is installed.
     """
-    folder, name = os.path.split(os.path.splitext(file)[0])
+    folder, name = os.path.split(without_suffix(file))
     words = [name]
     while os.path.isfile(os.path.join(folder, "__init__.py")):
         folder, name = os.path.split(folder)

@@ -12,12 +12,12 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.filesystem import beginning, listing
+from thingc.base.filesystem import beginning, listing, without_suffix
 from thingc.base.installed_packages import package_folder
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean, near_hint
 from thingc.base.units import shortened
-from thingc.documents.load.paths import DOCUMENT_SUFFIXES
+from thingc.documents.load.paths import DOCUMENT_SUFFIXES, OWN_SUFFIXES
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
@@ -103,13 +103,16 @@ def is_document(path: str, kind: str = "") -> bool:
 def has_header(head: bytes, path: str, kind: str = "") -> bool:
     """Return whether the first bytes `head` of a file contain the key `thingc`, and the file is not a workspace file.
 
-    With `kind`, the document must also be of this kind.
+    With `kind`, the document must also be of this kind. Without `kind`, a name that ends with `.thingc.yaml` is sufficient, so that a
+    missing key is reported.
 
     The file type (YAML or TOML) is determined from the extension of `path`.
     """
     head = head[:HEAD]
     table = _TABLE.search(head) if path.lower().endswith(".toml") else None
     header = _HEADER.search(head, 0, table.start() if table is not None else len(head))
+    if not kind and path.lower().endswith(OWN_SUFFIXES):
+        return True
     return header is not None and head[header.end():].lstrip(b" \t\"'").startswith(kind.encode())
 
 
@@ -139,7 +142,7 @@ def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked
     installed = package_folder(package) if package in workspace.packages else None
     tops = [os.path.join(folder, package) for folder in workspace.parts] + ([installed] if installed is not None else [])
     for top in tops:
-        for suffix in DOCUMENT_SUFFIXES:
+        for suffix in (*DOCUMENT_SUFFIXES, *OWN_SUFFIXES):
             path = os.path.join(top, *words) + suffix
             looked_at.add(path)
             if os.path.isfile(path) and _stays(path, top, workspace):
@@ -167,9 +170,8 @@ def packaged_documents(workspace: Workspace) -> dict[str, str]:
     packages = [folder for name in workspace.packages if (folder := package_folder(name)) is not None]
     for top in (*folders, *packages):
         for name in listing(top):
-            stem, suffix = os.path.splitext(name)
-            path = os.path.join(top, name)
-            if stem.isidentifier() and suffix in DOCUMENT_SUFFIXES and _stays(path, top, workspace) and is_document(path, "materials"):
+            stem, path = without_suffix(name), os.path.join(top, name)
+            if stem.isidentifier() and name.endswith(DOCUMENT_SUFFIXES) and _stays(path, top, workspace) and is_document(path, "materials"):
                 documents.setdefault(f"{os.path.basename(top)}.{stem}", path)
     return dict(sorted(documents.items()))
 

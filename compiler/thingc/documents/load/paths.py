@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 DOCUMENT_SUFFIXES = (".yaml", ".yml", ".toml")
+OWN_SUFFIXES = (".thingc.yaml", ".thingc.yml", ".thingc.toml")
+"""Extensions of files that are documents even without the key `thingc`."""
 PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf")
 MESH_SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".glb")
 """Extensions of mesh files of links."""

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, assert_never
 
+from thingc.base.filesystem import without_suffix
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import MappingNode, Path, ScalarNode, Span, entries_of, node_at
 from thingc.documents.expressions.parsing import parse_expression
@@ -184,7 +185,7 @@ class NameReader:
     def packaged(self, text: str) -> DocumentNames | None:
         """Return the document of a package with the dotted name `package.document`."""
         end = os.sep + text.replace(".", os.sep) + "."
-        return next((one for path, one in self.documents.items() if f"{os.path.splitext(path)[0]}.".endswith(end)), None)
+        return next((one for path, one in self.documents.items() if f"{without_suffix(path)}.".endswith(end)), None)
 
     def nested(self, written: DocumentNames, component: str) -> DocumentNames | None:
         """Return the document of a component that is a nested assembly, or None."""

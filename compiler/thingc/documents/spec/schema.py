@@ -21,6 +21,8 @@ from thingc.documents.spec import assembly, drives, link_shapes, mass, materials
 from thingc.documents.spec.validation import KINDS, model_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
+URL = "https://raw.githubusercontent.com/thingc/thingc/main/schemas/"
+"""Base of the `$id` of schemas, where editors load them."""
 
 
 def json_schema(kind: str) -> dict[str, Any]:
@@ -135,19 +137,39 @@ def _both(inner: dict[str, Any], outer: dict[str, Any]) -> dict[str, Any]:
 
 
 def write(folder: str) -> list[str]:
-    """Write the JSON Schema of each kind of document to a file `<kind>-1.json` in a folder. Return the paths of the files."""
+    """Write the files of the folder `schemas/` to a folder. Return their paths."""
     paths = []
-    for kind in KINDS:
-        path = os.path.join(folder, f"{kind}-1.json")
-        with open(path, "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text_of(kind))
-        paths.append(path)
+    for name, content in files().items():
+        paths.append(os.path.join(folder, name))
+        with open(paths[-1], "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(json.dumps(content, indent=2, ensure_ascii=False, sort_keys=False) + "\n")
     return paths
 
 
-def text_of(kind: str) -> str:
-    """Return the JSON text of the schema file for a kind of document, such as `assembly`."""
-    return json.dumps(json_schema(kind), indent=2, ensure_ascii=False, sort_keys=False) + "\n"
+def files() -> dict[str, dict[str, Any]]:
+    """Return the JSON Schemas of each kind of document and of all documents, and `catalog.json`, the entries for https://www.schemastore.org.
+
+    The keys are file names. A file `*.thingc.yaml` may be of any kind except `workspace`, and an entry has one schema for a file name. The
+    schema `document-1.json` therefore selects the schema of the kind by the key `thingc`.
+    """
+    schemas = {f"{kind}-1.json": {"$schema": DIALECT, "$id": f"{URL}{kind}-1.json", **json_schema(kind)} for kind in KINDS}
+    kinds_of_files = [kind for kind in KINDS if kind != "workspace"]
+    either = [
+        {"if": {"properties": {"thingc": {"const": f"{kind}/1"}}, "required": ["thingc"]}, "then": {"$ref": f"{kind}-1.json"}}
+        for kind in kinds_of_files
+    ]
+    key = {"title": "Thingc", "description": "The kind of this document.", "enum": [f"{kind}/1" for kind in kinds_of_files]}
+    schemas["document-1.json"] = {
+        "$schema": DIALECT, "$id": f"{URL}document-1.json", "title": "thingc document, version 1", "type": "object",
+        "properties": {"thingc": key}, "required": ["thingc"], "allOf": either,
+    }
+    named = ("thingc document", "A robot, materials or variants for thingc", [f"*.thingc.{end}" for end in ("yaml", "yml", "toml")])
+    settings = ("thingc workspace", "Settings of a thingc workspace", ["thingc.toml"])
+    entries = [
+        {"name": name, "description": description, "fileMatch": match, "url": f"{URL}{file}"}
+        for (name, description, match), file in ((named, "document-1.json"), (settings, "workspace-1.json"))
+    ]
+    return {**schemas, "catalog.json": {"version": 1, "schemas": entries}}
 
 
 if __name__ == "__main__":

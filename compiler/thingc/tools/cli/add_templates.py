@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import get_args
 
 from thingc.base.diagnostics import Report, shown_path
+from thingc.base.filesystem import without_suffix
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.kinds import KINDS, BaseType, stays
 from thingc.base.python_source import parse_python
@@ -164,7 +165,7 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Doc
     if documents is None and there:
         hint = "choose another name, or add it to a document: --to robot.yaml"
         raise console.WrongCommandLine(f"`{shown_path(path)}` exists already", hint)
-    name = _identifier(os.path.splitext(os.path.basename(path))[0])
+    name = _identifier(without_suffix(os.path.basename(path)))
     text = new_assembly(name, ".toml" if path.lower().endswith(".toml") else ".yaml")
     files: dict[str, Change] = {} if there else {path: (None, text.encode())}
     if documents is None:

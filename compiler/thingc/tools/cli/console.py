@@ -14,7 +14,7 @@ from typing import TextIO
 
 from thingc.base.diagnostic_output import as_json, as_text, summary
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
-from thingc.base.filesystem import NO_ROOM, listing, working_folder
+from thingc.base.filesystem import NO_ROOM, listing, without_suffix, working_folder
 from thingc.base.pose import Matrix, Vector
 from thingc.base.replacement import ReplacementRefused
 from thingc.base.safe_text import escape_control, json_text, shown_line
@@ -267,9 +267,9 @@ def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
     from thingc.documents.workspace import Workspace
 
     workspace = Workspace.find(os.path.join(os.path.abspath(folder), "document"), Report())
-    stem, elsewhere = os.path.splitext(os.path.basename(path))[0], [shown_path(one) for one in documents_near(folder, workspace)]
+    stem, elsewhere = without_suffix(os.path.basename(path)), [shown_path(one) for one in documents_near(folder, workspace)]
     for known in (beside, elsewhere):
-        called = {os.path.splitext(os.path.basename(one))[0]: one for one in sorted(known, reverse=True)}
+        called = {without_suffix(os.path.basename(one)): one for one in sorted(known, reverse=True)}
         close = nearest(stem, called)
         if close is not None:
             return f"did you mean `{called[close]}`?"

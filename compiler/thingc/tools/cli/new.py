@@ -68,7 +68,7 @@ def robot_name(place: str) -> str:
         raise console.WrongCommandLine(f"cannot create a folder `{place}`", "write, for example, `thingc new rover`")
     stem, ending = os.path.splitext(word)
     if ending.lower() in DOCUMENT_SUFFIXES and not here:
-        near = shlex.quote(os.path.join(os.path.dirname(place), stem))
+        near = shlex.quote(os.path.join(os.path.dirname(place), stem.removesuffix(".thingc")))
         message = f"expected a folder, found the name of a document `{word}`"
         raise console.WrongCommandLine(message, f"write `thingc new {near}`, which creates the document in it")
     if word.startswith("-") and not here:
