@@ -32,10 +32,14 @@ class Installed:
     store: str
 
     def run(self, folder: Path, *words: str) -> str:
-        """Run a program of the environment in a folder, and return its standard output."""
+        """Run a program of the environment in a folder, and return its standard output.
+
+        Other workers of the machine remove temporary folders of workers that hold no lock, so these workers have their own.
+        """
         clean = {name: text for name, text in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
         command = [str(self.programs / words[0]), *words[1:]]
-        done = subprocess.run(command, cwd=folder, env=clean | {"THINGC_STORE": self.store}, capture_output=True, text=True)
+        own = {"THINGC_STORE": self.store, "TMPDIR": str(self.packages)}
+        done = subprocess.run(command, cwd=folder, env=clean | own, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 

@@ -10,12 +10,22 @@ import re
 import stat
 from collections.abc import Callable, Iterable, Mapping
 from io import BufferedReader
+from types import ModuleType
 from typing import Any
+
+fcntl: ModuleType | None
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, an exceeded quota, and a file that is too large. For writes to an open file, these errors have no file
 name.
 """
+
+BINARY: int = getattr(os, "O_BINARY", 0)
+"""The flag of `os.open` that keeps Windows from converting line ends."""
 
 
 class NotARegularFile(OSError):
@@ -115,7 +125,7 @@ def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
 
     The function uses as few system calls as possible, because a batch writes very many files.
     """
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | BINARY, mode)  # O_EXCL does not follow links
     try:
         rest = memoryview(data)
         while rest:
@@ -147,6 +157,15 @@ def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None
     return True
 
 
+def lock(descriptor: int, *, wait: bool = False) -> None:
+    """Lock an open file or folder until it is closed. Without `wait`, raise `BlockingIOError` if another process has locked it.
+
+    On Windows, the function does nothing.
+    """
+    if fcntl is not None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+
+
 RENAME_EXCHANGE = 2
 """Flag from `linux/fs.h` to exchange two paths."""
 AT_FDCWD = -100
@@ -160,7 +179,7 @@ def _renameat2() -> Any | None:
         import ctypes
 
         function = ctypes.CDLL(None, use_errno=True).renameat2
-    except (ImportError, OSError, AttributeError):
+    except (ImportError, OSError, AttributeError, TypeError):  # TypeError on Windows
         return None
     function.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint)
     function.restype = ctypes.c_int

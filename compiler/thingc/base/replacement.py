@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.base.filesystem import NO_ROOM, opened, write_whole
+from thingc.base.filesystem import NO_ROOM, lock, opened, write_whole
 from thingc.base.suggestions import Hint, text_of
 
 Change = tuple[bytes | None, bytes | None]
@@ -101,11 +100,11 @@ def _lock(folder: str, locks: contextlib.ExitStack) -> None:
     If the file system does not support locks, conflicts are detected only by comparing the contents of the files.
     """
     with contextlib.suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = os.open(folder, os.O_RDONLY)
         locks.callback(os.close, descriptor)
         for _ in range(ATTEMPTS):
             with contextlib.suppress(BlockingIOError):
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                lock(descriptor)
                 break
             time.sleep(PAUSE)
 

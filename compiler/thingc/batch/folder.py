@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import json
 import os
 import re
@@ -14,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.base.filesystem import BadPath, listing
+from thingc.base.filesystem import BadPath, listing, lock
 from thingc.base.safe_text import json_text, quoted
 from thingc.base.suggestions import Hint, text_of
 from thingc.batch import folder_layout
@@ -59,10 +58,10 @@ def locked(folder: str) -> Iterator[None]:
         descriptor = -1
         while descriptor < 0 or not same_file(descriptor, path):  # a batch that has just ended has deleted its lock file
             leaving.close()
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
             leaving.callback(os.close, descriptor)
             try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                lock(descriptor)
             except BlockingIOError:
                 raise BatchFault(
                     Code.BATCH_LOCKED, f"another batch is being written to `{shown_path(folder)}`",

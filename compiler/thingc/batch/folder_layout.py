@@ -20,7 +20,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from thingc.base.filesystem import check_tree, hash_name, listing, write_new
+from thingc.base.filesystem import BINARY, check_tree, hash_name, listing, write_new
 from thingc.base.safe_text import json_text
 from thingc.driver.output import Blobs
 from thingc.targets.artifact import Content, StoredArtifact
@@ -204,7 +204,7 @@ class Journal:
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | BINARY, 0o666)
         try:
             _mend(self._descriptor)
         except BaseException:
@@ -240,7 +240,8 @@ def _mend(descriptor: int) -> None:
     keep = size
     while keep > 0:
         start = max(0, keep - 65536)
-        block = os.pread(descriptor, keep - start, start)
+        os.lseek(descriptor, start, os.SEEK_SET)
+        block = os.read(descriptor, keep - start)
         at = block.rfind(b"\n")
         if at >= 0:
             keep = start + at + 1

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import hashlib
 import json
 import os
@@ -24,7 +23,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol
 
 from thingc.base.diagnostics import Code, Report, shown_path
-from thingc.base.filesystem import check_tree, exchange
+from thingc.base.filesystem import check_tree, exchange, lock
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import quoted
 from thingc.geometry.store.file_digests import Digests, digest_of
@@ -306,12 +305,12 @@ def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                lock(descriptor)
             except BlockingIOError:
                 if on_wait is not None and not said:
                     on_wait(folder)
                 said = True
-                fcntl.flock(descriptor, fcntl.LOCK_EX)
+                lock(descriptor, wait=True)
             if same_file(descriptor, path):
                 break
         except BaseException:

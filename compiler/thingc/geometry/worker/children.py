@@ -10,7 +10,6 @@ import contextlib
 import faulthandler
 import json
 import os
-import resource
 import select
 import signal
 import sys
@@ -304,6 +303,8 @@ def _answer(run: Callable[[Mapping[str, Any]], dict[str, Any]], asked: int, erro
 
 def _without_core_dump() -> None:
     with contextlib.suppress(ValueError, OSError):
+        import resource
+
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 

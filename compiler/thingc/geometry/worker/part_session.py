@@ -68,7 +68,7 @@ class PartSession:
     importer: PartImporter = field(init=False)
     asking: ImpureInputRecorder = field(init=False)
     loaded: float | None = None
-    _before: int = -1
+    _before: int | str = -1
     _printing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def __post_init__(self) -> None:
@@ -79,7 +79,8 @@ class PartSession:
     def __enter__(self) -> PartSession:
         from thingc.geometry.things import assets
 
-        self._before = os.open(os.curdir, os.O_RDONLY)  # a deleted folder does not have a name
+        # a deleted folder does not have a name; Windows cannot open folders
+        self._before = os.open(os.curdir, os.O_RDONLY) if os.chdir in os.supports_fd else os.getcwd()
         os.chdir(self.around.root)
         self.importer.install()
         executed_functions.begin()
@@ -96,8 +97,9 @@ class PartSession:
         self.stop()
         assets.install(None)
         self.importer.remove()
-        os.fchdir(self._before)
-        os.close(self._before)
+        os.chdir(self._before)
+        if isinstance(self._before, int):
+            os.close(self._before)
 
     def stop(self) -> None:
         """Stop all recording. Reads, inputs and changes after this call do not count, because the part does not cause them."""

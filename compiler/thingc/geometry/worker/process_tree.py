@@ -104,8 +104,11 @@ def _kilobytes(processes: Iterable[int], file: str, key: bytes) -> int:
 def stop(process: int) -> None:
     """Send a stop signal to a process, its process group and all its descendants, so that they cannot start other processes.
 
-    The processes are stopped and not killed, because only processes that still exist count against the limit on processes.
+    The processes are stopped and not killed, because only processes that still exist count against the limit on processes. On Windows,
+    which cannot stop processes, the function does nothing.
     """
+    if not hasattr(os, "killpg"):
+        return
     last = time.monotonic() + PATIENCE
     stopped: set[int] = set()
     with contextlib.suppress(ProcessLookupError, PermissionError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -53,9 +54,10 @@ def ready() -> None:
     """Prepare rendering without a display. Call this function before importing MuJoCo, because MuJoCo selects its rendering backend when it
     is imported.
 
-    If the environment variable `MUJOCO_GL` is not set, it is set to `egl`. Raises `NoGraphics` if this backend is not available.
+    If the environment variable `MUJOCO_GL` is not set, it is set to `egl`, or on macOS and Windows to the usual backend of MuJoCo. Raises
+    `NoGraphics` if this backend is not available.
     """
-    backend = os.environ.setdefault("MUJOCO_GL", "egl")
+    backend = os.environ.setdefault("MUJOCO_GL", "egl" if sys.platform == "linux" else "on")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # GLFW warns if there is no screen
@@ -74,6 +76,8 @@ def _hint(backend: str) -> str:
         return "install EGL (Debian, Ubuntu: apt install libegl1); it needs neither a screen nor a graphics card"
     if backend == "osmesa":
         return "install OSMesa (Debian, Ubuntu: apt install libosmesa6), or set MUJOCO_GL=egl"
+    if sys.platform != "linux":
+        return "set MUJOCO_GL=on, and run the command in a session with a screen"
     return "set MUJOCO_GL=egl, which needs neither a screen nor a graphics card"
 
 

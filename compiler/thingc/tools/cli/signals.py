@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit code after an interrupt (128 + SIGINT)."""
 
+ALARM = getattr(signal, "SIGALRM", None)
+"""The signal of timers. Windows has no such signal: an interrupt during an import is not repeated there, and users press Ctrl-C again."""
+
 SOON = 0.001
 """Delay [s] after which a lost interrupt is repeated."""
 
@@ -33,7 +36,8 @@ def heed(*, ignored: bool = False) -> None:
     unless `ignored` is true. Shells ignore SIGINT in background jobs.
     """
     sys.unraisablehook = _dropped
-    signal.signal(signal.SIGALRM, _interrupt)
+    if ALARM is not None:
+        signal.signal(ALARM, _interrupt)
     for number in (signal.SIGINT, signal.SIGTERM):
         if ignored or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)
@@ -41,8 +45,9 @@ def heed(*, ignored: bool = False) -> None:
 
 def leave_at_once() -> None:
     """Install a signal handler that exits immediately on SIGINT and SIGTERM. Use this function in processes that require no cleanup."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
-        signal.signal(number, lambda *_: os._exit(INTERRUPTED))
+    for number in (signal.SIGINT, signal.SIGTERM, ALARM):
+        if number is not None:
+            signal.signal(number, lambda *_: os._exit(INTERRUPTED))
 
 
 def spare_the_child_of_glfw() -> None:
@@ -116,4 +121,5 @@ def _dropped(dropped: UnraisableHookArgs) -> None:
 
 
 def _come_again() -> None:
-    signal.setitimer(signal.ITIMER_REAL, SOON)
+    if ALARM is not None:
+        signal.setitimer(signal.ITIMER_REAL, SOON)

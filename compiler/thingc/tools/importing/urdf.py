@@ -346,10 +346,11 @@ def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str
 
     If xacro fails, report an error and return None. Each element of the URDF has an attribute with its source location.
     """
-    if find_spec("xacro") is None:
+    if find_spec("xacro") is None or not hasattr(os, "fork"):
+        needed, install = ("an optional package", "pip install 'thingc[import]'; or ") if hasattr(os, "fork") else ("Linux or macOS", "")
         report.add(
-            Code.COMMAND_LINE, "xacro files require an optional package", None,
-            help=f"pip install 'thingc[import]'; or run `xacro {path} > robot.urdf`, and import robot.urdf",
+            Code.COMMAND_LINE, f"xacro files require {needed}", None,
+            help=f"{install}run `xacro {path} > robot.urdf`, and import robot.urdf",
         )
         return None
     limits = {"seconds": SECONDS, "timeout": 5.0 * SECONDS}

@@ -12,7 +12,6 @@ import contextlib
 import json
 import os
 import re
-import resource
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -59,6 +58,8 @@ def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
 
 def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:
     """Expand the xacro file of a request in the sandboxed child process."""
+    import resource
+
     resource.setrlimit(resource.RLIMIT_CPU, (asked["seconds"], asked["seconds"]))
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
