@@ -364,3 +364,20 @@ def test_the_calibrations_of_so101_become_one(here: Path, capsys: pytest.Capture
     assert found["same"] and all(one["sign"] == 1 and abs(one["zero"]) < 1e-5 for one in found["joints"])
     assert main(["diff", old, new]) == 0
     assert "zeros:" not in capsys.readouterr().out
+
+
+def test_an_error_that_the_new_limits_cause_is_shown(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A document that nests the joint has an error of its own, behind a warning: the error is reported, and no file changes."""
+    (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    body = "frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
+    leg = (
+        f"thingc: assembly/1\nname: leg\ncomponents: {{a: {{{body}}}, b: {{{body}}}}}\n"
+        "joints: {knee: {type: revolute, parent: a.origin, child: b.origin, limit: {lower: -9000 deg, upper: 20 deg}}}\n"
+    )
+    (here / "leg.yaml").write_text(leg)
+    (here / "walker.yaml").write_text(
+        "thingc: assembly/1\nname: walker\ncomponents: {left: {assembly: leg.yaml}}\nmodes: {go: {root: left.nothing}}\n"
+    )
+    assert main(["rezero", "leg.yaml", "knee=30 deg"]) == 2
+    out = capsys.readouterr().out
+    assert "error in `walker.yaml`: " in out and "nothing" in out and (here / "leg.yaml").read_text() == leg

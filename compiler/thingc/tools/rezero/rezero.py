@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Report, shown_path
+from thingc.base.diagnostics import Report, Severity, shown_path
 from thingc.base.pose import Pose
 from thingc.base.source import Document, walk
 from thingc.documents.format.value_edits import CannotSetValue, Keys, changes, set_values
@@ -79,7 +79,7 @@ def _compiled(document: str, options: Options) -> Compilation:
 def _sound(document: str, options: Options) -> Compilation:
     """Compile a document. Raises `ShiftRefused` with its first error."""
     compilation = _compiled(document, options)
-    error = next(iter(compilation.report.ordered()), None) if compilation.report.failed else None
+    error = next((one for one in compilation.report.ordered() if one.severity is Severity.ERROR), None)
     if error is not None:
         raise ShiftRefused(f"error in `{shown_path(document)}`: {error.message}", error.help or "edit the document by hand", error.span)
     return compilation
@@ -97,8 +97,7 @@ def _users(root: Document, shifts: Sequence[JointShift]) -> Iterator[str]:
         documents = load(path, workspace, Report(), kinds=("assembly", "variants"))
         if documents is None or path == root.path:
             continue
-        nested = any(one.path == root.path for one in documents.by_path.values())
-        if nested:
+        if any(one.path == root.path for one in documents.by_path.values()):
             yield path
         if documents.root.kind == "variants":
             for keys, node in walk(documents.root.tree):
