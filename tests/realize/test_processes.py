@@ -100,28 +100,24 @@ def answer(process: subprocess.Popen[str]) -> dict[str, Any]:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
-def test_after_a_fork_workers_stay_the_parent_s(tmp_path: Path) -> None:
+def test_after_a_fork_workers_stay_the_parent_s(tmp_path: Path, workers: Workers) -> None:
     """A child that asks has one of its own, and ends no other: two that read from one pipe would wait for each other."""
     request = {"op": "decompose", "mesh": "0" * 64, "store": str(tmp_path), "timeout": 60.0}
-    workers = Workers(1)
-    try:
-        ((_, said),) = workers.run([request])
-        (worker,) = workers._processes
-        child = os.fork()
-        if child == 0:
-            status = 1
-            try:
-                ((_, again),) = workers.run([request])
-                (own,) = workers._processes
-                workers.close()
-                status = 0 if again["failed"] == said["failed"] and own.process.pid != worker.process.pid else 2
-            finally:
-                os._exit(status)
-        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-        ((_, again),) = workers.run([request])
-        assert again["failed"] == said["failed"] == "crashed" and workers._processes == [worker]
-    finally:
-        workers.close()
+    ((_, said),) = workers.run([request])
+    (worker,) = workers._processes
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            ((_, again),) = workers.run([request])
+            (own,) = workers._processes
+            workers.close()
+            status = 0 if again["failed"] == said["failed"] and own.process.pid != worker.process.pid else 2
+        finally:
+            os._exit(status)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    ((_, again),) = workers.run([request])
+    assert again["failed"] == said["failed"] == "crashed" and workers._processes == [worker]
 
 
 def descendants(process: psutil.Process) -> list[psutil.Process]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from thingc.batch import run
 from thingc.driver.environment import Options
-from variants.robots import workspace
+from variants.robots import InThisProcess, workspace
 
 SOME = """
     thingc: variants/1
@@ -131,7 +131,7 @@ def documents(folder: Path) -> Path:
 
 def built(folder: Path, store: str, name: str, **options: Any) -> Path:
     """The folder of the batch of this name, built."""
-    return Path(run(str(documents(folder) / f"{name}.yaml"), options=Options(store=store), jobs=1, **options).folder)
+    return Path(run(str(documents(folder) / f"{name}.yaml"), options=Options(store=store), executor=InThisProcess(), **options).folder)
 
 
 def arrays(model: mujoco.MjModel) -> dict[str, bytes]:
