@@ -37,6 +37,8 @@ IMPORTED = (
     "quadruped/minitaur.urdf", "r2d2.urdf", "racecar/racecar.urdf", "mjcf/ant.xml", "mjcf/humanoid.xml",
 )
 """Robot files in the package pybullet that are imported."""
+OVERLAPPING = "(a1_description|mini_cheetah|panda|plane)"
+"""Imported robots whose collision shapes overlap. `plane` is the robot in `laikago.urdf`."""
 GALLERY = tuple(f"gallery/{name}/{name}.yaml" for name in ("balancer", "delta", "gecko", "gripper", "hand", "hexapod"))
 
 
@@ -46,7 +48,7 @@ class Checker:
 
     `packages` lists the pinned packages of its environment, and `version` is the version of Python that it requires. If `packages` is
     empty, the commands in `needs` must succeed, and `install` is the command that installs the program. `explained` contains patterns
-    of findings that are not a mistake in the files, with the reasons.
+    of findings, followed by the file in brackets, that are not a mistake in the files, with the reasons.
     """
 
     name: str
@@ -90,8 +92,8 @@ CHECKERS: tuple[Checker, ...] = (
             "^joint.effort_missing|^joint.velocity_missing": "The documents specify no drive or no limit for these joints.",
             "^joint.mimic": "The robot has mimic joints.",
             "^tree.kinematic_loop|^tree.no_root": "Holds and joints that close loops are excluded from the articulation.",
-            "^names.invalid_prim_name": "Imported robots keep their names in URDF. USD files have valid names.",
-            "^inertia.not_positive_definite": "The inertia of `laikago` is 0 in the imported file.",
+            r"^names.invalid_prim_name.*\[humanoid/": "Imported robots keep their names in URDF. USD files have valid names.",
+            r"^inertia.not_positive_definite.*'chassis'.*\[plane/": "The inertia of `plane` is 0 in its file.",
         },
     ),
     Checker("urdf-validator", ("URDF",), ("urdf-validator==1.6.0",)),
@@ -104,16 +106,26 @@ CHECKERS: tuple[Checker, ...] = (
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"), alone=True,
     ),
     Checker("pinocchio", ("URDF",), ("pin==4.1.0",)),
-    Checker("pybullet", ("URDF",), ("pybullet==3.2.7", "numpy==2.4.6")),
+    Checker("pybullet", ("URDF",), PYBULLET, explained={"^pybullet build time": "PyBullet prints when it was built."}),
     Checker("ikpy", ("URDF",), ("ikpy==4.2.1",), explained={"is of type 'fixed' but set as active": "ikpy warns of all fixed joints."}),
-    Checker("placo", ("URDF",), ("placo==0.10.2",)),
+    Checker("placo", ("URDF",), ("placo==0.10.2",), explained={
+        "self collisions|collides with": "At q = 0, shapes of neighbouring links overlap, and those of some imported robots.",
+    }),
     Checker("scikit-robot", ("URDF",), ("scikit-robot==0.4.7",)),
     Checker("roboticstoolbox", ("URDF",), ("roboticstoolbox-python==1.5.0",)),
-    Checker("mjcf-doctor", ("MJCF",), ("mjcf-doctor==0.2.1",)),
-    Checker("mujoco", ("MJCF", "URDF"), ("mujoco==4.0.0",)),
+    Checker("mjcf-doctor", ("MJCF",), ("mjcf-doctor==0.2.1",), explained={
+        rf"_penetration.*\[{OVERLAPPING}/": "Collision shapes of some imported robots overlap, also in the imported files.",
+        r"^timestep_large.*\[ant/": "The time step of `ant` is that of the imported file.",
+    }),
+    Checker("mujoco", ("MJCF", "URDF"), ("mujoco==4.0.0",), explained={
+        r"^WARNING: Geom with duplicate name.*\[(ant|humanoid)/": "A shape that is drawn and collides keeps its imported name for both.",
+    }),
     Checker("mujoco-warp", ("MJCF",), ("mujoco-warp==3.17.0", "mujoco==3.17.0")),
-    Checker("sdformat", ("SDF",), ("sdformat14-py-bindings==1.0.0",)),
-    Checker("gz sdf", ("SDF",), needs=("gz sdf --version",), install="apt install gz-tools2", function="gz_sdf"),
+    Checker(
+        "libsdformat", ("SDF",), needs=("g++ --version", "pkg-config --exists sdformat12"), install="apt install libsdformat-dev",
+        explained={"is newer than the supported version": "libsdformat 12 supports SDFormat 1.9, but some files require 1.11."},
+    ),
+    Checker("gz sdf", ("SDF",), needs=("gz sdf --version",), install="apt install gz-tools2"),
     Checker("newton", ("MJCF", "URDF", "USD"), (
         "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
     )),
@@ -137,7 +149,7 @@ class Verdict:
         for level, message in findings:
             if level == "info":
                 continue
-            if any(re.search(pattern, message) for pattern in checker.explained):
+            if any(re.search(pattern, f"{message} [{file}]") for pattern in checker.explained):
                 self.explained += 1
                 continue
             self.counts[level] += 1
@@ -148,13 +160,13 @@ def main() -> int:
     """Build the robots, run the checkers and write the page. Return 1 if a checker reports something."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("checkers", nargs="*", metavar="CHECKER", help=f"run only these: {', '.join(one.name for one in CHECKERS)}")
-    parser.add_argument("--robots", type=Path, help="folder of robot files to import")
+    parser.add_argument("--no-build", action="store_true", help="check the files of the last run")
     parser.add_argument("--print", action="store_true", help="print the results without updating the page")
     arguments = parser.parse_args()
     chosen = [one for one in CHECKERS if not arguments.checkers or one.name in arguments.checkers]
     if unknown := set(arguments.checkers) - {one.name for one in CHECKERS}:
         parser.error(f"unknown checker {sorted(unknown)[0]}")
-    builds = list(robots(arguments.robots))
+    builds = sorted((FOLDER / "robots").iterdir()) if arguments.no_build else list(robots())
     reported = False
     rows: list[str] = []
     for checker in chosen:
@@ -187,15 +199,15 @@ def page(rows: Sequence[str], before: str) -> str:
     return "\n".join((*table, "", *(note for note in notes if not note.endswith(": ")), ""))
 
 
-def robots(imported: Path | None) -> Iterator[Path]:
-    """Build all robots, and yield their build folders. If `imported` is None, robots of PyBullet are imported."""
+def robots() -> Iterator[Path]:
+    """Build all robots, and yield their build folders."""
     for path in (*ROBOTS, *GALLERY):
         yield from compiled(ROOT / path)
-    if imported is None and (python := environment(FOLDER / "pybullet", PYBULLET)) is not None:
-        imported = next((python.parents[1] / "lib").glob("python*/site-packages/pybullet_data"))
-    for name in IMPORTED if imported is not None else ():
+    python = environment(FOLDER / "pybullet", PYBULLET)
+    originals = [] if python is None else [*(python.parents[1] / "lib").glob("python*/site-packages/pybullet_data")]
+    for name in IMPORTED if originals else ():
         folder = FOLDER / "imported" / name.replace("/", "_")
-        words = [sys.executable, "-m", "thingc", "import", str(imported / name), "-o", str(folder), "--repair", "inertia=nearest"]
+        words = [sys.executable, "-m", "thingc", "import", str(originals[0] / name), "-o", str(folder), "--repair", "inertia=nearest"]
         if not folder.exists():
             subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
         yield from compiled(next(folder.glob("*.yaml")))

@@ -16,7 +16,9 @@ import sys
 import tempfile
 import warnings
 import xml.etree.ElementTree as ElementTree
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 LEVELS = {"ERROR": "error", "WARN": "warning", "INFO": "info"}
 MOVING = ("revolute", "continuous", "prismatic")
@@ -124,7 +126,7 @@ def pinocchio(file):
 
     model = pinocchio.buildModelFromUrdf(file, pinocchio.JointModelFreeFlyer())
     for kind in (pinocchio.GeometryType.COLLISION, pinocchio.GeometryType.VISUAL):
-        pinocchio.buildGeomFromUrdf(model, file, kind, [os.path.dirname(file)])
+        pinocchio.buildGeomFromUrdf(model, file, kind)
     links = [frame.name for frame in model.frames if frame.type == pinocchio.FrameType.BODY]
     yield from differences(file, links=links, joints=list(model.names)[2:], mass=sum(one.mass for one in model.inertias))
 
@@ -164,7 +166,7 @@ def scikit_robot(file):
 def roboticstoolbox(file):
     import roboticstoolbox
 
-    links, *_ = roboticstoolbox.Robot.URDF_read(file, tld="/")
+    links = roboticstoolbox.Robot.URDF(file).links
     yield from differences(file, links=[link.name for link in links], mass=sum(link.m for link in links))
 
 
@@ -208,6 +210,26 @@ def mujoco_warp(file):
     mujoco.mj_forward(model, data)
     mujoco_warp.step(mujoco_warp.put_model(model), mujoco_warp.put_data(model, data))
     yield from ()
+
+
+# SDF
+
+
+@cache
+def sdf_reader():
+    import ask_libsdformat
+
+    return ask_libsdformat.answering(ask_libsdformat.program(Path(tempfile.mkdtemp())))
+
+
+def libsdformat(file):
+    sdf_reader()({"file": file})
+    yield from ()
+
+
+def gz_sdf(file):
+    done = subprocess.run(["gz", "sdf", "-k", file], check=False, capture_output=True, text=True)
+    yield from (("error", line) for line in (done.stdout + done.stderr).splitlines() if line and line != "Valid.")
 
 
 # Several formats
