@@ -124,9 +124,7 @@ def urdf_parser_py(file):
 def pinocchio(file):
     import pinocchio
 
-    model = pinocchio.buildModelFromUrdf(file, pinocchio.JointModelFreeFlyer())
-    for kind in (pinocchio.GeometryType.COLLISION, pinocchio.GeometryType.VISUAL):
-        pinocchio.buildGeomFromUrdf(model, file, kind)
+    model, *_ = pinocchio.buildModelsFromUrdf(file, package_dirs=os.path.dirname(file), root_joint=pinocchio.JointModelFreeFlyer())
     links = [frame.name for frame in model.frames if frame.type == pinocchio.FrameType.BODY]
     yield from differences(file, links=links, joints=list(model.names)[2:], mass=sum(one.mass for one in model.inertias))
 
