@@ -101,12 +101,11 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
     exact, complete = bool(maps), len(maps) < MOST
     if explain and not exact:
         maps = find_maps(one, other, tolerance, exact=False)
-        maps = [found for found in maps if found.misfits == maps[0].misfits]
+        maps = [found for found in maps if found.misfits <= maps[0].misfits + EXACT]
     if not maps:
         return MechanismComparison(one=one.name, other=other.name, same=False, differences=tuple(_counts(one, other)))
-    maps = [found for found in maps if not any(_couplings(one, other, found, tolerance))] or maps
-    limits = [len(list(_limits(one, other, found, tolerance))) for found in maps]
-    maps = [found for found, count in zip(maps, limits, strict=True) if count == min(limits)]
+    fits = [(any(_couplings(one, other, found, tolerance)), len(list(_limits(one, other, found, tolerance)))) for found in maps]
+    maps = [found for found, fit in zip(maps, fits, strict=True) if fit == min(fits)]
     best = min(maps, key=lambda found: max(max(link.apart) for link in found.links.values()) > EXACT * tolerance)  # the first exact one
     differences = [*_differences(one, other, best, tolerance), *_couplings(one, other, best, tolerance)]
     apart = residual(one, other, best)

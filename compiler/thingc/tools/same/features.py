@@ -165,12 +165,29 @@ class AxisLine(NamedTuple):
     axis: Array
     tolerance: float
 
-    def angles(self, features: Sequence[LinkFeature]) -> list[Located]:
-        """Return the angles [rad] of features about the line."""
+    def differences(
+        self, one: Sequence[LinkFeature], other: Sequence[LinkFeature], *, turns: bool, most: int,
+    ) -> list[float] | None:
+        """Return the angles [rad] or distances [m] by which features of `other` move to those of `one` with the same tag.
+
+        Only the `most` most exact features of `one` are used. Return None if none of them is exact enough.
+        """
+        ones, others = (
+            [item for item in (self._angles if turns else self._heights)(features) if item[1] <= SYMMETRIC] for features in (one, other)
+        )
+        found: list[float] = []
+        for tag, _, values in sorted(ones, key=lambda item: item[1])[:most]:
+            for base in (base for name, _, bases in others if name == tag for base in bases):
+                difference = float(np.remainder(values[0] - base + np.pi, 2.0 * np.pi) - np.pi) if turns else values[0] - base
+                if all(abs(difference - known) > DISTINCT for known in found):
+                    found.append(difference)
+        return found if ones else None
+
+    def _angles(self, features: Sequence[LinkFeature]) -> Iterator[Located]:
+        """Yield the angles [rad] of features about the line."""
         side = cross(self.axis, np.eye(3)[int(np.argmin(abs(self.axis)))])
         side /= np.linalg.norm(side)
         basis = np.array([side, cross(self.axis, side)])
-        found: list[Located] = []
         for tag, point, axis, error in features:
             x, y = basis @ axis if axis is not None else (0.0, 0.0)
             turns = [0.0, np.pi]
@@ -179,48 +196,18 @@ class AxisLine(NamedTuple):
                 if axis is not None:  # the point of a nearly parallel line in the plane through the point
                     away = away - (away @ self.axis) / (axis @ self.axis) * axis
                 x, y = basis @ away
-            size, angle = np.hypot(x, y), float(np.arctan2(y, x))
-            found.append((tag, float(error * self.tolerance / max(size, 1e-300)), [angle + turn for turn in turns]))
-        return found
+            angle = float(np.arctan2(y, x))
+            yield tag, float(error * self.tolerance / max(np.hypot(x, y), 1e-300)), [angle + turn for turn in turns]
 
-    def heights(self, features: Sequence[LinkFeature]) -> list[Located]:
-        """Return the positions [m] of features along the line: of a point, and of the point that is nearest to another line."""
-        found: list[Located] = []
+    def _heights(self, features: Sequence[LinkFeature]) -> Iterator[Located]:
+        """Yield the positions [m] of features along the line: of a point, and of the point that is nearest to another line."""
         for tag, point, axis, _ in features:
-            across = (0.0 if axis is None else axis - (axis @ self.axis) * self.axis) + np.zeros(3)
+            across = np.zeros(3) if axis is None else axis - (axis @ self.axis) * self.axis
             size = 1.0 if axis is None else float(across @ across)
             if point is not None and size >= NEAR_PARALLEL**2:
                 away = point - self.point
                 away = away if axis is None else away - (away @ across) / size * axis
-                found.append((tag, self.tolerance / size**0.5, [float(away @ self.axis)]))
-        return found
-
-
-def differences(one: Sequence[Located], other: Sequence[Located], *, turns: bool, most: int | None) -> list[float] | None:
-    """Return the differences of coordinates in `one` to all coordinates in `other` with the same tag, the most exact first.
-
-    Only the `most` most exact coordinates in `one` are used. Return None if none of them is exact enough.
-    """
-    exact = sorted((item for item in one if item[1] <= SYMMETRIC), key=lambda item: item[1])
-    if not exact:
-        return None
-    found: list[float] = []
-    for tag, _, values in exact[:most]:
-        for base in (base for name, error, bases in other if name == tag and error <= SYMMETRIC for base in bases):
-            difference = float(np.remainder(values[0] - base + np.pi, 2.0 * np.pi) - np.pi) if turns else values[0] - base
-            if all(abs(difference - known) > DISTINCT for known in found):
-                found.append(difference)
-    return found
-
-
-def line_poses(line: LinkFeature, other: LinkFeature) -> Iterator[Array]:
-    """Yield the two poses that move the line `other` to `line`: with equal and with opposite directions."""
-    assert line.axis is not None and line.point is not None and other.axis is not None and other.point is not None
-    for sign in (1.0, -1.0):
-        pose = np.eye(4)
-        pose[:3, :3] = rotation_between(other.axis, sign * line.axis)
-        pose[:3, 3] = line.point - pose[:3, :3] @ other.point
-        yield pose
+                yield tag, self.tolerance / size**0.5, [float(away @ self.axis)]
 
 
 def cross(a: Array, b: Array) -> Array:

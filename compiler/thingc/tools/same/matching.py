@@ -7,6 +7,7 @@ kept.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +23,6 @@ from thingc.tools.same.features import (
     RigidLink,
     apply,
     cross,
-    differences,
-    line_poses,
     rigid_links,
     rotation_between,
 )
@@ -111,22 +110,16 @@ class _Search:
     def maps(self) -> list[RobotMap]:
         """Return the maps that are found, the best first."""
         A, B = self.links
-        shapes = [sorted(_shape(link) for link in links) for links in self.links]
-        if shapes[0] != shapes[1]:
+        shapes = [[sorted(port.tag for port in link.ports) for link in links] for links in self.links]
+        if sorted(shapes[0]) != sorted(shapes[1]):
             return []
-        alike = [[n for n, b in enumerate(B) if _shape(a) == _shape(b) and (self._equal(a, b) or not self.exact)] for a in A]
-        start = min(range(len(A)), key=lambda n: (len(alike[n]), A[n].mass == 0.0, -len(A[n].ports)))
-        placed = (self._link(start, b, T) for b in alike[start] for T in self._starts(A[start], B[b]))
+        start = min(range(len(A)), key=lambda n: (shapes[0].count(shapes[0][n]), A[n].mass == 0.0, -len(A[n].ports)))
+        others = (n for n, shape in enumerate(shapes[1]) if shape == shapes[0][start])
+        placed = (self._link(start, b, T) for b in others for T in self._starts(A[start], B[b]))
         found = self._kept(RobotMap({start: link}, (), link.misfits) for link in placed)
         for near, port in _joints_from(A, start):
             found = self._kept(longer for part in found for longer in self._extended(part, near, port))
         return found
-
-    def _equal(self, a: RigidLink, b: RigidLink) -> bool:
-        """Return whether two links have the same mass and principal moments."""
-        scale = max(a.moments[2], b.moments[2])
-        same_mass = abs(a.mass - b.mass) <= self.tolerance * max(a.mass, b.mass)
-        return same_mass and bool(np.all(abs(a.moments - b.moments) <= self.tolerance * scale))
 
     def _kept(self, found: Iterable[RobotMap]) -> list[RobotMap]:
         """Return the best of partial maps, the best first."""
@@ -176,17 +169,14 @@ class _Search:
             T[:3, 3] = 0.0 if point is None or to is None else to - point
             yield T
             return
-        for end in (found for found in _lines(others) if found.tag == lines[0].tag):
-            assert end.point is not None and end.axis is not None
-            line, turn = AxisLine(end.point, end.axis, self.tolerance), Motion("rotation", np.eye(4), end.point, end.axis, 0.0)
-            for T in line_poses(end, lines[0]):
-                moved = [one.moved(T) for one in ones]
-                for along in differences(line.heights(others), line.heights(moved), turns=False, most=self.most) or [0.0]:
-                    shift = np.eye(4)
-                    shift[:3, 3] = along * end.axis
-                    placed = [one.moved(shift) for one in moved]
-                    for angle in differences(line.angles(others), line.angles(placed), turns=True, most=self.most) or [0.0]:
-                        yield turn.exponential(angle) @ shift @ T
+        for (_, point, axis), sign in product((line for line in _lines(others) if line[0] == lines[0][0]), (1, -1)):
+            line, turn = AxisLine(point, axis, self.tolerance), Motion("rotation", np.eye(4), point, axis, 0.0)
+            T = _pose_between(lines[0][1], lines[0][2], point, sign * axis)
+            for along in line.differences(others, [one.moved(T) for one in ones], turns=False, most=self.most) or [0.0]:
+                shifted = T.copy()
+                shifted[:3, 3] += along * axis
+                for angle in line.differences(others, [one.moved(shifted) for one in ones], turns=True, most=self.most) or [0.0]:
+                    yield turn.exponential(angle) @ shifted
 
     # --- joints ------------------------------------------------------------------------------------------------------
 
@@ -218,10 +208,10 @@ class _Search:
         placed, there = [feature.moved(X) for feature in one.features], [feature.moved(b.X) for feature in other.features]
         values = None
         if b.kind != "rotation":
-            values = differences(line.heights(placed), line.heights(there), turns=False, most=self.most)
+            values = line.differences(placed, there, turns=False, most=self.most)
             values = values and [value / (b.pitch or 1.0) for value in values]
         if b.kind != "translation" and values is None:
-            values = differences(line.angles(placed), line.angles(there), turns=True, most=self.most)
+            values = line.differences(placed, there, turns=True, most=self.most)
         zeros = [self._zero_of_limits(port, target, sign) or 0.0] if values is None or not self.exact else []
         found = [self._link(port.other, target.other, back @ b.exponential(-value) @ X) for value in (*(values or ()), *zeros)]
         if not self.exact and all(far.misfits for far in found):
@@ -258,10 +248,6 @@ class _Search:
         return (b_low + b_high) / 2.0 - sign * (a_low + a_high) / 2.0
 
 
-def _shape(link: RigidLink) -> list[str]:
-    return sorted(port.tag for port in link.ports)
-
-
 def _joints_from(links: Sequence[RigidLink], start: int) -> Iterator[tuple[int, Port]]:
     """Yield all joints, depth first, each with its nearer link and its end there."""
     met, joints, waiting = {start}, set[int](), [(start, port) for port in links[start].ports]
@@ -275,11 +261,19 @@ def _joints_from(links: Sequence[RigidLink], start: int) -> Iterator[tuple[int, 
                 waiting += [(port.other, further) for further in links[port.other].ports]
 
 
-def _lines(features: Sequence[LinkFeature]) -> list[LinkFeature]:
-    """Return the lines among features, the most exact first. A direction becomes a line through a point of the link."""
-    point = next((feature.point for feature in features if feature.point is not None), np.zeros(3))
-    lines = [feature if feature.point is not None else feature._replace(point=point) for feature in features if feature.axis is not None]
-    return sorted(lines, key=lambda line: line.error)
+def _lines(features: Sequence[LinkFeature]) -> list[tuple[str, Array, Array]]:
+    """Return the tags, points and axes of lines, the most exact first. Directions become lines through a point of the link."""
+    point = next((one.point for one in features if one.point is not None), np.zeros(3))
+    lines = sorted((one for one in features if one.axis is not None), key=lambda line: line.error)
+    return [(one.tag, point if one.point is None else one.point, one.axis) for one in lines if one.axis is not None]
+
+
+def _pose_between(point: Array, axis: Array, to: Array, direction: Array) -> Array:
+    """Return the pose that moves a point to the point `to` and turns the unit vector `axis` to `direction`, by the smallest rotation."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_between(axis, direction)
+    pose[:3, 3] = to - pose[:3, :3] @ point
+    return pose
 
 
 def _other_end(link: RigidLink, port: Port) -> Port:
@@ -330,12 +324,10 @@ def _behind(a: Motion, b: Motion, T: Array) -> tuple[int, Array]:
     """
     if a.kind == "ball":
         return 1, T @ a.X
-    move, point, axis = np.eye(4), apply(T, a.point), T[:3, :3] @ a.axis
+    point, axis = apply(T, a.point), T[:3, :3] @ a.axis
     sign = 1 if axis @ b.axis > 0.0 else -1
     to = point if a.kind == "translation" else b.point + ((point - b.point) @ b.axis) * b.axis
-    move[:3, :3] = rotation_between(axis, sign * b.axis)
-    move[:3, 3] = to - move[:3, :3] @ point
-    return sign, move @ T @ a.X
+    return sign, _pose_between(point, axis, to, sign * b.axis) @ T @ a.X
 
 
 def _screw(X: Array, point: Array, tolerance: float) -> tuple[float, float]:
