@@ -34,7 +34,9 @@ from docs.pages import (
 )
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Report
+from thingc.batch import batch
 from thingc.documents.workspace import Workspace
+from variants.robots import InThisProcess
 
 pytestmark = pytest.mark.slow
 
@@ -47,6 +49,7 @@ def here(page: Path, tmp_path: Path, shared_store: str, monkeypatch: pytest.Monk
     monkeypatch.setenv("THINGC_STORE", shared_store)
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setattr(batch, "LocalExecutor", InThisProcess)  # a runner takes longer to start than the variants of a page
     monkeypatch.chdir(unpack(page, tmp_path))
     return tmp_path
 

@@ -22,7 +22,7 @@ from thingc.batch import folder_layout
 from thingc.batch.page import write_page
 from thingc.batch.pictures import along_the_axes, draw, usual
 from thingc.batch.tables import Column, columns
-from variants.robots import environment, thingc, workspace
+from variants.robots import batch_here, environment, thingc, workspace
 from viewer.browser import chromium, needed
 
 pytestmark = pytest.mark.slow
@@ -101,8 +101,8 @@ STANDS = """
 def stands(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
     """The folder of a batch with pictures: 12 variants, some of them kept out."""
     here = workspace(tmp_path_factory.mktemp("page"), stands=STANDS)
-    done = thingc_here("batch", "stands.yaml", "--pictures", "6", "--jobs", "1", cwd=here, store=shared_store)
-    assert done.code == 0, done.err
+    done = batch_here("stands.yaml", "--pictures", "6", "--jobs", "1", cwd=here, env=environment(shared_store))
+    assert done.returncode == 0, done.stderr
     return here / "build" / "stands"
 
 
@@ -234,12 +234,12 @@ def test_of_very_many_variants_there_are_no_pictures_unless_asked(tmp_path: Path
     assert [usual(count) for count in (1, 48, 200, 201, 50_000)] == [48, 48, 48, 0, 0]
     many = "thingc: variants/1\nassembly: pendulum.yaml\nname: many\nparameters: {length: {from: 200 mm, to: 400 mm, count: 201}}\n"
     here = workspace(tmp_path, many=many + "keep: [length < 202 mm]\n")
-    done = thingc_here("batch", "many.yaml", "--verify", "none", "--jobs", "1", cwd=here, store=shared_store)
+    done = batch_here("many.yaml", "--verify", "none", "--jobs", "1", cwd=here, env=environment(shared_store))
     words = "by default, the page of more than 200 variants has no pictures; to draw them: "
     words += "thingc batch many.yaml --page-only --pictures 48\n"
-    assert done.code == 0 and done.err.endswith(words), done.err
-    without = thingc_here("batch", "many.yaml", "--verify", "none", "--jobs", "1", "--pictures", "none", cwd=here, store=shared_store)
-    assert without.code == 0 and words not in without.err
+    assert done.returncode == 0 and done.stderr.endswith(words), done.stderr
+    without = batch_here("many.yaml", "--verify", "none", "--jobs", "1", "--pictures", "none", cwd=here, env=environment(shared_store))
+    assert without.returncode == 0 and words not in without.stderr
 
 
 @needed
@@ -339,9 +339,9 @@ def test_the_run_leaves_no_trace_on_the_page(tmp_path: Path) -> None:
 
 def test_robots_of_frames_have_no_pictures_and_a_page(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
-    done = thingc_here("batch", "sweep.yaml", "--jobs", "1", cwd=here, store=shared_store)
-    assert done.code == 0 and (here / "build/sweep/index.html").is_file() and not (here / "build/sweep/pictures").exists()
-    assert "warning" not in done.err
+    done = batch_here("sweep.yaml", "--jobs", "1", cwd=here, env=environment(shared_store))
+    assert done.returncode == 0 and (here / "build/sweep/index.html").is_file() and not (here / "build/sweep/pictures").exists()
+    assert "warning" not in done.stderr
 
 
 @needed
@@ -361,8 +361,8 @@ def test_a_card_says_what_it_leaves_out(tmp_path: Path, shared_store: str, seen:
     name: several
     list: {listed}
     """)
-    done = thingc_here("batch", "several.yaml", "--pictures", "2", "--jobs", "1", cwd=here, store=shared_store)
-    assert done.code == 0, done.out + done.err
+    done = batch_here("several.yaml", "--pictures", "2", "--jobs", "1", cwd=here, env=environment(shared_store))
+    assert done.returncode == 0, done.stdout + done.stderr
     found = seen(here / "build/several/index.html", """
         return { told: [...$("#grid .card dl").querySelectorAll("dt")].map((e) => e.textContent) };
     """)
