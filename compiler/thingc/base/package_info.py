@@ -1,4 +1,4 @@
-"""Metadata of the generated ROS packages: maintainer, email address, license and version."""
+"""Metadata of the generated ROS packages and USD files: maintainer, email address, license and version."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Workspace:
     `root` is an absolute path. `parts` contains the absolute paths of the folders with part modules, and `packages` the names of installed
     packages with part modules. `build` is the absolute path of the folder for build outputs. `part_timeout` [s] and `part_memory` [bytes]
     are the limits for building one part. `mesh` is the tessellation for printing and checks, `simulation` the tessellation for simulators.
-    `emit` contains the default targets of a build. `mesh_uri` is one of `MESH_URIS`. `about` contains the metadata of ROS packages.
+    `emit` contains the default targets of a build. `mesh_uri` is one of `MESH_URIS`. `about` is the metadata of ROS and USD files.
     `compat` contains the programs from `CONSUMERS` that must be able to read the MuJoCo models. `origin` is the path of the workspace file,
     or None without a workspace file. `inputs` maps each examined file (an absolute path) to the SHA-256 of its content, or to None if the
     file does not exist.

@@ -68,7 +68,7 @@ VersionField = Annotated[str, FieldValidator(_version, "a version", {"type": "st
 
 
 class AboutSpec(Model):
-    """Metadata of the ROS packages of `--emit ros`."""
+    """Metadata of the ROS packages of `--emit ros` and of USD files."""
 
     maintainer: MaintainerField | None = Field(default=None, examples=["Ada Lovelace <ada@example.org>"])
     """Maintainer: a name and a mail address; default: `TODO <todo@todo.todo>`."""
@@ -94,7 +94,7 @@ class WorkspaceSpec(Model):
     mesh_uri: Literal["relative", "package", "absolute"] = Field(default="relative", examples=["package"])
     """Paths of meshes in URDF files: relative to the file, in the ROS package of the robot, or absolute on this machine."""
     about: AboutSpec | None = Field(default=None, examples=[{"maintainer": "Ada Lovelace <ada@example.org>", "license": "Apache-2.0"}])
-    """Metadata of the ROS packages of `--emit ros`."""
+    """Metadata of the ROS packages of `--emit ros` and of USD files."""
     compat: list[Literal["mjx", "warp", "drake", "pymjcf"]] = Field(default=[], examples=[["mjx"]])
     """Default of `--compat` and `compat=`: programs besides MuJoCo that must be able to read the MuJoCo models."""
     part_timeout: TimeField | None = None
