@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -18,8 +21,9 @@ import pytest
 
 import thingc.batch
 from conformance.harness import thingc_here
+from thingc.batch import batch
 from thingc.driver.environment import Options
-from variants.robots import environment
+from variants.robots import InThisProcess, environment
 
 MARGIN = 1.3
 
@@ -37,11 +41,31 @@ def standing(folder: Path) -> tuple[float, float]:
     return float(np.linalg.norm(data.site("front_sole").xpos - data.site("rear_sole").xpos)), float(margin)
 
 
-def search(root: Path, output: Path, store: str, *words: str) -> str:
-    command = [sys.executable, str(root / "examples" / "longest_bridge.py"), "-o", str(output), "--store", store, "--jobs", "1", *words]
-    done = subprocess.run(command, cwd=root, capture_output=True, text=True, env=environment(store), timeout=300)
+def command(root: Path, output: Path, store: str) -> list[str]:
+    """The search of few robots."""
+    words = ["-o", str(output), "--store", store, "--jobs", "1", "--count", "4", "--docs", str(output / "docs")]
+    return [str(root / "examples" / "longest_bridge.py"), *words]
+
+
+def search(root: Path, output: Path, store: str) -> str:
+    """What the script prints in a process of its own."""
+    words = [sys.executable, *command(root, output, store)]
+    done = subprocess.run(words, cwd=root, capture_output=True, text=True, env=environment(store), timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def search_here(root: Path, output: Path, store: str) -> str:
+    """What it prints in this process, which also builds the robots."""
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as out:
+        patch.chdir(root)
+        patch.syspath_prepend(str(root / "examples"))
+        patch.setattr(sys, "argv", command(root, output, store))
+        patch.setattr(batch, "LocalExecutor", InThisProcess)
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(sys.argv[0], run_name="__main__")
+    assert ended.value.code == 0
+    return out.getvalue()
 
 
 @pytest.mark.slow
@@ -57,20 +81,20 @@ def test_the_page_names_a_robot_that_stands(root: Path, tmp_path: Path, shared_s
 
 @pytest.mark.slow
 def test_the_table_of_the_search_is_what_mujoco_says(root: Path, tmp_path: Path, shared_store: str) -> None:
-    page = search(root, tmp_path, shared_store, "--count", "4", "--docs", str(tmp_path / "docs"))
-    batch = tmp_path / "bridge_search_random"
-    with (batch / "results.csv").open() as stream:
+    page = search(root, tmp_path, shared_store)
+    folder = tmp_path / "bridge_search_random"
+    with (folder / "results.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert [row["status"] for row in rows].count("built") in range(1, 4)  # some do, some do not
     for row in rows:
         assert (row["status"] == "built") == (float(row["torque_margin"]) >= MARGIN)
         if row["path"]:
-            assert standing(batch / row["path"]) == pytest.approx((float(row["reach"]), float(row["torque_margin"])), rel=1e-9)
+            assert standing(folder / row["path"]) == pytest.approx((float(row["reach"]), float(row["torque_margin"])), rel=1e-9)
     best = max((row for row in rows if row["path"]), key=lambda row: float(row["reach"]))
     assert f"| `{best['name']}` |" in page and best["command"] in page
     assert (tmp_path / "docs" / "variants_search.md").read_text() == page
     picture = (tmp_path / "docs" / "pictures" / "bridge_search.png").read_bytes()
-    assert search(root, tmp_path, shared_store, "--count", "4", "--docs", str(tmp_path / "docs")) == page
+    assert search_here(root, tmp_path, shared_store) == page
     assert (tmp_path / "docs" / "pictures" / "bridge_search.png").read_bytes() == picture
 
 
