@@ -18,7 +18,7 @@ import pytest
 
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
 from thingc.geometry.store.shared_store import SharedStore, opened
-from variants.robots import thingc, tree, workspace
+from variants.robots import batch_here, thingc, tree, workspace
 
 SERVER = """
 import sys
@@ -73,7 +73,7 @@ def test_a_second_machine_models_nothing(tmp_path: Path, ftp: tuple[str, Path, s
     blobs = [path for path in (served / "blobs").rglob("*") if path.is_file()]
     assert blobs and all(hashlib.sha256(path.read_bytes()).hexdigest() == path.parent.name + path.name for path in blobs)
     two, env = machine(tmp_path / "two", url)
-    second = thingc(*BATCH, cwd=two, env=env)
+    second = batch_here(*BATCH[1:], cwd=two, env=env)
     assert second.returncode == 0 and "1 built; 0 parts modelled" in second.stderr, second.stderr
     assert tree(one / "build/stands/variants") == tree(two / "build/stands/variants")
 
@@ -89,7 +89,7 @@ def test_a_second_machine_models_nothing(tmp_path: Path, ftp: tuple[str, Path, s
     process.wait()
     four, env = machine(tmp_path / "four", url)
     begun = time.monotonic()
-    gone = thingc(*BATCH, cwd=four, env=env)
+    gone = batch_here(*BATCH[1:], cwd=four, env=env)
     assert time.monotonic() - begun < 60.0
     assert gone.returncode != 0 and "error[TC805]" in gone.stderr and "ftp://127.0.0.1" in gone.stderr, gone.stderr
     assert "secret" not in gone.stderr and "Traceback" not in gone.stderr
