@@ -278,6 +278,7 @@ def test_the_rest_of_its_path_may_hold_anything(folder: Path, capsys: pytest.Cap
 
 NEEDED = {
     "new": ["robot"], "import": ["a.urdf"], "batch": ["a.yaml"], "add": ["mode", "m", "--to", "a.yaml"], "set": ["a.yaml", "a=1"],
+    "rezero": ["a.yaml", "a=1 deg"], "calibration": ["a.yaml", "a.calibration.yaml"],
     "rename": ["a.yaml", "components.a", "b"], "fmt": ["a.yaml"], "explain": ["TC302"], "touched": ["a.yaml"], "why": ["a.yaml"],
     "check": ["a.yaml"], "schema": ["."], "lock": ["."], "parts": [], "lsp": [], "mcp": [], "diff": [],
 }
