@@ -178,10 +178,11 @@ def _actuators(root: Element, joints: Sequence[Element], orders: Mapping[str, Or
     place = {element.get("name"): index for index, element in enumerate(joints) if element.get("type") != "ball"}
     moved = [place.get(element.get("joint")) if "joint" in element.attributes else None for element in actuators]
     joint_of = dict(zip((name for name, _ in orders["urdf"]), _indices(orders["mujoco"], orders["urdf"]), strict=True))
+    first: dict[int | None, int] = {joint: index for index, joint in reversed([*enumerate(moved)]) if joint is not None}
     return {
         "mujoco": [element.get("name") for element in actuators],
         "joints": moved,
-        "ros": {one.name: {"joints": list(one.drives), "ctrl": [moved.index(joint_of[name]) for name in one.drives]} for one in commands},
+        "ros": {one.name: {"joints": list(one.drives), "ctrl": [first.get(joint_of.get(name)) for name in one.drives]} for one in commands},
     }
 
 

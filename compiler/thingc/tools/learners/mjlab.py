@@ -28,9 +28,16 @@ GET_SPEC = '''
 def get_spec() -> mujoco.MjSpec:
     """Return the model without keyframes and the drives of `ACTUATORS`.
 
-    mjlab adds these drives with the names of their joints.
+    mjlab adds these drives with the names of their joints. In names, `_` replaces
+    `/`, because mjlab ignores the part of a name before the last `/`.
     """
-    spec = mujoco.MjSpec.from_file(str(XML))
+    root = ElementTree.parse(XML).getroot()
+    for element in root.iter():
+        for name, value in element.attrib.items():
+            if name not in ("file", "meshdir"):
+                element.set(name, value.replace("/", "_"))
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    spec.meshdir = str(XML.parent / "assets")
     for sensor in spec.sensors:
         if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR:
             sensor.objname = DRIVES.get(sensor.objname, sensor.objname)
@@ -53,20 +60,20 @@ def emit(request: EmitRequest) -> Artifacts:
     return Artifacts(files=files, losses=tuple(lost))
 
 
-def _short(name: str, separator: str) -> str:
-    """Return the name by which mjlab finds an element: only the part after the last `/`."""
-    return name.replace("/", separator).rpartition("/")[2]
+def _name(path: str, separator: str) -> str:
+    """Return the name of an element in mjlab, in which `_` replaces the separator `/` of paths."""
+    return path.replace("/", "_" if separator == "/" else separator)
 
 
 def _ambiguous(robot: Robot, separator: str) -> Iterator[Loss]:
     """Yield an export loss for each joint whose name is not unique in mjlab."""
     joints = moving(robot, MOTIONS)
-    counts = Counter(_short(joint.path, separator) for joint in joints)
+    counts = Counter(_name(joint.path, separator) for joint in joints)
     for joint in joints:
-        name = _short(joint.path, separator)
+        name = _name(joint.path, separator)
         if counts[name] > 1:
-            what = f"the name: mjlab finds {counts[name]} joints `{name}`, because it ignores the path, unless you use `--compat pymjcf`"
-            yield Loss.of(joint.origin, "mjlab", None, joint.path, what, "approximated")
+            what = f"the name: {counts[name]} joints would have the name `{name}`, so mjlab cannot load the model"
+            yield Loss.of(joint.origin, "mjlab", None, joint.path, what, "omitted")
 
 
 def _lost_sensors(robot: Robot) -> Iterator[Loss]:
@@ -79,11 +86,11 @@ def _lost_sensors(robot: Robot) -> Iterator[Loss]:
 
 def _module(robot: Robot, separator: str) -> bytes:
     def name(joint: TreeJoint) -> str:
-        return _short(joint.path, separator)
+        return _name(joint.path, separator)
 
     drives = driven(robot, name, MOTIONS)
     positions = {
-        _short(one.name, separator): one.ratio * start(robot, joint) for joint in moving(robot, MOTIONS) for one in lowered(joint)
+        _name(one.name, separator): one.ratio * start(robot, joint) for joint in moving(robot, MOTIONS) for one in lowered(joint)
     }
     complete = not robot.moves and len(moving(robot, MOTIONS)) == sum(len(body.joints) for body in robot.bodies)
     classes = sorted({CLASSES[drive.drive.kind] for drive in drives})
@@ -99,9 +106,9 @@ def _module(robot: Robot, separator: str) -> bytes:
         "articulation": Call("EntityArticulationInfoCfg", {"actuators": Expression("ACTUATORS")}),
     })
     file = f'Path(__file__).resolve().parents[1] / "mjcf" / "{robot.assembly.name}_{robot.mode.name}.xml"'
-    names = {(one.drive.name or one.joint.path).replace("/", separator): one.joint.path.replace("/", separator) for one in drives}
+    names = {_name(one.drive.name or one.joint.path, separator): one.name for one in drives}
     return module(
-        robot, "mjlab", ["from pathlib import Path", "\n".join(imports)],
+        robot, "mjlab", ["from pathlib import Path\nfrom xml.etree import ElementTree", "\n".join(imports)],
         [
             f"{assignment('XML', Expression(file))}\n{assignment('DRIVES', names)}", GET_SPEC,
             assignment("ACTUATORS", tuple(_actuators(drives))), assignment(constant(robot, "CFG"), config),
