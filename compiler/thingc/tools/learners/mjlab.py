@@ -6,13 +6,11 @@ mjlab adds the actuators of the configuration to the model. Therefore, the modul
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping
 
-from thingc.model.robot.types import Robot, TreeJoint
+from thingc.model.robot.types import Robot
 from thingc.targets import Artifacts, EmitRequest, Loss
-from thingc.targets.artifact import Content
-from thingc.targets.mjcf.compat import separator
+from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 from thingc.targets.mjcf.lowering import lowered
 from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven, losses, moving, start
 from thingc.tools.learners.python_text import Call, Expression, assignment, constant, file_name, imported, module
@@ -28,14 +26,14 @@ GET_SPEC = '''
 def get_spec() -> mujoco.MjSpec:
     """Return the model without keyframes and the drives of `ACTUATORS`.
 
-    mjlab adds these drives with the names of their joints. In names, `_` replaces
+    mjlab adds these drives with the names of their joints. In names, `.` replaces
     `/`, because mjlab ignores the part of a name before the last `/`.
     """
     root = ElementTree.parse(XML).getroot()
     for element in root.iter():
         for name, value in element.attrib.items():
             if name not in ("file", "meshdir"):
-                element.set(name, value.replace("/", "_"))
+                element.set(name, value.replace("/", "."))
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     spec.meshdir = str(XML.parent / "assets")
     for sensor in spec.sensors:
@@ -53,27 +51,13 @@ def emit(request: EmitRequest) -> Artifacts:
     """Write a module for each chosen mode."""
     lost: dict[Loss, None] = {}
     for robot in request.robots:
-        lost |= dict.fromkeys((
-            *losses(robot, "mjlab", "mjlab", MOTIONS), *_ambiguous(robot, separator(request.compat)), *_lost_sensors(robot),
-        ))
-    files: dict[str, Content] = {f"mjlab/{file_name(robot)}.py": _module(robot, separator(request.compat)) for robot in request.robots}
-    return Artifacts(files=files, losses=tuple(lost))
+        lost |= dict.fromkeys((*losses(robot, "mjlab", "mjlab", MOTIONS), *_lost_sensors(robot)))
+    return Artifacts(files={f"mjlab/{file_name(robot)}.py": _module(robot) for robot in request.robots}, losses=tuple(lost))
 
 
-def _name(path: str, separator: str) -> str:
-    """Return the name of an element in mjlab, in which `_` replaces the separator `/` of paths."""
-    return path.replace("/", "_" if separator == "/" else separator)
-
-
-def _ambiguous(robot: Robot, separator: str) -> Iterator[Loss]:
-    """Yield an export loss for each joint whose name is not unique in mjlab."""
-    joints = moving(robot, MOTIONS)
-    counts = Counter(_name(joint.path, separator) for joint in joints)
-    for joint in joints:
-        name = _name(joint.path, separator)
-        if counts[name] > 1:
-            what = f"the name: {counts[name]} joints would have the name `{name}`, so mjlab cannot load the model"
-            yield Loss.of(joint.origin, "mjlab", None, joint.path, what, "omitted")
+def mjlab_name(path: str) -> str:
+    """Return the name of an element in mjlab, in which `.` replaces `/`. Names in documents do not contain this character."""
+    return path.replace("/", SEPARATOR)
 
 
 def _lost_sensors(robot: Robot) -> Iterator[Loss]:
@@ -84,14 +68,9 @@ def _lost_sensors(robot: Robot) -> Iterator[Loss]:
             yield Loss.of(sensor.origin, "mjlab", robot.mode.name, sensor.path, what, "omitted")
 
 
-def _module(robot: Robot, separator: str) -> bytes:
-    def name(joint: TreeJoint) -> str:
-        return _name(joint.path, separator)
-
-    drives = driven(robot, name, MOTIONS)
-    positions = {
-        _name(one.name, separator): one.ratio * start(robot, joint) for joint in moving(robot, MOTIONS) for one in lowered(joint)
-    }
+def _module(robot: Robot) -> bytes:
+    drives = driven(robot, lambda joint: mjlab_name(joint.path), MOTIONS)
+    positions = {mjlab_name(one.name): one.ratio * start(robot, joint) for joint in moving(robot, MOTIONS) for one in lowered(joint)}
     complete = not robot.moves and len(moving(robot, MOTIONS)) == sum(len(body.joints) for body in robot.bodies)
     classes = sorted({CLASSES[drive.drive.kind] for drive in drives})
     imports = [
@@ -106,7 +85,7 @@ def _module(robot: Robot, separator: str) -> bytes:
         "articulation": Call("EntityArticulationInfoCfg", {"actuators": Expression("ACTUATORS")}),
     })
     file = f'Path(__file__).resolve().parents[1] / "mjcf" / "{robot.assembly.name}_{robot.mode.name}.xml"'
-    names = {_name(one.drive.name or one.joint.path, separator): one.name for one in drives}
+    names = {mjlab_name(one.drive.name or one.joint.path): one.name for one in drives}
     return module(
         robot, "mjlab", ["from pathlib import Path\nfrom xml.etree import ElementTree", "\n".join(imports)],
         [
