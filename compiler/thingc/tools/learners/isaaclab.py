@@ -13,7 +13,7 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.name_mangling import safe
 from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven, losses, moving, start
-from thingc.tools.learners.python_text import Call, Expression, assignment, constant, file_name, module
+from thingc.tools.learners.python_text import PythonCall, PythonExpression, assignment, constant, file_name, module
 
 MOTIONS = frozenset({"single"})
 """The types of motion of joints that Isaac Lab supports: hinges and slides."""
@@ -43,9 +43,9 @@ def _module(robot: Robot) -> bytes:
         kind: _actuator([drive for drive in drives if drive.drive.kind == kind], len(positions) if complete else None)
         for kind in dict.fromkeys(drive.drive.kind for drive in drives)
     }
-    config = Call("ArticulationCfg", {
-        "spawn": Call("sim_utils.UsdFileCfg", {"usd_path": Expression("str(USD)")}),
-        "init_state": Call("ArticulationCfg.InitialStateCfg", {
+    config = PythonCall("ArticulationCfg", {
+        "spawn": PythonCall("sim_utils.UsdFileCfg", {"usd_path": PythonExpression("str(USD)")}),
+        "init_state": PythonCall("ArticulationCfg.InitialStateCfg", {
             **_base(robot), "joint_pos": by_pattern(positions, complete=complete), "joint_vel": {".*": 0.0},
         }),
         "actuators": actuators,
@@ -57,7 +57,7 @@ def _module(robot: Robot) -> bytes:
     ]
     return module(
         robot, "Isaac Lab", ["from pathlib import Path", "\n".join(imports)],
-        [assignment("USD", Expression(file)), assignment(constant(robot, "CFG"), config)],
+        [assignment("USD", PythonExpression(file)), assignment(constant(robot, "CFG"), config)],
     )
 
 
@@ -70,7 +70,7 @@ def _base(robot: Robot) -> Mapping[str, object]:
     return {"pos": pose.translation, "rot": (x, y, z, w)}
 
 
-def _actuator(drives: Sequence[DrivenJoint], joints: int | None) -> Call:
+def _actuator(drives: Sequence[DrivenJoint], joints: int | None) -> PythonCall:
     """Return the configuration of the drives of one kind. A value that differs between joints is a dictionary.
 
     If there are drives for all `joints`, a pattern takes the place of their names. Values that are missing are those of the USD file.
@@ -85,7 +85,7 @@ def _actuator(drives: Sequence[DrivenJoint], joints: int | None) -> Call:
         "armature": [drive.joint.dynamics.armature for drive in drives],
     }
     values = {key: _value(dict(zip(names, column, strict=True))) for key, column in columns.items()}
-    return Call("ImplicitActuatorCfg", {"joint_names_expr": [".*"] if len(names) == joints else names, **values})
+    return PythonCall("ImplicitActuatorCfg", {"joint_names_expr": [".*"] if len(names) == joints else names, **values})
 
 
 def _value(values: Mapping[str, float | None]) -> object:

@@ -13,7 +13,7 @@ from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 from thingc.targets.mjcf.lowering import lowered
 from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven, losses, moving, start
-from thingc.tools.learners.python_text import Call, Expression, assignment, constant, file_name, imported, module
+from thingc.tools.learners.python_text import PythonCall, PythonExpression, assignment, constant, file_name, imported, module
 
 MOTIONS = frozenset({"single", "several", "universal", "screw"})
 """The types of motion of joints that mjlab supports. mjlab requires one position for each MuJoCo joint, and a ball joint has four."""
@@ -77,19 +77,19 @@ def _module(robot: Robot) -> bytes:
         "import mujoco", *([imported("mjlab.actuator", classes)] if classes else []),
         imported("mjlab.entity", ["EntityArticulationInfoCfg", "EntityCfg"]),
     ]
-    config = Call("EntityCfg", {
-        "init_state": Call("EntityCfg.InitialStateCfg", {
+    config = PythonCall("EntityCfg", {
+        "init_state": PythonCall("EntityCfg.InitialStateCfg", {
             **_base(robot), "joint_pos": by_pattern(positions, complete=complete), "joint_vel": {".*": 0.0},
         }),
-        "spec_fn": Expression("get_spec"),
-        "articulation": Call("EntityArticulationInfoCfg", {"actuators": Expression("ACTUATORS")}),
+        "spec_fn": PythonExpression("get_spec"),
+        "articulation": PythonCall("EntityArticulationInfoCfg", {"actuators": PythonExpression("ACTUATORS")}),
     })
     file = f'Path(__file__).resolve().parents[1] / "mjcf" / "{robot.assembly.name}_{robot.mode.name}.xml"'
     names = {mjlab_name(one.drive.name or one.joint.path): one.name for one in drives}
     return module(
         robot, "mjlab", ["from pathlib import Path\nfrom xml.etree import ElementTree", "\n".join(imports)],
         [
-            f"{assignment('XML', Expression(file))}\n{assignment('DRIVES', names)}", GET_SPEC,
+            f"{assignment('XML', PythonExpression(file))}\n{assignment('DRIVES', names)}", GET_SPEC,
             assignment("ACTUATORS", tuple(_actuators(drives))), assignment(constant(robot, "CFG"), config),
         ],
     )
@@ -103,7 +103,7 @@ def _base(robot: Robot) -> Mapping[str, object]:
     return {"pos": pose.translation, "rot": pose.quaternion()}
 
 
-def _actuators(drives: list[DrivenJoint]) -> Iterator[Call]:
+def _actuators(drives: list[DrivenJoint]) -> Iterator[PythonCall]:
     """Yield the configurations of the drives. Drives with equal values have one configuration."""
     groups: dict[tuple[str, tuple[tuple[str, object], ...]], list[str]] = {}
     for one in drives:
@@ -115,8 +115,8 @@ def _actuators(drives: list[DrivenJoint]) -> Iterator[Call]:
             case "velocity":
                 own = {"damping": 1.0 if kv is None else kv, **own}
             case "motor":
-                own = {"effort_limit": Expression(UNLIMITED) if one.effort is None else one.effort}
+                own = {"effort_limit": PythonExpression(UNLIMITED) if one.effort is None else one.effort}
         own |= {"armature": dynamics.armature or 0.0, "frictionloss": dynamics.friction or 0.0}
         groups.setdefault((CLASSES[one.drive.kind], tuple(own.items())), []).append(re.escape(one.name))
     for (function, values), names in groups.items():
-        yield Call(function, {"target_names_expr": tuple(names), **dict(values)})
+        yield PythonCall(function, {"target_names_expr": tuple(names), **dict(values)})

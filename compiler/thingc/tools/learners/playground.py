@@ -6,7 +6,7 @@ from thingc.model.robot.types import Robot
 from thingc.targets import Artifacts, EmitRequest
 from thingc.targets.mjcf.emit import model_trees
 from thingc.targets.xml_writer import Element
-from thingc.tools.learners.python_text import Expression, assignment, file_name, module
+from thingc.tools.learners.python_text import PythonExpression, assignment, file_name, module
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -31,7 +31,7 @@ def _module(robot: Robot, tree: Element) -> bytes:
     }
     body = next(one for one in world.children if one.tag == "body")
     blocks = [
-        "\n".join(assignment(name, Expression(path)) for name, path in paths.items()), assignment("ROOT_BODY", body.get("name")),
+        "\n".join(assignment(name, PythonExpression(path)) for name, path in paths.items()), assignment("ROOT_BODY", body.get("name")),
         *(assignment(name, values) for name, values in names.items()),
     ]
     for key in _section(tree, "keyframe").children[:1]:

@@ -17,13 +17,13 @@ WIDTH = 88
 INDENT = "    "
 
 
-class Expression(str):
+class PythonExpression(str):
     """Python code, which is written unchanged."""
 
     __slots__ = ()
 
 
-class Call(FrozenStruct, kw_only=False):
+class PythonCall(FrozenStruct, kw_only=False):
     """A call with keyword arguments. Arguments that are None are omitted."""
 
     function: str
@@ -76,7 +76,7 @@ def _text(value: object, indent: str, column: int) -> str:
 
 def _items(value: object) -> tuple[str, list[tuple[str, object]], str]:
     """Return the beginning of a value, its items, each with the text before it, and its end."""
-    if isinstance(value, Call):
+    if isinstance(value, PythonCall):
         return f"{value.function}(", [(f"{name}=", item) for name, item in value.arguments.items() if item is not None], ")"
     if isinstance(value, Mapping):
         return "{", [(f"{json.dumps(key, ensure_ascii=False)}: ", item) for key, item in value.items()], "}"
@@ -86,7 +86,7 @@ def _items(value: object) -> tuple[str, list[tuple[str, object]], str]:
 
 
 def _plain(value: object) -> str:
-    if isinstance(value, Expression):
+    if isinstance(value, PythonExpression):
         return str(value)
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
