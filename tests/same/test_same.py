@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -97,6 +98,7 @@ def test_a_physical_change_is_found(robots: dict[str, Subject], name: str, kind:
     found = compare_mechanisms(robot.written, readable(new, tmp_path, draw)[3])
     assert not found.same
     assert found.differences
+    assert {"position": "axis position", "angle": "axis angle"}.get(kind, kind) in [one.what for one in found.differences]
     if kind in ("mass", "inertia", "coupling"):
         assert [one.what for one in found.differences] == [kind]
         assert found.differences[0].by is None or 0.5e-4 < found.differences[0].by < 1.001e-4
@@ -144,6 +146,8 @@ def test_the_zero_of_a_wheel_follows_from_its_limits(here: Path, capsys: pytest.
     moved = compare_mechanisms(one, mechanism(cart("b.urdf", "revolute", -0.75, 1.25)))
     assert moved.same and moved.limits == ()
     assert (moved.joints[0].zero, moved.joints[0].determined) == (pytest.approx(0.25), False)
+    turned = compare_mechanisms(one, mechanism(cart("b.urdf", "revolute", 5.0, 7.0)))
+    assert turned.same and turned.limits == () and turned.joints[0].zero == pytest.approx(6.0)
     wider = compare_mechanisms(one, mechanism(cart("c.urdf", "revolute", -1.5, 1.5)))
     assert wider.same
     assert [(limit.old, limit.new) for limit in wider.limits] == [((-1.0, 1.0), (-1.5, 1.5))]
@@ -220,6 +224,55 @@ def test_documents_builds_and_revisions(here: Path, shared_store: str, capsys: p
     document.write_text(DOCUMENT.replace("300 g", "301 g"))
     assert main(["same", "HEAD", "crane.yaml", "--store", shared_store]) == 1
     assert "mass of boom: 0.3 kg -> 0.301 kg (differs by 0.332 %)" in capsys.readouterr().out
+
+
+PAIR = """
+<robot name="pair">
+  <link name="body"><inertial><origin xyz="0.01 0.02 0.03"/><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.02" izz="0.025" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  {wheels}
+</robot>
+"""
+SIDE = """
+  <link name="{name}"><inertial><mass value="0.2"/><inertia ixx="1e-3" iyy="2e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="spin_{name}" type="continuous"><parent link="{on}"/><child link="{name}"/><origin xyz="{xyz}"/><axis xyz="{axis}"/></joint>
+"""
+
+
+@pytest.mark.parametrize(("right", "by"), [
+    ("0 -0.1 0.001", 0.001),  # no longer on the line of the left axis, which is nearer than its old place
+    ("0.3 -0.1 0.4", 0.5),
+])
+def test_one_of_two_wheels_moved(here: Path, right: str, by: float) -> None:
+    for name, xyz in (("a.urdf", "0 -0.1 0"), ("b.urdf", right)):
+        wheels = ((one, "body", place, "0 1 0") for one, place in (("left", "0 0.1 0"), ("right", xyz)))
+        (here / name).write_text(PAIR.format(wheels=side(*wheels)))
+    found = compare_mechanisms(mechanism(here / "a.urdf"), mechanism(here / "b.urdf"))
+    assert [(one.what, one.one, one.other) for one in found.differences] == [("axis position", "spin_right", "spin_right")]
+    assert found.differences[0].by == pytest.approx(by)
+
+
+def test_a_link_moved_along_the_axis_of_its_joint(here: Path) -> None:
+    for name, xyz in (("a.urdf", "0 0.1 0"), ("b.urdf", "0 0.11 0")):
+        wheels = (("left", "body", xyz, "0 1 0"), ("right", "left", "0.2 0.1 0", "1 0 0"), ("rear", "body", "0 0.3 0.1", "1 0 0"))
+        (here / name).write_text(PAIR.format(wheels=side(*wheels)))
+    found = compare_mechanisms(mechanism(here / "a.urdf"), mechanism(here / "b.urdf"))
+    assert [(one.what, one.one, one.by) for one in found.differences] == [("axis position", "spin_left", pytest.approx(0.01))]
+
+
+def side(*wheels: tuple[str, str, str, str]) -> str:
+    return "".join(SIDE.format(name=name, on=on, xyz=xyz, axis=axis) for name, on, xyz, axis in wheels)
+
+
+def test_all_masses_of_a_robot_differ(here: Path) -> None:
+    (here / "a.xml").write_text(FIVE_BAR)
+    other = FIVE_BAR.replace('pos="0 0.01 0.02"', 'pos="0.3 0.01 0.02"').replace('mass="', 'mass="1')
+    twice = re.sub(r'fullinertia="(.*?)"', lambda found: f'fullinertia="{" ".join(str(2 * float(x)) for x in found[1].split())}"', other)
+    (here / "b.xml").write_text(twice)
+    found = compare_mechanisms(mechanism(here / "a.xml"), mechanism(here / "b.xml"))
+    assert {one.one: one.other for one in found.joints} == {name: name for name in ("qa", "qb", "qc", "qd", found.joints[-1].one)}
+    assert {one.what for one in found.differences} == {"mass", "inertia", "centre"}
+    assert [(one.one, one.by) for one in found.differences if one.what == "centre"] == [("ground", pytest.approx(0.3))]
 
 
 def commit(message: str) -> None:
