@@ -22,7 +22,7 @@ map between the robots. Limits are shown, but do not change the result. Meshes, 
 
   thingc same old.urdf new.urdf                     two files: documents, URDF, xacro, MJCF, SDF
   thingc same arm.yaml build/arm                    a document and a build folder
-  thingc same main..HEAD -- assemblies/arm.yaml     two revisions of a document
+  thingc same main..HEAD -- assemblies/arm.yaml     two revisions of a file
 
 Exit code: 0 if the robots are the same mechanism, 1 if they differ or have errors, 2 for an invalid command line.
 """

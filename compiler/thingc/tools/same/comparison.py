@@ -19,6 +19,8 @@ TOLERANCE = 1e-5
 """Default tolerance: about the precision of files with six digits."""
 CONFIGURATIONS = 8
 """Number of random configurations in which poses of links are compared."""
+SAMPLES = (-1.0, -0.6, 0.0, 0.3, 0.7, 1.0)
+"""Coordinates of a leader at which couplings are compared [rad or m]. They distinguish polynomials of degree 4."""
 EXACT = 1e-4
 """Fraction of the tolerance up to which values are equal but for rounding errors."""
 REACH = 10.0
@@ -180,11 +182,9 @@ def _coupled_alike(
 ) -> bool:
     if a.coupling is None or b.coupling is None or leader is None or other.joints[leader.other].name != b.coupling.leader:
         return False
-    for x in (-1.0, -0.6, 0.0, 0.3, 0.7, 1.0):
-        there = joint.sign * a.coupling.at(x) + joint.zero - b.coupling.at(leader.sign * x + leader.zero)
-        if abs(there) > tolerance * (1.0 + max(map(abs, a.coupling.polynomial))):
-            return False
-    return True
+    limit = tolerance * (1.0 + max(map(abs, a.coupling.polynomial)))
+    values = [(joint.sign * a.coupling.at(x) + joint.zero, b.coupling.at(leader.sign * x + leader.zero)) for x in SAMPLES]
+    return all(abs(p - q) <= limit for p, q in values)
 
 
 def _limits(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
