@@ -193,7 +193,7 @@ def test_workers_that_see_other_files_are_named(tmp_path: Path, mortal: Dask) ->
 @pytest.mark.slow
 def test_workers_with_other_versions_are_named(tmp_path: Path, mortal: Dask, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_executor, "versions", lambda: {"thingc": "0.0.1"})
-    other = r"other versions: .*thingc \S+ instead of 0.0.1"
+    other = r"different versions: .*thingc \S+ instead of 0.0.1"
     with dask_executor.DaskCluster(mortal.with_workers(2).address) as found, pytest.raises(BatchFault, match=other):
         found.check({})
 
