@@ -1,7 +1,7 @@
 """Find the maps between two mechanisms: which link and which joint of one robot is which of the other, with signs and zeros.
 
-The search begins with one link, and adds one joint with the link behind it in each step. After each step, only the best partial maps are
-kept.
+The search begins with one link, and adds one joint with the link behind it in each step. After each step, only the best partial maps
+remain.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ MOST = 64
 WIDTH, FEW = 256, 16
 """Maximum number of partial maps: without differences, and if values may differ."""
 MARGIN = 2
-"""A partial map is kept if it has at most this number of differences more than the best one."""
+"""A partial map remains if it has at most this number of differences more than the best one."""
 FEATURES = 3
 """Number of features of a link that are used to place it, if values may differ."""
 NEAREST = 3
