@@ -98,7 +98,7 @@ def _between(one: Axis, other: Axis) -> list[float]:
     if SLIDE in (one.kind, other.kind):
         return values
     away = other.anchor - one.anchor
-    return [*values, abs(float(away @ across)) / sine if sine > 0.1 else _distance(one, other.anchor) if sine < 1e-9 else 0.0]
+    return [*values, abs(float(away @ across)) / sine if sine > 0.1 else _distance(one, other.anchor)]
 
 
 def _crosses(one: Axis, other: Axis) -> bool:

@@ -23,8 +23,6 @@ DISTINCT = 1e-6
 """Difference of two values of a joint [rad or m] below which they are one candidate."""
 SYMMETRIC = 2.0
 """Relative error of a feature above which no position of the feature is distinguished from another."""
-OF_MASS = ("centre of mass", "principal axis 0", "principal axis 1", "principal axis 2")
-"""The tags of the features that depend on the mass distribution of a link."""
 
 
 class Motion(NamedTuple):
@@ -133,11 +131,11 @@ def _rigid_link(link: MechanismLink, ports: list[Port], tolerance: float) -> Rig
     values, axes = principal_axes(own.inertia)
     order = np.argsort(values)
     moments = np.array(values)[order]
-    features = [LinkFeature(OF_MASS[0], centre, None)] if own.mass > 0.0 else []
+    features = [LinkFeature("centre of mass", centre, None)] if own.mass > 0.0 else []
     for number, column in enumerate(order):
         gap = min(abs(moments[number] - other) for k, other in enumerate(moments) if k != number)
         if own.mass > 0.0 and gap > tolerance * moments[2]:
-            features.append(LinkFeature(OF_MASS[1 + number], None, np.array(axes)[:, column], moments[2] / gap))
+            features.append(LinkFeature(f"principal axis {number}", None, np.array(axes)[:, column], moments[2] / gap))
     for port in ports:
         kind, _, point, axis, _ = port.motion
         features.append(LinkFeature(port.tag, None if kind == "translation" else point, None if kind == "ball" else axis))

@@ -14,7 +14,6 @@ import numpy as np
 
 from thingc.tools.same.features import (
     DISTINCT,
-    OF_MASS,
     Array,
     AxisLine,
     LinkFeature,
@@ -153,11 +152,9 @@ class _Search:
         """
         given = [[] if centres is None else [LinkFeature("given", centre, None)] for centre in centres or (None, None)]
         found: list[Array] = []
-        for tags in ((),) if self.exact else ((), OF_MASS):  # also without the features of masses, which may differ
-            ones, others = ([one for one in link.features if one.tag not in tags] for link in (a, b))
-            for T in self._starts_with([*given[0], *ones], [*given[1], *others]):
-                if all(np.abs(T - known).max() > DISTINCT for known in found):
-                    found.append(T)
+        for T in self._starts_with([*given[0], *a.features], [*given[1], *b.features]):
+            if all(np.abs(T - known).max() > DISTINCT for known in found):
+                found.append(T)
         return found
 
     def _starts_with(self, ones: list[LinkFeature], others: list[LinkFeature]) -> Iterator[Array]:
