@@ -180,7 +180,7 @@ def test_a_chain_that_is_too_long(tmp_path: Path) -> None:
     ("thing: assembly/1\n", Code.HEADER, "expected the key `thingc`, found `thing`", "did you mean `thingc`?", (1, 1)),
     ("thingc: asembly/1\n", Code.HEADER, "unknown kind of document `asembly`", "did you mean `assembly`?", (1, 9)),
     ("thingc: foo/1\n", Code.HEADER, "unknown kind of document `foo`",
-     "known kinds: `assembly`, `materials`, `variants`, `workspace`", (1, 9)),
+     "known kinds: `assembly`, `calibration`, `materials`, `variants`, `workspace`", (1, 9)),
     ("thingc: assembly\n", Code.HEADER, "the version of `assembly` is missing", "write `thingc: assembly/1`", (1, 9)),
     ("thingc: assembly/2\n", Code.HEADER, "unknown version `2` of `assembly`", "write `thingc: assembly/1`", (1, 9)),
     ("thingc: 1\n", Code.HEADER, "`thingc` must specify kind and version, found `1`", "write, for example, `thingc: assembly/1`", (1, 9)),

@@ -133,6 +133,7 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
     report.add(
         Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)), help=(
             "use a variants document, or `thingc build` to build one assembly" if kinds == ("variants",)
+            else "use `thingc calibration ROBOT FILE`" if root.kind == "calibration" or kinds == ("calibration",)
             else "use the assembly that lists this document" if root.kind == "materials"
             else "use the assembly document; thingc finds this file automatically"
         ),

@@ -63,7 +63,8 @@ class FieldType(FrozenStruct):
             return " or ".join(
                 shape.words for shape in shapes if not (some and shape.kind == "dict" or numbered and shape.kind in ("list", "dict"))
             )
-        return {"dict": "a mapping", "list": "a list", "text": "a string", "flag": "a boolean", "number": "a number"}[self.kind]
+        number = "a whole number" if self.annotation is int else "a number"
+        return {"dict": "a mapping", "list": "a list", "text": "a string", "flag": "a boolean", "number": number}[self.kind]
 
 
 @cache
