@@ -94,6 +94,24 @@ def test_python(here: Path) -> None:
         assert min(abs(pan["offset"] + pan["sign"] * q * pan["ticks_per_unit"] - end) for end in pan["range"]) <= 0.5
 
 
+def test_a_resolution_can_be_an_expression(here: Path) -> None:
+    read: dict[str, Any] = {}
+    exec(emitted(here, "python", GOOD.replace("ticks_per_turn: 4096}\n  wheel", "resolution: =360 deg / 4096 / 50}\n  wheel")), read)
+    assert read["JOINTS"]["lift"]["ticks_per_unit"] == pytest.approx(4096 * 50 / (2 * math.pi))
+
+
+def test_no_input_is_overwritten(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "left.calibration.yaml").write_text(GOOD)
+    for name, text in (("arm.yaml", ROBOT), ("left.calibration.yaml", GOOD)):
+        assert main(["calibration", "arm.yaml", "left.calibration.yaml", "--emit", "python", "-o", f"./{name}"]) == 2
+        assert f"`./{name}` is an input file" in capsys.readouterr().err
+        assert (here / name).read_text() == text
+    assert main(["calibration", "arm.yaml", "left.calibration.yaml", "-o", "out"]) == 2
+    assert "-o needs a format" in capsys.readouterr().err
+    assert main(["calibration", "arm.yaml", "lft.calibration.yaml"]) == 2
+    assert "did you mean `left.calibration.yaml`?" in capsys.readouterr().err
+
+
 def test_ros2_control(here: Path) -> None:
     block = ET.fromstring(emitted(here, "ros2_control"))
     names = [one.get("name") for one in block.findall("joint")]
@@ -128,9 +146,11 @@ ONE_TURN = "id: 3, offset: 0, ticks_per_turn: 4096"
     ("slide: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC314", "joint `slide` does not rotate"),
     ("slide: {id: 3, offset: 0, resolution: 1 deg}", "TC314", "must be a length above 0"),
     ("slide: {id: 3, offset: 0, resolution: -1 mm}", "TC314", "must be a length above 0"),
+    ("slide: {id: 3, offset: 0, resolution: 1e-320 mm}", "TC314", "must be a length above 0"),
+    ("slide: {id: 3, offset: 0, resolution: =lead / 4096}", "TC313", "lead"),
     ("lift: {id: 3, offset: 0}", "TC212", "needs exactly one of `ticks_per_turn` and `resolution`, found none"),
     (f"lift: {{{ONE_TURN}, resolution: 1 deg}}", "TC212", "found both"),
-    ("lift: {id: 3, offset: 0.5, ticks_per_turn: 4096}", "TC203", ""),
+    ("lift: {id: 3, offset: 0.5, ticks_per_turn: 4096}", "TC203", "expected a whole number, found the number `0.5`"),
     ("lift: {id: 3, offset: 0, sign: 2, ticks_per_turn: 4096}", "TC204", ""),
     ("lift: {id: 3, offset: 0, tick_per_turn: 4096}", "TC201", "`tick_per_turn`"),
     ("lift: {offset: 0, ticks_per_turn: 4096}", "TC202", "`id`"),
@@ -167,4 +187,5 @@ def test_other_commands_know_the_document(here: Path, capsys: pytest.CaptureFixt
     assert main(["build", "left.calibration.yaml"]) == 1
     assert "found `calibration`" in "".join(capsys.readouterr())
     assert main(["calibration", "arm.yaml", "arm.yaml"]) == 1
-    assert "expected a document of kind `calibration`, found `assembly`" in "".join(capsys.readouterr())
+    said = "".join(capsys.readouterr())
+    assert "expected a document of kind `calibration`, found `assembly`" in said and "use `thingc calibration ROBOT FILE`" in said

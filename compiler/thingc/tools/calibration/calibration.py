@@ -9,6 +9,8 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, Quantity
+from thingc.documents.expressions.evaluation import evaluate
+from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.documents import load
 from thingc.documents.spec.calibration import CalibrationSpec, MotorSpec
 from thingc.documents.spec.validation import validate_one
@@ -18,6 +20,9 @@ from thingc.model.assembly.types import Assembly, JointEdge
 
 HIGHEST_ID = 253
 """Largest identifier of a motor: 254 and 255 are broadcast addresses of the buses of Feetech and Dynamixel."""
+
+FINEST = 1e-12
+"""Smallest accepted resolution [rad or m]."""
 
 
 class CalibratedJoint(FrozenStruct):
@@ -97,12 +102,16 @@ class _Reader:
         """Return the number of encoder values per unit of q [1/rad or 1/m], and check the encoder value at q = 0."""
         count, coordinate = motor.ticks_per_turn, joint.twist.coordinate
         if count is None:
-            assert isinstance(motor.resolution, Quantity)
-            if motor.resolution.dimension != coordinate or motor.resolution.value <= 0.0:
-                message = f"the `resolution` of joint `{name}` must be {coordinate.words} above 0, found `{motor.resolution}`"
+            try:
+                resolution = evaluate(motor.resolution, {}) if isinstance(motor.resolution, Expression) else motor.resolution
+            except ExpressionError as fault:
+                self._error(Code.EXPRESSION, str(fault), "resolution", help="use only numbers with units", name=name)
+                return None
+            if not isinstance(resolution, Quantity) or resolution.dimension != coordinate or resolution.value < FINEST:
+                message = f"the `resolution` of joint `{name}` must be {coordinate.words} above 0, found `{resolution}`"
                 self._error(Code.DIMENSION, message, "resolution", help="write the motion of the joint per tick", name=name)
                 return None
-            return 1.0 / motor.resolution.value
+            return 1.0 / resolution.value
         if coordinate != ANGLE:
             message = f"joint `{name}` does not rotate: `ticks_per_turn` needs a rotation"
             self._error(Code.DIMENSION, message, "ticks_per_turn", help="write, for example, `resolution: 0.01 mm`", name=name)

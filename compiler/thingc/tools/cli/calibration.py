@@ -37,8 +37,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc calibration`, and return the exit code, which is 0 if the calibration has no errors."""
     console.require_document(arguments.document)
+    console.require_document(arguments.calibration)
+    _check_output(arguments)
     found = attempted(arguments.document, console.options_of(arguments), partial(_convert, arguments))
     return console.print_found(found, arguments.format, stream=sys.stderr, debug=arguments.debug)
+
+
+def _check_output(arguments: argparse.Namespace) -> None:
+    """Raise `WrongCommandLine` if the option -o has no format, or names an input file."""
+    if arguments.output is not None and arguments.emit is None:
+        raise console.WrongCommandLine("-o needs a format", "add, for example, --emit python")
+    inputs = [os.path.realpath(path) for path in (arguments.document, arguments.calibration)]
+    if arguments.output is not None and os.path.realpath(arguments.output) in inputs:
+        raise console.WrongCommandLine(f"-o: `{arguments.output}` is an input file", "choose another file with -o", Code.OUTPUT)
 
 
 def _convert(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
