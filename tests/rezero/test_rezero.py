@@ -254,6 +254,16 @@ def test_a_joint_of_a_nested_document(here: Path, capsys: pytest.CaptureFixture[
     assert main(["rezero", "walker.yaml", "left.knee=30 deg"]) == 2
     out = capsys.readouterr().out
     assert "joint `knee` is defined in `leg.yaml`" in out and "--> walker.yaml:5:" in out and "`thingc rezero leg.yaml knee=...`" in out
+    (here / "sub").mkdir()
+    (here / "sub/other.yaml").write_text(walker.replace("leg.yaml", "../leg.yaml"))
+    assert main(["rezero", "sub/other.yaml", "left.knee=30 deg"]) == 2
+    assert "use `thingc rezero leg.yaml knee=...`" in capsys.readouterr().out
+    (here / "sub/other.yaml").write_text(walker.replace("leg.yaml", "../leg.yaml").replace("poses:", "<<<<<<< HEAD\nposes:"))
+    (here / "unrelated.yaml").write_text("<<<<<<< HEAD\n")
+    before = (here / "leg.yaml").read_text()
+    assert main(["rezero", "leg.yaml", "knee=30 deg"]) == 2 and "`sub/other.yaml` may use `leg.yaml`" in capsys.readouterr().out
+    assert (here / "leg.yaml").read_text() == before
+    (here / "sub/other.yaml").unlink()
     assert main(["rezero", "leg.yaml", "knee=30 deg", "--flip", "knee", "--diff"]) == 0
     out = capsys.readouterr().out
     assert "+++ leg.yaml" in out and "+++ walker.yaml" in out and (here / "walker.yaml").read_text() == walker

@@ -7,6 +7,7 @@ robots are compared in their poses and in random configurations.
 from __future__ import annotations
 
 import math
+import os
 import random
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -18,6 +19,7 @@ from thingc.base.source import Document, walk
 from thingc.documents.format.value_edits import CannotSetValue, Keys, changes, set_values
 from thingc.documents.load.discovery import documents_in
 from thingc.documents.load.documents import load
+from thingc.documents.spec.validation import KINDS
 from thingc.documents.workspace import Workspace
 from thingc.driver import pipeline
 from thingc.driver.edit_document import EditResult, document_change, write_texts
@@ -88,13 +90,16 @@ def _sound(document: str, options: Options) -> Compilation:
 def _users(root: Document, shifts: Sequence[JointShift]) -> Iterator[str]:
     """Yield the paths of the assemblies of the workspace that use the document.
 
-    Raises `ShiftRefused` for a variants document that sets values of the joints.
+    Raises `ShiftRefused` for a variants document that sets values of the joints, and for a file that names the document but cannot be read.
     """
     workspace = Workspace.find(root.path, Report())
     if workspace is None:
         return
     for path in documents_in(workspace.root, workspace):
-        documents = load(path, workspace, Report(), kinds=("assembly", "variants"))
+        report = Report()
+        documents = load(path, workspace, report, kinds=KINDS)
+        if documents is None:
+            _check_unrelated(path, root, report)
         if documents is None or path == root.path:
             continue
         if any(one.path == root.path for one in documents.by_path.values()):
@@ -104,6 +109,19 @@ def _users(root: Document, shifts: Sequence[JointShift]) -> Iterator[str]:
                 if any(f"joints.{shift.joint}." in str(keys[-1:]) for shift in shifts):
                     message = f"`{documents.root.relative}` may set values of these joints"
                     raise ShiftRefused(message, "edit both documents by hand", node.span)
+
+
+def _check_unrelated(path: str, root: Document, report: Report) -> None:
+    """Raise `ShiftRefused` if a file that cannot be read contains the name of the document, which it may use."""
+    error = report.ordered()[0]
+    try:
+        with open(path, "rb") as file:
+            uses = os.path.basename(root.path).encode() in file.read()
+    except OSError:
+        uses = False
+    if uses:
+        message = f"`{shown_path(path)}` may use `{root.relative}`: {error.message}"
+        raise ShiftRefused(message, error.help or "fix the file first", error.span)
 
 
 def _moved(root: Document, compilation: Compilation, shift: JointShift) -> list[JointEdge]:

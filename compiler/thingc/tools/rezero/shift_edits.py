@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from fnmatch import fnmatchcase
 from fractions import Fraction
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, Path, ScalarNode, SequenceNode, Span, entries_of, node_at, text_of, walk
 from thingc.base.suggestions import did_you_mean
@@ -51,7 +52,8 @@ def find_joint(document: Document, model: AssemblyDefinition, shift: JointShift)
         inner = node_at(document.tree, ("components", component, "assembly"))
         if rest and isinstance(inner, ScalarNode):
             message = f"joint `{rest}` is defined in `{inner.text}`, and the change would apply to every component that uses it"
-            raise ShiftRefused(message, f"`thingc rezero {inner.text} {rest}=...`", inner.span)
+            path = shown_path(os.path.normpath(os.path.join(os.path.dirname(document.path), inner.text)))
+            raise ShiftRefused(message, f"use `thingc rezero {path} {rest}=...`", inner.span)
         if joint is None and written is None:
             help = did_you_mean(name, entries_of(node_at(document.tree, ("joints",))), what="joints")
             raise ShiftRefused(f"there is no joint `{name}`", str(help))
