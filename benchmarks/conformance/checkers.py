@@ -97,7 +97,11 @@ CHECKERS: tuple[Checker, ...] = (
             r"^inertia.not_positive_definite.*'chassis'.*\[plane/": "The inertia of `plane` is 0 in its file.",
         },
     ),
-    Checker("urdf-validator", ("URDF",), ("urdf-validator==1.6.0",)),
+    Checker("urdf-validator", ("URDF",), ("urdf-validator==1.6.0",), explained={
+        '^Unknown tag "mujoco"': "`<mujoco>` is an extension of URDF that MuJoCo reads.",
+        "stability margin is negative|^--deep skipped": "The balancing robot cannot stand by itself.",
+        r"^\[INERTIA\].*diverges": "The checker compares inertias with those of a solid box or cylinder around the visual shapes.",
+    }),
     Checker("check_urdf", ("URDF",), needs=("sh -c 'command -v check_urdf'",), install="apt install liburdfdom-tools"),
     Checker(
         "urdf_parser_py", ("URDF",), ("urdf-parser-py==0.0.4", "lxml==6.1.3", "PyYAML==6.0.4"),
@@ -121,16 +125,17 @@ CHECKERS: tuple[Checker, ...] = (
     Checker("mujoco", ("MJCF", "URDF"), ("mujoco==4.0.0",), explained={
         r"^WARNING: Geom with duplicate name.*\[(ant|humanoid)/": "A shape that is drawn and collides keeps its imported name for both.",
     }),
-    Checker("mujoco-warp", ("MJCF",), ("mujoco-warp==3.17.0", "mujoco==3.17.0")),
     Checker(
         "libsdformat", ("SDF",), needs=("g++ --version", "pkg-config --exists sdformat12"), install="apt install libsdformat-dev",
         explained={"is newer than the supported version": "libsdformat 12 supports SDFormat 1.9, but some files require 1.11."},
     ),
     Checker("gz sdf", ("SDF",), needs=("gz sdf --version",), install="apt install gz-tools2"),
-    Checker("newton", ("MJCF", "URDF", "USD"), (
+    Checker("newton", ("URDF", "USD"), (
         "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
-    )),
-    Checker("drake", ("MJCF", "URDF", "SDF"), ("drake==1.51.1",)),
+    ), explained={
+        "^Inertia validation corrected": "Newton enlarges the inertia of links of 1e-9 kg, which lie between the axes of a joint.",
+        "^Warp CUDA warning": "The study runs on a CPU.",
+    }),
 )
 
 

@@ -8,6 +8,7 @@ imported in the functions, because each environment contains the packages of onl
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import re
@@ -86,9 +87,12 @@ def check_urdf(file):
 
 
 def urdf_validator(file):
+    from urdf_validator_main import cli
+
     with tempfile.TemporaryDirectory() as folder:
-        words = [sys.executable, "-m", "urdf_validator_main.cli", file, "--output-dir", folder]
-        subprocess.run(words, check=False, stdout=subprocess.DEVNULL)
+        sys.argv = ["urdf_validate", file, "--output-dir", folder]
+        with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+            cli.main()
         (answer,) = os.listdir(folder)
         with open(os.path.join(folder, answer)) as stream:
             report = json.load(stream)
@@ -199,17 +203,6 @@ def mujoco(file):
             yield "warning", f"{kind}: {one.number} times in 10 steps"
 
 
-def mujoco_warp(file):
-    import mujoco
-    import mujoco_warp
-
-    model = mujoco.MjModel.from_xml_path(file)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    mujoco_warp.step(mujoco_warp.put_model(model), mujoco_warp.put_data(model, data))
-    yield from ()
-
-
 # SDF
 
 
@@ -234,33 +227,16 @@ def gz_sdf(file):
 
 
 def newton(file):
-    import newton
+    with contextlib.redirect_stdout(io.StringIO()):  # Warp prints which kernels it loads
+        import newton
 
-    builder = newton.ModelBuilder()
-    if file.endswith(".urdf"):
-        builder.add_urdf(file)
-    elif file.endswith(".xml"):
-        builder.add_mjcf(file)
-    else:
-        builder.add_usd(file)
-    builder.finalize(device="cpu")
+        builder = newton.ModelBuilder()
+        if file.endswith(".urdf"):
+            builder.add_urdf(file)
+        else:
+            builder.add_usd(file)
+        builder.finalize(device="cpu")
     yield from ()
-
-
-def drake(file):
-    import logging
-
-    from pydrake.multibody.parsing import Parser
-    from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
-
-    plant, records = MultibodyPlant(0.001), []
-    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
-    handler = logging.Handler()
-    handler.emit = records.append
-    logging.getLogger("drake").handlers = [handler]
-    Parser(plant).AddModels(file)
-    plant.Finalize()
-    yield from (("warning", one.getMessage()) for one in records if one.levelno >= logging.WARNING)
 
 
 def differences(file, links=None, joints=None, mass=None):
@@ -279,7 +255,7 @@ def differences(file, links=None, joints=None, mass=None):
 def checked(check, file):
     """Return the findings of a checker for a file, including all lines that it prints and all warnings that Python issues.
 
-    Warnings that the checker uses deprecated functions are left out.
+    Warnings of Python about the code of the checker, such as a file that it does not close, are left out.
     """
     with warnings.catch_warnings(record=True) as issued, tempfile.TemporaryFile("w+", errors="replace") as stream:
         warnings.simplefilter("always")
@@ -287,7 +263,7 @@ def checked(check, file):
             findings = list(check(file))
         stream.seek(0)
         printed = [line.strip() for line in stream if line.strip()]
-    issued = [str(one.message) for one in issued if not issubclass(one.category, DeprecationWarning)]
+    issued = [str(one.message) for one in issued if not issubclass(one.category, (DeprecationWarning, ResourceWarning))]
     return [*findings, *(("warning", line) for line in (*printed, *issued) if "DeprecationWarning" not in line)]
 
 
