@@ -122,6 +122,14 @@ def test_a_symmetric_robot_is_ambiguous_and_names_are_preserved(here: Path, caps
     assert {one.one: one.other for one in found.joints} == {"j_left": "j_left", "j_right": "j_right"}
 
 
+@pytest.mark.parametrize(("count", "complete"), [(3, True), (5, False)])
+def test_equal_fingers_at_one_place_are_counted(here: Path, count: int, complete: bool) -> None:
+    (here / "a.urdf").write_text(GRIPPER.format(fingers="".join(FINGER.format(name=f"f{n}", x=0.02, yaw=0) for n in range(count))))
+    found = compare_mechanisms(*2 * [mechanism(here / "a.urdf")])
+    assert found.same and found.complete == complete
+    assert found.maps == found.assignments == 6 if complete else 6 < found.assignments <= 64
+
+
 def test_a_coupling_decides_between_symmetric_fingers(here: Path) -> None:
     def coupled(name: str, leader: str, follower: str, multiplier: float) -> Path:
         path = gripper(here / name, "left", "right")
