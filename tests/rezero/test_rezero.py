@@ -236,6 +236,21 @@ def test_what_cannot_be_moved(here: Path, words: list[str], said: str, line: str
     assert (here / "chain.yaml").read_text() == CHAIN
 
 
+def test_a_limit_that_an_alias_repeats_is_an_error_at_its_line(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    body = "frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
+    text = (
+        f"thingc: assembly/1\nname: arm\ncomponents:\n  a: {{{body}}}\n  b: {{{body}}}\n  c: {{{body}}}\njoints:\n"
+        "  one: {type: revolute, parent: a.origin, child: b.origin, limit: &same {lower: -1 rad, upper: 1 rad}}\n"
+        "  two: {type: revolute, parent: b.origin, child: c.origin, limit: *same}\n"
+    )
+    (here / "arm.yaml").write_text(text)
+    assert main(["rezero", "arm.yaml", "one=0.5 rad"]) == 2
+    out = capsys.readouterr().out
+    assert "`joints.one.limit.lower` cannot be set separately: an alias repeats the value" in out and "--> arm.yaml:8:" in out, out
+    assert (here / "arm.yaml").read_text() == text
+
+
 def test_a_joint_of_a_nested_document(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
     body = "frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"

@@ -11,7 +11,7 @@ from thingc.base.diagnostics import Code, Diagnostic, Severity, Stage
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.replacement import ReplacementRefused, replace_files
-from thingc.base.source import Document, MappingNode, Node, SequenceNode, line_of, node_at
+from thingc.base.source import Document, MappingNode, Node, SequenceNode, Span, line_of, node_at
 from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, changes, set_values
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.yaml_tree import is_flow, read_flow
@@ -56,7 +56,7 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
         full = set_values(root, {keys: _texts(node) for keys, node in short})
         text = set_values(full, {keys: _parse_value(text) for keys, text in values.items()}).text
     except CannotSetValue as fault:
-        return EditResult(found=(_wrong(str(fault), "edit the document by hand"),))
+        return EditResult(found=(_wrong(str(fault), "edit the document by hand", fault.span),))
     return write_texts(root, {root.path: (root, text)}, tuple(changes(full, values)), options, strict=strict, dry=dry)
 
 
@@ -162,5 +162,5 @@ def _elsewhere(root: Document, path: str) -> Diagnostic | None:
     return _wrong(message, f"`thingc set {inner} '{rest}=...'`")
 
 
-def _wrong(message: str, help: str) -> Diagnostic:
-    return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message, help=help)
+def _wrong(message: str, help: str, span: Span | None = None) -> Diagnostic:
+    return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message, help=help, span=span)

@@ -19,7 +19,14 @@ Written = str | Mapping[str, "Written"] | Sequence["Written"]
 
 
 class CannotSetValue(Exception):
-    """Raised if a value cannot be set or removed without changing other values. The message of the exception explains the reason."""
+    """Raised if a value cannot be set or removed without changing other values.
+
+    The message of the exception explains the reason. `span` is the location of the value.
+    """
+
+    def __init__(self, document: Document, keys: Keys, why: str) -> None:
+        super().__init__(f"`{'.'.join(keys)}` {why}")
+        self.span = document.span(keys)
 
 
 def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
@@ -32,8 +39,8 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     for keys, value in values.items():
         after = _parse_document(document, set_one(document, keys, value))
         if after is None or after.tree.plain() != _put(document.tree.plain(), keys, _meant(value)):
-            what = "an alias repeats the value, or thingc cannot edit this YAML syntax"
-            raise CannotSetValue(f"`{'.'.join(keys)}` cannot be set separately: {what}")
+            why = "cannot be set separately: an alias repeats the value, or thingc cannot edit this YAML syntax"
+            raise CannotSetValue(document, keys, why)
         document = after
     return document
 
@@ -45,7 +52,7 @@ def without(document: Document, keys: Keys) -> Document:
     """
     after = _parse_document(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
     if after is None or after.tree.plain() != _take_out(document.tree.plain(), keys):
-        raise CannotSetValue(f"`{'.'.join(keys)}` cannot be removed: an alias repeats the key, or thingc cannot edit this YAML syntax")
+        raise CannotSetValue(document, keys, "cannot be removed: an alias repeats the key, or thingc cannot edit this YAML syntax")
     return after
 
 
@@ -103,7 +110,7 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
     start, end = source.range(node.span)
     if not rest or not isinstance(node, MappingNode):  # replaces an existing value, which may be empty: `limit:`
         if isinstance(node, (MappingNode, SequenceNode)) and text[start] not in "{[":
-            raise CannotSetValue(f"`{'.'.join(keys)}` spans several lines: set the values inside it")
+            raise CannotSetValue(document, keys, "spans several lines: set the values inside it")
         space = "" if end > start or text[start - 1 : start].isspace() else " "
         written = _flow(value) if not rest else "{" + _entry(rest, value) + "}"
         return text[:start] + space + written + text[end:]

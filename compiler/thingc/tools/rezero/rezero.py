@@ -60,7 +60,7 @@ def rezero(document: str, shifts: Sequence[JointShift], options: Options, *, str
                 _compare(documents[path], old[path], new[path], shift, [joint.path for joint in moved[path]])
             old = new
     except CannotSetValue as fault:
-        return EditResult(found=(ShiftRefused(str(fault), "edit the document by hand").diagnostic,))
+        return EditResult(found=(ShiftRefused(str(fault), "edit the document by hand", fault.span).diagnostic,))
     except ShiftRefused as refused:
         return EditResult(found=(refused.diagnostic,))
     done = [change for path, own in edits.items() for change in _done(root, originals[path], own)]
