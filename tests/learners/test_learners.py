@@ -184,6 +184,11 @@ def drive_of(model: Any, joint: int) -> Any:
     return drive
 
 
+def test_models_that_modules_load_are_also_written() -> None:
+    assert chosen(["isaaclab"]) == ("usd", "isaaclab") and chosen(["mjlab,playground"]) == ("mjcf", "mjlab", "playground")
+    assert chosen(["urdf"]) == ("urdf",)
+
+
 def test_isaac_lab_has_the_values_of_mujoco(written: dict[str, Written], stand_ins: None) -> None:
     for robot in written.values():
         for mode in robot.modes:

@@ -114,9 +114,13 @@ def unknown(words: Sequence[str]) -> tuple[tuple[int, str, Hint], ...]:
 def chosen(words: Sequence[str]) -> tuple[str, ...]:
     """Parse the target names in arguments such as `mjcf`, `mjcf,urdf` and `all`.
 
-    Return the targets in the order in which a build writes them. If there are no arguments, return the default targets.
+    Return the targets in the order in which a build writes them. If there are no arguments, return the default targets. A target of an
+    installed package can require other targets, to whose files it refers, with `REQUIRES = {"NAME": ("usd",)}` in its module.
     """
     wanted = {word for text in words for word in text.split(",")}
+    for name in wanted & {*_installed()} - {*TARGETS}:
+        with contextlib.suppress(ImportError):
+            wanted.update(getattr(import_module(module_of(name)), "REQUIRES", {}).get(name, ()))
     return tuple(target for target in targets() if (wanted & {target, ALL} if words else _is_default(target)))
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 WRITES = ("isaaclab/*.py", "mjlab/*.py", "playground/*.py")
 UNASKED = False
+REQUIRES = {"isaaclab": ("usd",), "mjlab": ("mjcf",), "playground": ("mjcf",)}
 
 
 def emit_isaaclab(request: EmitRequest) -> Artifacts:
