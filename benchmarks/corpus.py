@@ -38,6 +38,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / "designs"))
 sys.path.insert(0, str(Path(__file__).resolve().parent / "conformance"))
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "docs"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "docs"))
 

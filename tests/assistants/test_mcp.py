@@ -12,7 +12,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +66,19 @@ def called(tool: str, given: dict[str, Any], *, trusted: bool = True) -> CallToo
     return anyio.run(work)
 
 
+def served(rover: Path, *calls: tuple[str, dict[str, Any]], words: Sequence[str] = ("--trusted",)) -> list[CallToolResult]:
+    """Call tools of a server in a process of its own, in which MuJoCo is not yet imported for another way to draw."""
+    async def work() -> list[CallToolResult]:
+        command = StdioServerParameters(
+            command=sys.executable, args=["-P", "-m", "thingc", "mcp", "-C", str(rover), *words], cwd=rover.parent, env={**os.environ},
+        )
+        async with Client(command) as client:
+            assert client.server_info is not None and client.server_info.name == "thingc"
+            return [await client.call_tool(tool, given) for tool, given in calls]
+
+    return anyio.run(work)
+
+
 def codes(result: CallToolResult) -> list[str]:
     assert result.structured_content is not None and json.loads(result.content[0].text) == result.structured_content  # type: ignore[union-attr]
     return [one["code"] for one in result.structured_content["diagnostics"]]
@@ -109,17 +122,21 @@ def test_what_is_read_is_what_the_commands_print(rover: Path) -> None:
 
 @pytest.mark.slow
 def test_a_picture_shows_the_pose(rover: Path) -> None:
-    def picture(**given: Any) -> np.ndarray[Any, Any]:
-        result = called("render", {"document": "rover.yaml", **given})
+    def picture(result: CallToolResult) -> np.ndarray[Any, Any]:
+        assert codes(result) == []
         image = result.content[1]
-        assert codes(result) == [] and isinstance(image, ImageContent) and image.mime_type == "image/png"
+        assert isinstance(image, ImageContent) and image.mime_type == "image/png"
         return np.asarray(Image.open(io.BytesIO(base64.b64decode(image.data))).convert("RGB"), dtype=int)
 
-    raised, level = picture(), picture(pose="level", elevation=0, mounts_of=["boom"])
+    document = {"document": "rover.yaml"}
+    *drawn, unknown = served(
+        rover, ("render", document), ("render", {**document, "pose": "level", "elevation": 0, "mounts_of": ["boom"]}),
+        ("render", {**document, "pose": "levle"}),
+    )
+    raised, level = map(picture, drawn)
     assert raised.shape == (960, 1280, 3) and np.ptp(raised) > 100
     assert np.abs(raised - level).max() > 100
     assert sorted(path.name for path in rover.iterdir() if path.suffix == ".png") == []
-    unknown = called("render", {"document": "rover.yaml", "pose": "levle"})
     assert unknown.is_error and "did you mean `level`?" in unknown.content[0].text  # type: ignore[union-attr]
 
 
@@ -273,19 +290,11 @@ def test_a_document_that_changes_meanwhile_is_not_overwritten(rover: Path, tool:
 def test_over_standard_input_and_output(rover: Path, shared_store: str, trusted: bool) -> None:
     """A process of its own; what part code prints does not disturb the protocol."""
     (rover / "parts/shapes.py").write_text("print('hello')\n" + (rover / "parts/shapes.py").read_text())
-    words = ["-P", "-m", "thingc", "mcp", "-C", str(rover), "--store", shared_store, *(["--trusted"] if trusted else [])]
-
-    async def work() -> list[CallToolResult]:
-        async with Client(StdioServerParameters(command=sys.executable, args=words, cwd=rover.parent)) as client:
-            assert client.server_info is not None and client.server_info.name == "thingc"
-            return [
-                await client.call_tool(tool, given) for tool, given in (
-                    ("check", {"documents": ["rover.yaml"]}), ("info", {"document": "rover.yaml"}), ("render", {"document": "rover.yaml"}),
-                    ("explain", {"code": "TC302"}),
-                )
-            ]
-
-    results = anyio.run(work)
+    document = {"document": "rover.yaml"}
+    results = served(
+        rover, ("check", {"documents": ["rover.yaml"]}), ("info", document), ("render", document), ("explain", {"code": "TC302"}),
+        words=["--store", shared_store, *(["--trusted"] if trusted else [])],
+    )
     assert [result.is_error for result in results] == [False, not trusted, not trusted, False]
     assert ("TC340" in codes(results[0])) != trusted
 

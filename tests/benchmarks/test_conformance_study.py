@@ -347,7 +347,8 @@ def test_what_a_reader_is_known_to_refuse_is_said_in_its_row() -> None:
 
 
 def test_a_reader_that_cannot_be_had_is_left_out_in_words(tmp_path: Path) -> None:
-    from study import Reader, judged, succeeds, table
+    from environments import succeeds
+    from study import Reader, judged, table
 
     assert succeeds("true") and not succeeds("false") and not succeeds("no-such-program --version")
     version, groups = judged(Reader("other", ("SDF",), needs=("no-such-program --version",)), tmp_path, [])

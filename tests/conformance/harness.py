@@ -19,11 +19,6 @@ from thingc.tools.cli.main import main
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "thingc")
 TIMEOUT = 300.0
-XLA_FLAGS = " ".join((
-    "--xla_backend_optimization_level=0", "--xla_llvm_disable_expensive_passes=true", "--xla_cpu_use_fusion_emitters=false",
-    "--xla_cpu_parallel_codegen_split_count=1",
-))
-"""Flags of XLA for tests, in which a compiled function runs once: compilation takes a third of the time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from conformance.harness import XLA_FLAGS
 from thingc.tools.cli.main import main
+from xla_flags import XLA_FLAGS
 
 ROOT = Path(__file__).resolve().parents[2]
 LANGUAGE = ROOT / "docs" / "language"

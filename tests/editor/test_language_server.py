@@ -237,8 +237,8 @@ def test_names_show_what_they_mean(server: LanguageServer, arm: str, old: str, n
         ("parent: yaw_servo.rotor", "parent: yaw_servo.rotr", "yaw_servo.rotr", "it has `back`, `bottom`"),
         ("child: hand.seat", "child: hand.seet", "hand.seet", "`hand` (end_effector.yaml) has no such mount"),
         ("pen_diameter: =pen_diameter}", "pn: =pen_diameter}", "pn", "pn is not allowed"),
-        ("{mount: servo_seat, to: elbow", "{mount: servo_set, to: elbow", "servo_set", "there is no such mount"),
-        ("    allow: {TC407: its rotor_seat turns on the idler}", "    material: petgg", "petgg", "there are `aluminium`, `petg`"),
+        ("{mount: servo_seat, to: elbow", "{mount: servo_set, to: elbow", "servo_set", "unknown mount; available mounts: `origin`"),
+        ("    allow: {TC407: its rotor_seat turns on the idler}", "    material: petgg", "petgg", "materials: `aluminium`, `petg`"),
         ("  home: {yaw: 30 deg", "  home: {yaw: 30 mm", "30 mm", "expected an angle"),
     ],
 )

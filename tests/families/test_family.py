@@ -237,7 +237,7 @@ def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFa
     assert said[0].code.code == "TC803" and not (tmp_path / "wrong").exists()
     assert many.write(variant, tmp_path / "zipped" / "everything", emit="mjz") == ()
     zipped = {path.name for path in (tmp_path / "zipped").rglob("*") if path.is_file()}
-    assert zipped == {"manifest.json", *(f"everything_{mode}.mjz" for mode in many.modes)}
+    assert zipped == {"manifest.json", "joint_order.json", *(f"everything_{mode}.mjz" for mode in many.modes)}
     with pytest.raises(UnknownChoice, match="there is no target `mjzz`") as fault:
         many.write(variant, tmp_path / "wrong", emit=["mjzz"])
     assert str(fault.value.hint) == "did you mean `mjz`?"

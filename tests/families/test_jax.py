@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from conformance.harness import XLA_FLAGS
+from xla_flags import XLA_FLAGS
 
 MODULES = ("families/jax_functions.py", "families/mjx_models.py", "families/mjx_env.py", "modes/jax_switches.py")
 

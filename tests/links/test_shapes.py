@@ -220,7 +220,7 @@ def test_other_formats_have_primitives_or_say_what_they_lose(crane: Crane) -> No
     assert [one.text for one in sdf.findall(".//collision/geometry/ellipsoid/radii")] == ["0.05 0.03 0.02"]
     assert len(sdf.findall(".//collision/geometry/capsule")) == 1
     assert [one.text for one in sdf.findall(".//collision/geometry/plane/normal")] == ["0 0 1"]
-    assert [loss.what for loss in crane.made["step"].losses][:1] == ["`link (plane, box)` lists shapes, without exact surfaces"]
+    assert [loss.what for loss in crane.made["step"].losses][:1] == ["`link (plane, box)` consists of shapes without exact surfaces"]
 
 
 def test_usd_has_them_as_gprims(crane: Crane) -> None:

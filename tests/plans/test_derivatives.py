@@ -122,8 +122,8 @@ def test_the_way_with_fewer_statements_is_used(monkeypatch: pytest.MonkeyPatch) 
     (lambda a: abs(a), (0.0,), "absolute value of 0"),
     (lambda a: sqrt(a * a), (0.0,), "square root of 0"),
     (lambda a, b: hypot(a, b), (0.0, 0.0), "length 0"),
-    (lambda a, b: maximum(a, b), (1.5, 1.5), "greatest of equal values"),
-    (lambda a, b: minimum(a, 2.0 * b) * 3.0, (1.0, 0.5), "smallest of equal values"),
+    (lambda a, b: maximum(a, b), (1.5, 1.5), "maximum of equal values"),
+    (lambda a, b: minimum(a, 2.0 * b) * 3.0, (1.0, 0.5), "minimum of equal values"),
     (lambda a: a % 0.5, (1.5,), "remainder"),
     (lambda a: round(a, 2), (0.3,), "is rounded"),
 ])

@@ -230,4 +230,4 @@ def test_a_blob_that_is_gone(module_place: Any, instances: list[Placed]) -> None
     with module_place.service() as service, pytest.raises(AssemblyFailed) as caught:
         service.assemble("robot", broken)
     assert caught.value.name == "robot"
-    assert "no valid blob" in caught.value.detail
+    assert "does not contain a valid blob" in caught.value.detail

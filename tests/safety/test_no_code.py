@@ -107,7 +107,7 @@ def test_no_trap_is_sprung_and_no_secret_told(hostile: Path, tmp_path: Path) -> 
 def test_python_m_thingc_is_refused_where_it_would_take_modules_of_the_change(workspace: Path) -> None:
     words = ["check", "--no-code", DOCUMENTS[0]]
     unsafe = ran(words, workspace, program=(sys.executable, "-m", "thingc"))
-    assert unsafe.code == 2 and "Python looks for modules in the working folder" in unsafe.out
+    assert unsafe.code == 2 and "Python imports modules from the working folder" in unsafe.out
     safe = ran(words, workspace, program=(sys.executable, "-I", "-m", "thingc"))
     assert safe.code == 0, safe
 
