@@ -103,6 +103,12 @@ def test_five_tools_read_and_two_write(rover: Path) -> None:
         assert required == others.get(name, {"document"})
 
 
+def test_unknown_arguments_and_paths_that_no_file_has_are_refused(rover: Path) -> None:
+    wrong = called("check", {"document": "rover.yaml"})
+    assert wrong.is_error and "`check` has no argument `document`: did you mean `documents`?" in wrong.content[0].text  # type: ignore[union-attr]
+    assert "U+0000" in called("check", {"documents": ["a\0b"]}).content[0].text  # type: ignore[union-attr]
+
+
 @pytest.mark.slow
 def test_what_is_read_is_what_the_commands_print(rover: Path) -> None:
     for tool, given, words in (

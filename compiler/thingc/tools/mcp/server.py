@@ -19,9 +19,11 @@ from contextlib import redirect_stdout
 from typing import Any, Literal
 
 from mcp.server.mcpserver import MCPServer
+from mcp.server.mcpserver.exceptions import ToolError
 from mcp.types import CallToolResult, ImageContent, TextContent, ToolAnnotations
 
 from thingc.base.diagnostics import Code
+from thingc.base.suggestions import did_you_mean
 from thingc.tools.cli import console, signals
 from thingc.tools.cli.main import main
 
@@ -169,6 +171,8 @@ class Tools:
 
     def _relative(self, path: str) -> str:
         """Return the path relative to the folder. Raises `WrongCommandLine` if the path is outside the folder, also through a link."""
+        if "\0" in path:
+            raise console.WrongCommandLine("a path contains the character U+0000", "remove the character")
         inside = os.path.relpath(os.path.realpath(os.path.join(self._folder, path)), self._folder)
         if inside.split(os.sep)[0] == os.pardir:
             message = f"`{path}` is outside the folder of the server, `{self._folder}`"
@@ -181,11 +185,22 @@ def _result(data: dict[str, Any], *, failed: bool) -> CallToolResult:
     return CallToolResult(content=[TextContent(type="text", text=text)], structured_content=data, is_error=failed)
 
 
+class _Server(MCPServer):
+    """A server that refuses unknown arguments. The class `MCPServer` ignores such arguments."""
+
+    async def call_tool(self, name: str, arguments: dict[str, Any], context: Any = None) -> Any:
+        """Call a tool. Raises `ToolError` for an argument that the tool does not have."""
+        known = next((tool.input_schema["properties"] for tool in await self.list_tools() if tool.name == name), arguments)
+        for word in arguments.keys() - known.keys():
+            raise ToolError(f"`{name}` has no argument `{word}`: {did_you_mean(word, known, what='arguments')}")
+        return await super().call_tool(name, arguments, context)
+
+
 def create_server(tools: Tools) -> MCPServer:
     """Create the server, with five tools that read and two that write."""
     from thingc import __version__
 
-    server = MCPServer("thingc", instructions=INSTRUCTIONS, version=__version__, log_level="CRITICAL")
+    server = _Server("thingc", instructions=INSTRUCTIONS, version=__version__, log_level="CRITICAL")
     read: list[Callable[..., Awaitable[CallToolResult]]] = [tools.check, tools.info, tools.explain, tools.parts, tools.render]
     for tool in (*read, tools.set_values, tools.add):
         hints = ToolAnnotations(read_only_hint=tool in read, destructive_hint=False, open_world_hint=False)
