@@ -298,10 +298,11 @@ def test_over_standard_input_and_output(rover: Path, shared_store: str, trusted:
     (rover / "parts/shapes.py").write_text("print('hello')\n" + (rover / "parts/shapes.py").read_text())
     document = {"document": "rover.yaml"}
     results = served(
-        rover, ("check", {"documents": ["rover.yaml"]}), ("info", document), ("render", document), ("explain", {"code": "TC302"}),
+        rover, ("check", {"documents": ["rover.yaml"]}), ("info", document), ("render", {**document, "pose": "levle"}), ("explain", {"code": "TC302"}),
         words=["--store", shared_store, *(["--trusted"] if trusted else [])],
     )
-    assert [result.is_error for result in results] == [False, not trusted, not trusted, False]
+    assert [result.is_error for result in results] == [False, not trusted, True, False]
+    assert ("did you mean `level`?" if trusted else "--trusted") in results[2].content[0].text  # type: ignore[union-attr]
     assert ("TC340" in codes(results[0])) != trusted
 
 
