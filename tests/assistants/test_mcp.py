@@ -298,7 +298,8 @@ def test_over_standard_input_and_output(rover: Path, shared_store: str, trusted:
     (rover / "parts/shapes.py").write_text("print('hello')\n" + (rover / "parts/shapes.py").read_text())
     document = {"document": "rover.yaml"}
     results = served(
-        rover, ("check", {"documents": ["rover.yaml"]}), ("info", document), ("render", {**document, "pose": "levle"}), ("explain", {"code": "TC302"}),
+        rover, ("check", {"documents": ["rover.yaml"]}), ("info", document), ("render", {**document, "pose": "levle"}),
+        ("explain", {"code": "TC302"}),
         words=["--store", shared_store, *(["--trusted"] if trusted else [])],
     )
     assert [result.is_error for result in results] == [False, not trusted, True, False]
