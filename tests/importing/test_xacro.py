@@ -170,7 +170,8 @@ def test_an_answer_that_code_has_forged_names_no_other_file(bot: Path, file: str
 def test_code_in_an_expression_cannot_forge_an_answer(bot: Path) -> None:
     code = "import json, os\nfor one in range(3, 20):\n try:\n  os.write(one, json.dumps({'fault': 'x', 'file': '/etc/hosts', 'line': 1})"
     _, said = run_in_expression(bot, f"{code}.encode() + b'\\n')\n except OSError:\n  pass\n")
-    assert "an invalid answer" in said[0].message and said[0].span is not None and said[0].span.file == str(bot)
+    refusals = ("an invalid answer", "the process ended")  # what it writes into other pipes can end a process
+    assert any(words in said[0].message for words in refusals) and said[0].span is not None and said[0].span.file == str(bot)
 
 
 @linux
