@@ -6,7 +6,7 @@ import copy
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -75,8 +75,7 @@ class FamilyMjx:
         self.base = self._put_base(models.mode)
         self._data = mjx.make_data(self.mj_model)
         self._one = jax.jit(self._fields)  # JAX traces the function once
-        self._many = jax.jit(partial(jax.lax.map, self._one, batch_size=BLOCK))
-        self._few = jax.jit(jax.vmap(self._one))
+        self._many = jax.jit(jax.vmap(self._one))
         for name in self._writes:
             if not isinstance(attrgetter(name)(self.base), jax.Array) or (name.startswith("opt.") and name not in OPTIONS):
                 raise self._fixed(f"MJX fixes `{name}` when it converts a model")
@@ -112,7 +111,7 @@ class FamilyMjx:
         if rows.ndim != 2 or rows.shape[1] != len(self.names):
             raise FamilyError(f"expected an array of shape (k, {len(self.names)}) for {', '.join(self.names)}, found {rows.shape}")
         rows, built = self._with_parts(rows)
-        fields, ok = (self._many if len(rows) > BLOCK else self._few)(rows)
+        fields, ok = self._in_blocks(rows)
         axes = jax.tree_util.tree_map(lambda _: None, self.base)
         return self.base.tree_replace(fields), axes.tree_replace(dict.fromkeys(fields, 0)), ok & built
 
@@ -132,6 +131,14 @@ class FamilyMjx:
         }), data
 
     # --- implementation -------------------------------------------------------------------------------------------------
+
+    def _in_blocks(self, rows: Any) -> tuple[Fields, Any]:
+        """Return the fields and flags of all rows, computed in blocks of equal size, so that JAX compiles only once."""
+        if len(rows) <= BLOCK:
+            return self._many(rows)  # type: ignore[no-any-return]
+        padded = jnp.concatenate([rows, jnp.repeat(rows[-1:], -len(rows) % BLOCK, axis=0)])
+        blocks = [self._many(block) for block in padded.reshape(-1, BLOCK, rows.shape[1])]
+        return jax.tree_util.tree_map(lambda *own: jnp.concatenate(own)[: len(rows)], *blocks)  # type: ignore[no-any-return]
 
     def _with_parts(self, rows: Any) -> tuple[Any, Any]:
         """Replace the rows `(k, n)` of values by rows with all variables of the plan, if parts depend on the values.
