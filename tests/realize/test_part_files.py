@@ -201,7 +201,7 @@ def test_a_surface_with_two_sides_is_one(change: Any, module_place: Any) -> None
         record = service.realize([filed("sides.stl", None)])["sides.stl"]
     assert isinstance(record, PartRecord), record
     assert record.volume == pytest.approx(24e-6, rel=1e-6)
-    assert [warning.message for warning in record.warnings] == ["triangles removed that are the back side of another triangle: 12"]
+    assert [warning.message for warning in record.warnings] == ["removed triangles that are equal but face the other way: 12"]
 
 
 def test_solids_of_a_file_that_overlap_are_united_where_it_is_made(module_place: Any) -> None:

@@ -74,7 +74,7 @@ workers.close()
 
 
 class Client:
-    """A process with a kernel of its own, which models blocks of `first` to `last` mm whenever it is told to."""
+    """A process with a kernel of its own, which models blocks of `first` to `last` mm after each line that it reads."""
 
     def __init__(self, folder: Path, part: str) -> None:
         arguments = [sys.executable, "-c", CLIENT, str(folder), part]

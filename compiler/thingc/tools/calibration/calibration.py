@@ -108,7 +108,8 @@ class _Reader:
                 self._error(Code.EXPRESSION, str(fault), "resolution", help="use only numbers with units", name=name)
                 return None
             if not isinstance(resolution, Quantity) or resolution.dimension != coordinate or resolution.value < FINEST:
-                message = f"the `resolution` of joint `{name}` must be {coordinate.words} above 0, found `{resolution}`"
+                wanted = f"{coordinate.words} of at least {FINEST:g} in SI units"
+                message = f"the `resolution` of joint `{name}` must be {wanted}, found `{resolution}`"
                 self._error(Code.DIMENSION, message, "resolution", help="write the motion of the joint per tick", name=name)
                 return None
             return 1.0 / resolution.value

@@ -127,7 +127,7 @@ def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     _, first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)
     if 2 * len(first) == len(mesh.faces):
         mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
-        mended.append(f"triangles removed that are the back side of another triangle: {len(first)}")
+        mended.append(f"removed triangles that are equal but face the other way: {len(first)}")
     return mesh, tuple(mended)
 
 
