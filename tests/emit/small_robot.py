@@ -91,8 +91,10 @@ def occurrence(
     index: int, path: str, definition: PartDefinition | None, made: PartRecord | None, *, mass: float = 0.0,
     source: str = "derived", material: Material | None = None, bom: BomEntry | None = None, overrides: Overrides | None = None,
 ) -> Occurrence:
+    stated = {key: value for key, value in made.bom.items() if key != "name"} if made is not None else {}
+    merged = (bom or BomEntry()).over(BomEntry(**stated))
     return builder.occurrence(
-        index, path, definition, made, material=material, bom=bom, overrides=overrides, origin=where(10 + index, DOCUMENT),
+        index, path, definition, made, material=material, bom=merged, overrides=overrides, origin=where(10 + index, DOCUMENT),
         color="#e6e6fa" if made is not None else None, properties=MassProperties(mass=mass), mass_source=source,
     )
 

@@ -5,19 +5,23 @@ from __future__ import annotations
 import csv
 import io
 import json
+from itertools import count
 from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
 
+import thingc
 from emit.small_robot import assembly, petg, request
 from thingc.base.safe_text import format_cell
+from thingc.documents.load import csv_tree
+from thingc.documents.spec.catalog import CatalogRow
 from thingc.geometry.record import PartDefinition
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.resolve.types import BomEntry, Overrides, Process
-from thingc.targets.bom.emit import COLUMNS, emit, items, make_of
+from thingc.targets.bom.emit import COLUMNS, csv_text, emit, items, make_of
 
 
 @pytest.fixture
@@ -40,14 +44,14 @@ def written(whole: Assembly, tmp_path: Path) -> tuple[str, list[dict[str, object
 def test_the_whole_table(whole: Assembly, tmp_path: Path) -> None:
     table, _ = written(whole, tmp_path)
     assert table == """\
-number,name,definition,quantity,make,material,mass,mass_source,supplier,cost
-1,Plate,arm:Plate,1,print,petg,0.0762,derived,,
-2,Brace,arm:Brace(length=0.12),2,print,petg,0.018288,derived,,
-3,Palm,arm:Palm,1,print,petg,0.016256,derived,,
-4,Cap,arm:Cap,1,print,petg,0.00254,derived,,
-5,motor,cad/motor.step,1,print,petg,0.2,measured,,
-6,XM430,stock:XM430,2,buy,,0.082,vendor,Robotis,289 EUR
-7,board,frame,1,buy,,0.012,measured,,
+number,name,definition,quantity,make,material,mass,mass_source,supplier,cost,total,link,picture
+1,Plate,arm:Plate,1,print,petg,0.0762,derived,,,,,
+2,Brace,arm:Brace(length=0.12),2,print,petg,0.018288,derived,,,,,
+3,Palm,arm:Palm,1,print,petg,0.016256,derived,,,,,
+4,Cap,arm:Cap,1,print,petg,0.00254,derived,,,,,
+5,motor,cad/motor.step,1,print,petg,0.2,measured,,,,,
+6,XM430,stock:XM430,2,buy,,0.082,vendor,Robotis,289 EUR,578 EUR,,
+7,board,frame,1,buy,,0.012,measured,,,,,
 """
 
 
@@ -140,10 +144,11 @@ def test_the_mirror_image_of_a_bought_part_is_bought_as_the_part(whole: Assembly
 
 
 def test_items_of_a_repeat_are_one_row(whole: Assembly) -> None:
-    board = next(o for o in whole.occurrences if o.path == "board")
+    board, indices = next(o for o in whole.occurrences if o.path == "board"), count()
 
     def item(name: str, key: str, number: str | None = None) -> Occurrence:
-        return replace(board, component=replace(board.component, name=name, key=key), bom=BomEntry(number=number))
+        named = replace(board.component, name=name, key=key)
+        return replace(board, component=named, bom=BomEntry(number=number), index=next(indices))
 
     pieces = (item("cell_0", "cell"), item("cell_1", "cell"), item("nut_left", "nut_left", "M3"), item("nut_right", "nut_right", "M3"))
     rows = items(replace(whole, occurrences=(*pieces, item("fuse", "fuse"), item("fuse_holder", "fuse_holder"))))
@@ -183,3 +188,93 @@ def test_no_cell_is_a_formula(text: str) -> None:
 ])
 def test_numbers_stay_numbers(value: object, written: str) -> None:
     assert format_cell(value) == written
+
+
+ROBOT = """\
+thingc: assembly/1
+name: robot
+catalog: shop/catalog.csv
+components:
+  base: {frame: true, mass: 1 kg, bom: {number: B-1, cost: {"10": 9.80 EUR, "1": 12.50 EUR}}}
+  left: {assembly: gripper.yaml, at: {in: base.origin, xyz: 100 0 0 mm}, bom: {as: one, number: RG2}}
+  right: {assembly: gripper.yaml, mirror: x, at: {in: base.origin, xyz: -100 0 0 mm}, bom: {as: one, number: RG2, cost: 3000 EUR}}
+  screw: {frame: true, repeat: {count: 12}, at: {in: base.origin}, mass: 1 g, bom: {number: M3x10}}
+  few: {frame: true, at: {in: base.origin}, mass: 1 g, bom: {number: reel, supplier: a friend}}
+"""
+GRIPPER = """\
+thingc: assembly/1
+name: gripper
+components:
+  palm: {frame: true, mass: 200 g, bom: {number: M3x10}}
+  finger: {frame: true, mass: 50 g, at: {in: palm.origin, xyz: 0 0 40 mm}}
+"""
+CATALOG = """\
+number,supplier,cost,quantity,link,picture\r
+RG2,OnRobot,2500 EUR,,https://onrobot.com/rg2,rg2.png\r
+M3x10,"Screws, Inc.",0.10 EUR,,,\r
+M3x10,,0.07 EUR,12,,\r
+M3x10,,0.01 EUR,13,,\r
+reel,Wires,4 EUR,100,,\r
+"""
+
+
+def bill(folder: Path, catalog: str = CATALOG, robot: str = ROBOT) -> tuple[list[dict[str, str]], list[str]]:
+    """The rows of `bom.csv`, and the errors with their places."""
+    (folder / "shop").mkdir(exist_ok=True)
+    (folder / "shop" / "rg2.png").write_bytes(b"png")
+    for name, text in (
+        ("thingc.toml", 'thingc = "workspace/1"\n'), ("robot.yaml", robot), ("gripper.yaml", GRIPPER), ("shop/catalog.csv", catalog),
+    ):
+        (folder / name).write_text(text, encoding="utf-8", newline="")
+    try:
+        built = thingc.compile(str(folder / "robot.yaml"))
+    except thingc.CompileError as error:
+        spans = [(one.code.code, one.span) for one in error.diagnostics if one.span is not None]
+        return [], [f"{code} {Path(span.file).name}:{span.line}:{span.column}" for code, span in spans]
+    return list(csv.DictReader(io.StringIO(csv_text(items(built.assembly))))), []
+
+
+def test_prices_by_quantity_come_from_the_catalogue(tmp_path: Path) -> None:
+    rows, found = bill(tmp_path)
+    assert found == []
+    by_number = {row["number"]: row for row in rows if row["definition"] != "gripper(mirror=x)"}
+    screws = by_number["M3x10"]
+    assert (screws["quantity"], screws["cost"], screws["total"], screws["supplier"]) == ("12", "0.07 EUR", "0.84 EUR", "Screws, Inc.")
+    assert (by_number["B-1"]["cost"], by_number["B-1"]["total"]) == ("12.50 EUR", "12.50 EUR")
+    assert (by_number["reel"]["cost"], by_number["reel"]["supplier"]) == ("", "a friend")
+
+
+def test_a_bought_assembly_is_one_row_with_the_mass_of_its_parts(tmp_path: Path) -> None:
+    rows, _ = bill(tmp_path)
+    left, right = (row for row in rows if row["number"] == "RG2")
+    assert (left["definition"], left["quantity"], left["make"], left["mass"]) == ("gripper", "1", "buy", "0.25")
+    assert (left["total"], left["link"], left["picture"]) == ("2500 EUR", "https://onrobot.com/rg2", "shop/rg2.png")
+    assert (right["definition"], right["total"]) == ("gripper(mirror=x)", "3000 EUR")
+    assert len(rows) == 5, "the parts of a bought assembly have no rows"
+    alike, _ = bill(tmp_path, robot=ROBOT.replace("mirror: x, ", "").replace(", cost: 3000 EUR", ""))
+    assert next((row["quantity"], row["total"]) for row in alike if row["number"] == "RG2") == ("2", "5000 EUR")
+
+
+@pytest.mark.parametrize(("catalog", "found"), [
+    ("number;cost\nRG2;1 EUR\n", ["TC103 catalog.csv:1:1"]),
+    ("number,cost\nRG2,1 EUR,x\n", ["TC103 catalog.csv:2:11"]),
+    ('number,cost\nRG2,"1 EUR\n', ["TC103 catalog.csv:2:1"]),
+    ("number,price,cost,cost\n", ["TC201 catalog.csv:1:8", "TC104 catalog.csv:1:19"]),
+    ("", ["TC117 catalog.csv:1:1"]),
+    ("number,cost,quantity,link\nRG2,1,0,www.x.y\n", ["TC208 catalog.csv:2:5", "TC203 catalog.csv:2:7", "TC203 catalog.csv:2:9"]),
+    ("number,picture\nRG2,none.png\n", ["TC113 catalog.csv:2:5"]),
+    ("number,cost\nRG2,1 EUR\nRG2,2 EUR\n", ["TC311 catalog.csv:3:1"]),
+    ("number,quantity,supplier\nRG2,,a\nRG2,10,b\n", ["TC311 catalog.csv:3:8"]),
+    ("supplier\na\n", ["TC202 catalog.csv:2:1"]),
+])
+def test_errors_of_a_catalogue_have_their_cell(tmp_path: Path, catalog: str, found: list[str]) -> None:
+    assert bill(tmp_path, catalog)[1] == found
+
+
+def test_only_nested_assemblies_are_one_bought_part(tmp_path: Path) -> None:
+    assert bill(tmp_path, robot=ROBOT.replace("{as: one, number: RG2}", "{number: RG2}"))[1] == ["TC335 robot.yaml:6:74"]
+    assert bill(tmp_path, robot=ROBOT.replace("bom: {number: B-1,", "bom: {as: one, number: B-1,"))[1] == ["TC212 robot.yaml:5:35"]
+
+
+def test_columns_of_the_reader_are_those_of_the_model() -> None:
+    assert tuple(CatalogRow.model_fields) == csv_tree.COLUMNS

@@ -5,11 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import math
+from base64 import b64encode
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from thingc.targets.bom.emit import COLUMNS
 from viewer.browser import address, drawn, needed, opened, spot, until
 from viewer.conftest import Pages
 from viewer.test_browser import picture
@@ -84,8 +86,10 @@ def test_a_motion_is_played_between_two_poses(browser: Any, tmp_path: Path) -> N
 
 def test_the_bill_has_totals_and_is_exported(browser: Any, pages: Pages) -> None:
     bom = json.loads(element((pages.arm / "html/arm.html").read_text(), "thingc-robot"))["bom"]
-    bom[0] |= {"cost": "10.50 EUR", "name": '=1+1, "x"'}
-    bom[1] |= {"cost": "2 EUR"}
+    image = "data:image/svg+xml;base64," + b64encode(b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>').decode()
+    bom[0] |= {"cost": "10.50 EUR", "total": f"{10.5 * bom[0]['quantity']} EUR", "name": '=1+1, "x"', "image": image}
+    bom[1] |= {"cost": "2 EUR", "total": f"{2 * bom[1]['quantity']} EUR", "link": "https://example.com/a"}
+    bom[2] |= {"link": "javascript:alert(1)"}
     pieces, mass = sum(row["quantity"] for row in bom), sum(row["quantity"] * row["mass"] for row in bom)
     cost = 10.5 * bom[0]["quantity"] + 2.0 * bom[1]["quantity"]
     with opened(browser, address(pages.arm / "html/arm.html")) as page:
@@ -94,11 +98,13 @@ def test_the_bill_has_totals_and_is_exported(browser: Any, pages: Pages) -> None
         assert page.locator("tfoot").inner_text().split() == ["Total", str(pieces), f"{1000.0 * mass:.2f}", "g"]
         text = page.locator("#panel-bom").inner_text()
         assert f"Total cost: {cost:.2f} EUR ({pieces - bom[0]['quantity'] - bom[1]['quantity']} pieces without a cost)" in text
+        assert [link.get_attribute("href") for link in page.locator("#panel-bom a").all()] == ["https://example.com/a"]
+        assert page.locator("#panel-bom img").evaluate("async (image) => { await image.decode(); return image.naturalWidth; }") == 9
         with page.expect_download() as waiting:
             page.get_by_role("button", name="Export CSV").click()
         assert waiting.value.suggested_filename == "arm_bom.csv"
         rows = list(csv.DictReader(Path(waiting.value.path()).read_text().splitlines()))
-    assert [*rows[0]] == ["number", "name", "definition", "quantity", "make", "material", "mass", "mass_source", "supplier", "cost"]
+    assert tuple(rows[0]) == COLUMNS
     assert rows[0]["name"] == '\'=1+1, "x"' and [row["definition"] for row in rows] == [row["definition"] for row in bom]
     assert [(int(row["quantity"]), float(row["mass"]), row["cost"]) for row in rows] == [
         (row["quantity"], row["mass"], row["cost"] or "") for row in bom

@@ -59,7 +59,8 @@ export interface Mode extends Place {
 
 export interface BomRow {
   number: string; name: string; definition: string; quantity: number; make: string; material: string | null; mass: number;
-  source: string; supplier: string | null; cost: string | null; pieces: number[];
+  source: string; supplier: string | null; cost: string | null; total: string | null; link: string | null; picture: string | null;
+  image: string | null; pieces: number[];
 }
 
 export interface Robot {

@@ -8,7 +8,7 @@ import { breakable, make } from "./dom";
 /** The columns of `bom.csv`, with the keys of their values. */
 const COLUMNS: [string, keyof BomRow][] = [
   ["number", "number"], ["name", "name"], ["definition", "definition"], ["quantity", "quantity"], ["make", "make"], ["material", "material"], ["mass", "mass"],
-  ["mass_source", "source"], ["supplier", "supplier"], ["cost", "cost"],
+  ["mass_source", "source"], ["supplier", "supplier"], ["cost", "cost"], ["total", "total"], ["link", "link"], ["picture", "picture"],
 ];
 
 export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
@@ -22,7 +22,7 @@ export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
       const row = make(
         "tr", { tabindex: 0, onclick: choose, onkeydown: (event) => { if (["Enter", " "].includes((event as KeyboardEvent).key)) { event.preventDefault(); choose(); } } },
         make("td", {}, one.number),
-        make("td", { title: one.definition }, ...breakable(one.name), make("small", {}, [one.make, one.material, one.supplier, one.cost].filter((word) => word !== null).join(", "))),
+        make("td", { title: one.definition }, ...picture(one), ...breakable(one.name), make("small", {}, details(one)), ...shop(one)),
         make("td", { class: "number" }, String(one.quantity)),
         make("td", { class: "number", title: one.source }, shownMass(one.mass)),
       );
@@ -52,6 +52,23 @@ export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
   });
 }
 
+/** How a part is made or bought, and what it costs. */
+function details({ make: made, material, supplier, cost, total, quantity }: BomRow): string {
+  const price = cost !== null && total !== null && quantity > 1 ? `${cost} each, ${total}` : cost;
+  return [made, material, supplier, price].filter((word) => word !== null).join(", ");
+}
+
+/** The picture of a part, if any. */
+function picture({ image, name }: BomRow): Node[] {
+  return image === null ? [] : [make("img", { src: image, alt: name })];
+}
+
+/** A link to the web page of a part, if any. The text of a part class can be any text. */
+function shop({ link }: BomRow): Node[] {
+  if (link === null || !/^https?:/.test(link)) return [];
+  return [make("a", { href: link, target: "_blank", rel: "noopener noreferrer", onclick: (event) => event.stopPropagation() }, new URL(link).hostname)];
+}
+
 /** The number of pieces and their mass. */
 function totals(bom: BomRow[]): HTMLElement {
   const quantity = bom.reduce((sum, one) => sum + one.quantity, 0), mass = bom.reduce((sum, one) => sum + one.quantity * one.mass, 0);
@@ -63,12 +80,12 @@ function totals(bom: BomRow[]): HTMLElement {
 /** The total cost for each currency, and the number of pieces without a cost; empty if no row has a cost. */
 function costs(bom: BomRow[]): HTMLElement[] {
   const sums = new Map<string, number>();
-  for (const { cost, quantity } of bom) {
-    const [amount, currency] = (cost ?? "").split(" ");
-    if (currency !== undefined) sums.set(currency, (sums.get(currency) ?? 0) + quantity * Number(amount));
+  for (const { total } of bom) {
+    const [amount, currency] = (total ?? "").split(" ");
+    if (currency !== undefined) sums.set(currency, (sums.get(currency) ?? 0) + Number(amount));
   }
   if (sums.size === 0) return [];
-  const missing = bom.reduce((sum, { cost, quantity }) => sum + (cost === null ? quantity : 0), 0);
+  const missing = bom.reduce((sum, { total, quantity }) => sum + (total === null ? quantity : 0), 0);
   const total = [...sums].map(([currency, sum]) => `${sum.toFixed(2)} ${currency}`).join(" + ");
   return [make("p", {}, `Total cost: ${total}`, make("small", { class: "soft" }, missing > 0 ? ` (${counted(missing, "piece")} without a cost)` : ""))];
 }

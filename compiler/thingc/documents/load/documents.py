@@ -17,7 +17,17 @@ from thingc.base.source import Document, MappingNode, Node, ScalarNode, Sequence
 from thingc.base.suggestions import did_you_mean, near_hint, nearest
 from thingc.base.units import shortened
 from thingc.documents.load.discovery import find_packaged, is_packaged
-from thingc.documents.load.paths import DOCUMENT_SUFFIXES, MESH_SUFFIXES, PART_SUFFIXES, find_file, libraries, named, refuse_name
+from thingc.documents.load.paths import (
+    CATALOG_SUFFIXES,
+    DOCUMENT_SUFFIXES,
+    MESH_SUFFIXES,
+    PART_SUFFIXES,
+    PICTURE_SUFFIXES,
+    find_file,
+    libraries,
+    named,
+    refuse_name,
+)
 from thingc.documents.load.text import MAX_ALL_BYTES, MAX_BYTES, MAX_FAULTS, decode
 
 if TYPE_CHECKING:
@@ -141,7 +151,7 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
 
 
 def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
-    """Parse the content of a YAML or TOML file. The format is determined from the file extension.
+    """Parse the content of a YAML, TOML or CSV file. The format is determined from the file extension.
 
     If the content is not a well-formed mapping, report the error and return None.
     """
@@ -154,6 +164,10 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
         from thingc.documents.load.toml_tree import read_toml
 
         tree = read_toml(source, report)
+    elif path.lower().endswith(CATALOG_SUFFIXES):
+        from thingc.documents.load.csv_tree import read_csv
+
+        tree = read_csv(source, report)
     else:
         from thingc.documents.load.yaml_tree import read_yaml
 
@@ -244,7 +258,7 @@ class _Reader:
         if document is None:
             said = len(self.report.diagnostics)
             tree = read_tree(path, data, self.report)
-            kind = None if tree is None else document_kind(tree, self.report)
+            kind = "catalog" if path.lower().endswith(CATALOG_SUFFIXES) else None if tree is None else document_kind(tree, self.report)
             if tree is None or kind is None:
                 return None
             document = Document(path=path, relative=relative, kind=kind, tree=tree, sha256=sha256, text=data.decode("utf-8-sig"))
@@ -262,13 +276,18 @@ class _Reader:
         if document.relative in self.done:
             return
         self.done.add(document.relative)
-        if document.kind != "assembly":
+        if document.kind not in _FILES:
             return
-        for key, text, where in _named_files(document.tree):
+        for key, text, where in _FILES[document.kind](document.tree):
             if self.enough(where):
                 return
             if key == "materials":
                 self.named(document, text, where, "materials")
+            elif key == "catalog":
+                if (catalog := self.named(document, text, where, "catalog")) is not None:
+                    self.follow(catalog, chain)
+            elif key == "picture":
+                self.find(text, document, where, PICTURE_SUFFIXES, "a picture")
             elif key == "file":
                 self.find(text, document, where, PART_SUFFIXES, "a part file")
             elif key == "mesh":
@@ -303,18 +322,17 @@ class _Reader:
         )
 
     def named(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
-        what = "an assembly document" if kind == "assembly" else "a materials document"
+        what, suffixes = _REFERENCED[kind]
         if kind == "materials" and is_packaged(text):
             path = find_packaged(text, where=where, workspace=self.workspace, looked_at=self.files, report=self.report)
         else:
-            path = self.find(text, document, where, DOCUMENT_SUFFIXES, what)
+            path = self.find(text, document, where, suffixes, what)
         target = None if path is None else self.read(path)
         if target is None:
             return None
         if target.kind != kind:
-            wanted = "an assembly" if kind == "assembly" else "a materials"
             self.report.add(
-                Code.WRONG_KIND, f"expected {wanted} document, found `{shortened(text)}` of kind `{target.kind}`", where,
+                Code.WRONG_KIND, f"expected {what}, found `{shortened(text)}` of kind `{target.kind}`", where,
                 notes=[Note(message=f"the kind of `{shortened(text)}` is set here", span=target.span(("thingc",)))],
             )
             return None
@@ -383,7 +401,17 @@ def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
     named = [
         *(("materials", one) for one in _items(tree.entries.get("materials"))), *(("file", one.get("file")) for one in components),
         *(("mesh", one.get("mesh")) for one in shapes), *(("assembly", one.get("assembly")) for one in components),
+        ("catalog", tree.entries.get("catalog")), *(("picture", entries_of(one.get("bom")).get("picture")) for one in components),
     ]
+    yield from _texts(named)
+
+
+def _pictures(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
+    """Yield the pictures that a catalogue references."""
+    yield from _texts(("picture", entries_of(row).get("picture")) for row in _items(tree.entries.get("rows")))
+
+
+def _texts(named: Iterable[tuple[str, Node | None]]) -> Iterator[tuple[str, str, Span]]:
     for key, node in named:
         if isinstance(node, ScalarNode) and isinstance(node.value, str):
             yield key, node.value, node.span
@@ -391,3 +419,13 @@ def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
 
 def _items(node: Node | None) -> tuple[Node, ...]:
     return node.items if isinstance(node, SequenceNode) else ()
+
+
+_FILES = {"assembly": _named_files, "catalog": _pictures}
+"""For each kind of document that can reference other files, the function that yields them."""
+
+_REFERENCED = {
+    "assembly": ("an assembly document", DOCUMENT_SUFFIXES), "materials": ("a materials document", DOCUMENT_SUFFIXES),
+    "catalog": ("a catalogue", CATALOG_SUFFIXES),
+}
+"""The kinds of documents that an assembly can reference, with a description and the possible file extensions."""

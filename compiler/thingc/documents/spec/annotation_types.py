@@ -48,8 +48,8 @@ class FieldType(FrozenStruct):
         if self.kind == "model":
             assert self.model is not None
             keys = model_keys(self.model)
-            own = [key for key in keys if key in self.model.__annotations__]
-            named = [key for key, (_, required) in keys.items() if required] or sorted(keys, key=lambda key: key not in own)[:3]
+            own = [key for key in self.model.__annotations__ if key in keys]
+            named = [key for key, (_, required) in keys.items() if required] or [*own, *keys][:3]
             return "a mapping with " + ", ".join(f"`{key}`" for key in named)
         if self.kind == "literal":
             return one_of([spoken(choice) for choice in self.choices])

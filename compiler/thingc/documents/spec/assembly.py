@@ -12,6 +12,7 @@ from thingc.base.suggestions import Suggestion
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
 from thingc.documents.spec.allowances import Allow, allow
 from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.catalog import QuantityText
 from thingc.documents.spec.drives import DriveSpec, DynamicsSpec
 from thingc.documents.spec.fields import (
     AngleField,
@@ -23,6 +24,7 @@ from thingc.documents.spec.fields import (
     Index,
     JointValueField,
     LengthField,
+    LinkField,
     MassField,
     MultiplierField,
     Name,
@@ -136,10 +138,24 @@ class BomSpec(Model):
     """Order number or drawing number."""
     supplier: str | None = Field(default=None, examples=["ROBOTIS"])
     """Supplier."""
-    cost: CostField | None = None
-    """Price per piece."""
+    cost: CostField | dict[QuantityText, CostField] | None = Field(
+        default=None, examples=["12.50 EUR", {"1": "12.50 EUR", "10": "9.80 EUR"}],
+    )
+    """Price per piece, or prices by the smallest quantity for which they apply."""
     make: Literal["buy", "print", "machine"] | None = None
     """Whether the component is bought, printed or machined. Bought components do not get a print file."""
+    link: LinkField | None = None
+    """Web page of the part."""
+    picture: str | None = Field(default=None, examples=["pictures/xm430.png"])
+    """Picture of the part: PNG, JPEG, WebP or SVG, relative to this document."""
+
+
+class ComponentBomSpec(BomSpec):
+    """The entry of a component, or of a nested assembly, in the bill of materials."""
+
+    as_: Literal["one"] | None = Field(
+        default=None, alias="as", description="`one` lists a nested assembly as one bought part, without the parts that it contains.",
+    )
 
 
 class PrintSpec(Model):
@@ -266,6 +282,10 @@ class ComponentSpec(ComponentDefaults):
     """Mirrors the part, or the whole nested assembly, at the plane normal to this axis of its frame."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}, {"count": "=legs", "as": "k"}])
     """Repeats the entry as `name_0`, `name_1` and so on."""
+    bom: ComponentBomSpec | None = Field(
+        default=None, examples=[{"number": "902-0135-000", "cost": "269.90 USD"}, {"as": "one", "number": "RG2", "supplier": "OnRobot"}],
+    )
+    """The entry in the bill of materials."""
     allow: Allow = allow()
     """Suppressed warnings of this component, by code, each with a reason."""
 
@@ -300,6 +320,8 @@ class ComponentSpec(ComponentDefaults):
                     "set `for` of each shape: `visual`, `collision` or `both`" if key in ("collision", "visual") else f"remove `{key}`",
                     key,
                 )
+        if self.bom is not None and self.bom.as_ is not None and self.assembly is None:
+            raise rule("`as: one` can only be used with `assembly`", "remove `as`", "bom")
         if self.mirror is not None and self.frame is not None:
             raise rule("`mirror` cannot be used with `frame`: a frame is its own mirror image", "remove `mirror`", "mirror")
         if self.attach is not None and self.at is not None:
@@ -447,6 +469,8 @@ class AssemblySpec(Model):
         ["thingc_stock.materials"], ["materials.yaml"], {"petg": {"density": "1270 kg/m^3"}},
     ])
     """Materials that this document can use: definitions by name, or materials documents as paths or `package.document`."""
+    catalog: str | None = Field(default=None, examples=["catalog.csv"])
+    """Catalogue of bought parts: a CSV file with the columns `number`, `supplier`, `cost`, `quantity`, `link`, `picture`."""
     defaults: DefaultsSpec | None = Field(default=None, examples=[{"component": {"material": "petg"}}])
     components: Annotated[dict[NewComponent, ComponentSpec], Field(min_length=1)] = Field(examples=[{"plate": {"part": "arm:BasePlate"}}])
     """Parts, nested assemblies and frames, by name."""

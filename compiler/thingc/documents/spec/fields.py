@@ -420,6 +420,13 @@ def _cost(value: Any) -> str:
     )
 
 
+def _link(value: Any) -> str:
+    """Validate the address of a web page. The string is returned unchanged."""
+    if isinstance(value, str) and re.fullmatch(r"https?://[^\s\"<>]+", value):
+        return value
+    raise fault("type", f"expected a web address, found {found(value)}", help="write, for example, `https://www.example.com/xm430`")
+
+
 _ANY_SCHEMA = {
     "description": "A quantity with its unit, a number, an expression such as `=reach / 2`, a boolean or a string.",
     "examples": ["120 mm", 6, "=reach / 2", True],
@@ -446,6 +453,9 @@ _NUMBER_SCHEMA = {
 _COST_SCHEMA = {
     "type": "string", "pattern": r"^\d+(\.\d+)? [A-Z]{3}$", "description": "An amount and a currency.", "examples": ["12.50 EUR"],
 }
+_LINK_SCHEMA = {
+    "type": "string", "pattern": "^https?://", "description": "A web address.", "examples": ["https://www.example.com/xm430"],
+}
 _JOINT_SCHEMA = {
     "description": "An angle (`30 deg`) or a length (`20 mm`), an expression, or the name of a nested document's pose.",
     "examples": ["30 deg", "20 mm", "=open / 2", "folded"],
@@ -462,6 +472,7 @@ Index = Annotated[str, FieldValidator(_index, "the index of a coordinate", _INDE
 ReferenceField = Annotated[str, FieldValidator(_reference, "a reference", _REFERENCE_SCHEMA)]
 ColorField = Annotated[str, FieldValidator(_color, "a colour", _COLOR_SCHEMA)]
 CostField = Annotated[str, FieldValidator(_cost, "an amount and a currency", _COST_SCHEMA)]
+LinkField = Annotated[str, FieldValidator(_link, "a web address", _LINK_SCHEMA)]
 CountField = Annotated[Union[int, Expression], FieldValidator(_count, "a whole number", _COUNT_SCHEMA)]
 NumberField = Annotated[Value, FieldValidator(_number, "a number", _NUMBER_SCHEMA)]
 

@@ -11,6 +11,7 @@ from thingc.base.source import Path
 
 if TYPE_CHECKING:
     from thingc.documents.spec.assembly import AssemblySpec
+    from thingc.documents.spec.catalog import CatalogSpec
     from thingc.documents.spec.materials import MaterialsSpec
 
 
@@ -52,7 +53,7 @@ class InvalidEntries(FrozenStruct):
 NO_DOUBTS = InvalidEntries()
 
 
-class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
+class Specs(dict[str, "AssemblySpec | CatalogSpec | MaterialsSpec"]):
     """The validated models of documents, keyed by the path of the document in the workspace.
 
     `doubts` contains the invalid entries of each document, and `allowances` contains the warnings that each document suppresses.

@@ -17,6 +17,7 @@ from thingc.documents.load.documents import Documents
 from thingc.documents.spec.allowances import allowances
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.base import Model
+from thingc.documents.spec.catalog import CatalogSpec
 from thingc.documents.spec.invalid_entries import InvalidEntries, Specs
 from thingc.documents.spec.materials import MaterialsSpec
 
@@ -35,6 +36,8 @@ def model_of(kind: str) -> type[Model] | None:
             from thingc.documents.spec.workspace import WorkspaceSpec
 
             return WorkspaceSpec
+        case "catalog":
+            return CatalogSpec
         case "variants":
             from thingc.documents.spec.variants import VariantsSpec
 
@@ -58,7 +61,7 @@ def validate(documents: Documents, report: Report, memo: Memo | None = None) -> 
         spec, doubts = memo.last(place, content) or _sound(document, report)
         if len(report.diagnostics) == said:
             memo.keep(place, content, (spec, doubts))
-        if isinstance(spec, (AssemblySpec, MaterialsSpec)) and path not in documents.broken:
+        if isinstance(spec, (AssemblySpec, CatalogSpec, MaterialsSpec)) and path not in documents.broken:
             specs[path] = spec
             if doubts:
                 specs.doubts[path] = doubts

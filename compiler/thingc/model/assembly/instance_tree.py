@@ -14,9 +14,10 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Mirror, Pose
 from thingc.base.source import Origin
 from thingc.base.suggestions import Hint, closest_name, did_you_mean
-from thingc.model.assembly.part_instances import PartInstances
+from thingc.model.assembly.hag import Definition
+from thingc.model.assembly.part_instances import PartInstances, bom_of
 from thingc.model.assembly.report import LinkReport, written_at
-from thingc.model.assembly.types import MountAt, MountFrame, PartInstance
+from thingc.model.assembly.types import MountAt, MountFrame, PartInstance, Unit
 from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, Reference
 
 
@@ -28,7 +29,8 @@ class Instance:
 
     `assembly` is set for an assembly, and `part` is set for a part, a link or a frame. For an invalid component, which has been reported,
     both are None. `index` is the index of an occurrence in document order. For an assembly, `index` is the index of its `base`, which is
-    the component that is not placed. The index is None if there is no base.
+    the component that is not placed. The index is None if there is no base. `unit` is the outermost bought assembly that contains the
+    instance.
     """
 
     path: str
@@ -39,6 +41,7 @@ class Instance:
     children: dict[str, Instance] = field(default_factory=dict)
     index: int | None = None
     base: Instance | None = None
+    unit: Unit | None = None
 
     def within(self, name: str) -> str:
         """Return the path of an element of this assembly in the robot: `hand/tip` for the element `tip` of the assembly at `hand`."""
@@ -116,8 +119,11 @@ class Tree:
                     self._findings.leave_out()
                 for inner in scope.components:
                     nested = inner.definition if isinstance(inner.definition, AssemblyDefinition) else None
+                    path, unit = instance.within(inner.name), instance.unit
+                    if nested is not None and inner.bom.one and unit is None:
+                        unit = Unit(path=path, definition=Definition.of(nested), bom=bom_of(inner, None, scope))
                     instance.children[inner.name] = Instance(
-                        path=instance.within(inner.name), component=inner, origin=inner.origin + instance.origin, assembly=nested,
+                        path=path, component=inner, origin=inner.origin + instance.origin, assembly=nested, unit=unit,
                     )
                 waiting.extend((child, scope) for child in reversed(instance.children.values()))
             elif component is not None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from msgspec.structs import replace
-
 from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.inertia import physical_fault
 from thingc.base.memo import Memo
@@ -191,13 +189,13 @@ class PartInstances:
         material = material_of(component, record, scope)
         unknown = material is None and record is not None and record.material is not None
         if record is not None:
-            self._warn_mirrored(component, record, material, path, origin)
+            self._warn_mirrored(component, record, material, scope, path, origin)
         weighed = self._weigh(component, record, material, unknown, scope, path, origin)
         sound = weighed is not None and self._physical(component, record, path, origin)
         return PartInstance(
             component=component, definition=definition, record=record, material=material,
             color=(record.color if record is not None else None) or (material.color if material is not None else None),
-            bom=_bom(component, record), properties=weighed.properties if weighed is not None else NOTHING,
+            bom=bom_of(component, record, scope), properties=weighed.properties if weighed is not None else NOTHING,
             mass_source=weighed.source if weighed is not None else "derived", estimate=weighed.estimate if weighed is not None else None,
             mounts=self._mounts(component, record, path, origin), sound=sound,
             listed=listed(component.definition, material, self._meshes) if isinstance(component.definition, LinkDefinition) else None,
@@ -233,12 +231,14 @@ class PartInstances:
             ):
                 self._warned.add(key)
 
-    def _warn_mirrored(self, component: Component, record: PartRecord, material: Material | None, path: str, origin: Origin) -> None:
+    def _warn_mirrored(
+        self, component: Component, record: PartRecord, material: Material | None, scope: AssemblyDefinition, path: str, origin: Origin,
+    ) -> None:
         """Warn of a mirrored part that equals its mirror image, or that is a bought part. Each part is reported once."""
         plain = component.definition.plain if isinstance(component.definition, PartDefinition) else None
         if plain is None or not record.exact:
             return
-        bom, process = _bom(component, record), process_of(component, material)
+        bom, process = bom_of(component, record, scope), process_of(component, material)
         bought = bom.make == "buy" or bom.make is None and process is not None and (process.kind or "").lower() == "bought"
         if record.own_image and component.image_of is None:
             code = Code.OWN_IMAGE
@@ -442,14 +442,16 @@ class PartInstances:
         return mounts
 
 
-def _bom(component: Component, record: PartRecord | None) -> BomEntry:
-    """Return the entry of a component in the bill of materials. Values in the document take precedence over values in the part class."""
-    if record is None:
-        return component.bom
-    names = set(BomEntry.__struct_fields__)
-    thing = BomEntry(**{key: value for key, value in record.bom.items() if key in names})
-    stated = {name: value for name in names if (value := getattr(component.bom, name)) is not None}
-    return replace(thing, **stated)
+def bom_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> BomEntry:
+    """Return the entry of a component in the bill of materials.
+
+    Values in the document take precedence over values in its catalogue, and these over values in the part class.
+    """
+    stated = record.bom if record is not None else {}
+    number, supplier, cost, make, link = map(stated.get, ("number", "supplier", "cost", "make", "link"))
+    thing = BomEntry(number=number, supplier=supplier, cost=cost, make=make, link=link)
+    number = component.bom.number or thing.number
+    return component.bom.over(scope.catalog.get(number, BomEntry()) if number is not None else BomEntry()).over(thing)
 
 
 def _density(record: PartRecord | None, material: Material | None) -> Density | None:

@@ -95,16 +95,26 @@ class PartInstance(OneLineRepr, FrozenStruct):
     sound: bool = True
 
 
+class Unit(OneLineRepr, FrozenStruct):
+    """A nested assembly at a path such as `hand` that the bill of materials lists as one part."""
+
+    path: str
+    definition: Definition
+    bom: BomEntry
+
+
 class Occurrence(PartInstance):
     """One use of a part, a link or a frame in the robot, at a path such as `hand/cap`.
 
-    `index` is the position in the list of all occurrences in document order.
+    `index` is the position in the list of all occurrences in document order. `unit` is the nested assembly that the bill of materials lists
+    in place of the occurrence, if any.
     """
 
     path: str
     index: int
     overrides: Overrides
     origin: Origin
+    unit: Unit | None = None
 
     def name_in_files(self, surface: Surface) -> str | None:
         """Return the name that a document specifies for a shape in output files, including the path of the document.

@@ -13,6 +13,7 @@ from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import choices as choose
 from thingc.model.resolve import overrides as said
+from thingc.model.resolve.bom import bom_entry
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun, names_in
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.mirroring import mirrored, other_axis
@@ -193,5 +194,5 @@ def _component(
     return Component(
         name=node.name, key=str(node.path[-1]), definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
         placement=None if node.unsound or node.unplaced else placement, material=material, overrides=over, mounts=node.mounts,
-        bom=said.bom(layers), origin=scope.origin(node.path, key=True),
+        bom=bom_entry(scope, layers), origin=scope.origin(node.path, key=True),
     )

@@ -15,7 +15,7 @@ from thingc.model.resolve.materials import process
 from thingc.model.resolve.references import ORIGIN
 from thingc.model.resolve.repeats import check_names
 from thingc.model.resolve.scope import DefaultLayers, Scope
-from thingc.model.resolve.types import BomEntry, ExtraMount, Material, Overrides, StatedValue
+from thingc.model.resolve.types import ExtraMount, Material, Overrides, StatedValue
 
 NONE_SAID = Overrides()
 
@@ -31,10 +31,12 @@ def refuse_on_assembly(node: ComponentScope) -> None:
     Such an override is ambiguous, because it could apply to any component of the assembly.
     """
     for key in _OF_PARTS:
-        if key in node.spec.model_fields_set and getattr(node.spec, key) is not None:
+        entire = key == "bom" and node.spec.bom is not None and node.spec.bom.as_ is not None
+        if key in node.spec.model_fields_set and getattr(node.spec, key) is not None and not entire:
+            help = "set the key on a component of the nested document; its value can be a parameter of that document"
             node.scope.error(
                 Code.OVERRIDE, f"`{key}` cannot be set on the nested assembly `{node.name}`", (*node.path, key), key=True,
-                help="set the key on a component of the nested document; its value can be a parameter of that document",
+                help="add `as: one` to list the assembly as one bought part" if key == "bom" else help,
                 notes=node.scope.beside(f"`{node.name}` is defined as an assembly here", (*node.path, "assembly"), (*node.path, key)),
             )
 
@@ -103,12 +105,6 @@ def _up(scope: Scope, layers: DefaultLayers) -> Vector | None:
         scope.error(Code.OUT_OF_RANGE, "`up` must not be zero, found `0 0 0`", path, help="write, for example, `up: [0, 0, 1]`")
         return None
     return x / length + 0.0, y / length + 0.0, z / length + 0.0
-
-
-def bom(layers: DefaultLayers) -> BomEntry:
-    """Return the entry of a component in the bill of materials. Missing keys come from the defaults in `layers`."""
-    lines = layers.sub("bom")
-    return BomEntry(**{key: said[0] for key in BomEntry.__struct_fields__ if (said := lines.pick(key)) is not None})
 
 
 def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:

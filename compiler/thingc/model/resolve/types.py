@@ -127,12 +127,34 @@ class Overrides(OneLineRepr, FrozenStruct):
 
 
 class BomEntry(OneLineRepr, FrozenStruct):
-    """An entry of the bill of materials. `make` is `buy | print | machine`, and `cost` is a string such as `12.50 EUR`."""
+    """An entry of the bill of materials. `make` is `buy | print | machine`.
+
+    `cost` is the price per piece, such as `12.50 EUR`, and `prices` contains prices with the smallest quantities for which they apply, in
+    ascending order. Only one of the two is set. `picture` is the path of a file in the workspace. `one` is True for a nested assembly that
+    is one bought part.
+    """
 
     number: str | None = None
     supplier: str | None = None
     cost: str | None = None
     make: str | None = None
+    link: str | None = None
+    picture: str | None = None
+    prices: tuple[tuple[int, str], ...] = ()
+    one: bool = False
+
+    def over(self, below: BomEntry) -> BomEntry:
+        """Return this entry, with the values of the entry `below` for everything that this entry does not specify."""
+        priced = self if self.cost is not None or self.prices else below
+        texts = {name: first if (first := getattr(self, name)) is not None else getattr(below, name) for name in _BOM_TEXTS}
+        return BomEntry(**texts, cost=priced.cost, prices=priced.prices, one=self.one)
+
+    def price(self, quantity: int) -> str | None:
+        """Return the price per piece for a quantity, or None if it is unknown."""
+        return next((price for least, price in reversed(self.prices) if least <= quantity), self.cost)
+
+
+_BOM_TEXTS = ("number", "supplier", "make", "link", "picture")
 
 
 class Attach(OneLineRepr, FrozenStruct):
@@ -492,6 +514,7 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     False if validation removed invalid entries from the document. `loose` contains the valid references of elements that were omitted
     because of another, invalid reference. `step_origin` is the location of the setting `timestep` in the document. A mirror image is a
     separate definition, such as `leg(mirror=y)`. `mirror` is the axis along which it is mirrored, and `plain` is the original definition.
+    `catalog` contains the entries of the catalogue of the document, by order number.
     """
 
     document: str
@@ -521,3 +544,4 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     loose: tuple[Reference, ...] = ()
     mirror: str | None = None
     plain: AssemblyDefinition | None = None
+    catalog: dict[str, BomEntry] = {}

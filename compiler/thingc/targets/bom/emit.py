@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import csv
 import io
-from itertools import count
+import re
+from decimal import Decimal
+from itertools import count, groupby
 
 from msgspec.structs import asdict, astuple
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import format_cell
-from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, Occurrence
+from thingc.model.resolve.types import BomEntry
 from thingc.targets import json_writer
 from thingc.targets.artifact import Artifacts
 from thingc.targets.request import EmitRequest
@@ -19,12 +21,17 @@ from thingc.targets.request import EmitRequest
 MACHINED = frozenset({"cnc", "machine", "machined", "mill", "milled", "milling", "lathe", "turning", "laser", "waterjet"})
 """Kinds of manufacturing processes that remove material. A part with any other kind of process is printed."""
 
+_AMOUNT = re.compile(r"\d+(?:\.\d+)?", re.ASCII)
+"""The amount of a cost. The cost of a Thing can be any text."""
+
 _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
 
 class BomRow(FrozenStruct):
-    """A row of the bill of materials. The row represents `quantity` equal pieces, each with the mass `mass` [kg]. `cost` is a string that
-    the document or the Thing specifies.
+    """A row of the bill of materials. The row represents `quantity` equal pieces, each with the mass `mass` [kg].
+
+    `cost` is the price per piece for this quantity, and `total` the price of all pieces, each with its currency. `picture` is the path of a
+    file in the workspace.
     """
 
     number: str
@@ -37,6 +44,9 @@ class BomRow(FrozenStruct):
     mass_source: str
     supplier: str | None
     cost: str | None
+    total: str | None
+    link: str | None
+    picture: str | None
 
 
 COLUMNS = BomRow.__struct_fields__
@@ -46,15 +56,17 @@ COLUMNS = BomRow.__struct_fields__
 def make_of(occurrence: Occurrence) -> str:
     """Return how an occurrence is made: `buy`, `print` or `machine`.
 
+    A part of a nested assembly that is listed as one part is made as the assembly is, which is bought unless the document says otherwise.
     The value comes from the document, or else from the Thing. If neither specifies a value, it is derived from the manufacturing process.
 
     In this case, an occurrence without geometry (a frame with a mass, such as a circuit board) counts as bought, because it cannot be
     manufactured. An occurrence with geometry is bought, machined (if its process removes material) or printed.
     """
+    if occurrence.unit is not None:
+        return occurrence.unit.bom.make or "buy"
     record = occurrence.record
-    stated = occurrence.bom.make or (record.bom.get("make") if record is not None else None)
-    if stated:
-        return stated
+    if occurrence.bom.make is not None:
+        return occurrence.bom.make
     if record is None or record.box is None:
         return "buy"
     own = occurrence.overrides.process
@@ -71,11 +83,11 @@ def listed(occurrence: Occurrence) -> bool:
 
     A frame that only marks a position is not listed.
     """
-    own = occurrence.bom
     return (
-        (occurrence.record is not None and (occurrence.record.box is not None or bool(occurrence.record.bom)))
+        occurrence.unit is not None
+        or (occurrence.record is not None and (occurrence.record.box is not None or bool(occurrence.record.bom)))
         or occurrence.properties.mass > 0.0
-        or any(value is not None for value in (own.number, own.supplier, own.cost, own.make))
+        or occurrence.bom != BomEntry()
     )
 
 
@@ -88,38 +100,77 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
     """Return each row of the bill of materials with the occurrences that it represents.
 
     Printed items come first, then machined, then bought items. Each of these groups is in the order of the document. If all values of
-    several occurrences are equal, the occurrences share a row.
+    several pieces are equal, the pieces share a row. A piece is an occurrence, or all occurrences of a nested assembly that is one part.
 
     The part number comes from the document, or else from the Thing. Rows without a part number get the numbers 1, 2, 3 and so on. Numbers
     that are already in use are skipped.
     """
-    rows: dict[tuple[object, ...], list[list[Occurrence]]] = {}
-    for occurrence in assembly.occurrences:
-        if listed(occurrence):
-            alike = rows.setdefault(_key(occurrence), [])
-            mass = occurrence.properties.mass
-            group = next((group for group in alike if group[0].properties.mass == mass), None)
-            if group is None:
-                alike.append([occurrence])
-            else:
-                group.append(occurrence)
+    rows: dict[tuple[object, ...], list[list[_Piece]]] = {}
+    for _, together in groupby(filter(listed, assembly.occurrences), lambda one: one.index if one.unit is None else one.unit.path):
+        piece = _Piece(tuple(together))
+        alike = rows.setdefault(piece.key, [])
+        group = next((group for group in alike if group[0].mass == piece.mass), None)
+        if group is None:
+            alike.append([piece])
+        else:
+            group.append(piece)
     ordered = (group for alike in rows.values() for group in alike)
-    groups = sorted(ordered, key=lambda group: (_ORDER.get(make_of(group[0]), len(_ORDER)), group[0].index))
-    numbers = _numbers([_said(group[0], "number") for group in groups])
+    groups = sorted(ordered, key=lambda group: (_ORDER.get(group[0].make, len(_ORDER)), group[0].first.index))
+    numbers = _numbers([group[0].bom.number for group in groups])
     return tuple(
-        (BomRow(
-            number=number,
-            name=_name(group[0]),
-            definition=_definition(group[0]).text,
-            quantity=len(group),
-            make=make_of(group[0]),
-            material=_material(group[0]),
-            mass=group[0].properties.mass,
-            mass_source=group[0].mass_source,
-            supplier=_said(group[0], "supplier"),
-            cost=_said(group[0], "cost"),
-        ), tuple(group))
+        (_row(number, group[0], len(group)), tuple(one for piece in group for one in piece.occurrences))
         for number, group in zip(numbers, groups, strict=True)
+    )
+
+
+class _Piece:
+    """A piece to make or to buy: one occurrence, or all occurrences of a nested assembly that is listed as one part."""
+
+    def __init__(self, occurrences: tuple[Occurrence, ...]) -> None:
+        self.occurrences = occurrences
+        first = self.first = occurrences[0]
+        unit = first.unit
+        self.bom = first.bom if unit is None else unit.bom
+        self.make = make_of(first)
+        self.mass = first.properties.mass if unit is None else sum(one.properties.mass for one in occurrences)
+        sources = {one.mass_source for one in occurrences if one.properties.mass > 0.0} or {first.mass_source}
+        self.mass_source = sources.pop() if len(sources) == 1 else "derived"
+        has_geometry = unit is None and first.record is not None and first.record.box is not None
+        self.material = first.material.name if first.material is not None and has_geometry else None
+        own = first.definition if unit is None else unit.definition
+        self.definition = own.plain if own.plain is not None and self.make == "buy" and unit is None else own
+
+    @property
+    def name(self) -> str:
+        """The display name. For a mirror image, it includes the mirror axis.
+
+        The display name is the name of the Thing, or else the name of the class, of the file without suffix, or of the component. For a
+        nested assembly, it is the label of its definition.
+        """
+        if self.first.unit is not None:
+            return self.definition.label
+        mirror = self.definition.mirror
+        return _plain_name(self.first) + (f" (mirror={mirror})" if mirror is not None else "")
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """The values that distinguish rows. The mass, the quantity and the assigned number are not included.
+
+        If a frame or link has a part number, the number identifies it, regardless of the name of the component. Nested assemblies are
+        identified by their definition.
+        """
+        named = self.first.unit is None and (self.bom.number is None or self.definition.kind not in ("frame", "link"))
+        return self.definition, self.name if named else None, self.make, self.material, self.mass_source, self.bom
+
+
+def _row(number: str, piece: _Piece, quantity: int) -> BomRow:
+    cost = piece.bom.price(quantity)
+    amount, _, currency = (cost or "").partition(" ")
+    return BomRow(
+        number=number, name=piece.name, definition=piece.definition.text, quantity=quantity, make=piece.make, material=piece.material,
+        mass=piece.mass, mass_source=piece.mass_source, supplier=piece.bom.supplier, cost=cost,
+        total=f"{quantity * Decimal(amount)} {currency}" if currency and _AMOUNT.fullmatch(amount) else None,
+        link=piece.bom.link, picture=piece.bom.picture,
     )
 
 
@@ -146,57 +197,6 @@ def emit(request: EmitRequest) -> Artifacts:
     """Write `bom.csv` and `bom.json`, which contain the same rows."""
     rows = items(request.assembly)
     return Artifacts(files={"bom.csv": csv_text(rows).encode(), "bom.json": json_text(rows)})
-
-
-def _key(occurrence: Occurrence) -> tuple[object, ...]:
-    """Return the values that distinguish rows of the bill of materials. The mass, the quantity and the assigned number are not included.
-
-    If a frame or link has a part number, the number identifies it, regardless of the name of the component.
-    """
-    number = _said(occurrence, "number")
-    return (
-        _definition(occurrence),
-        _name(occurrence) if number is None or occurrence.definition.kind not in ("frame", "link") else None,
-        make_of(occurrence),
-        _material(occurrence),
-        occurrence.mass_source,
-        number,
-        *(_said(occurrence, key) for key in ("supplier", "cost")),
-    )
-
-
-def _definition(occurrence: Occurrence) -> Definition:
-    """Return the definition that is manufactured or bought for an occurrence. For a mirror image that is bought, return the definition of
-    the original part.
-    """
-    own = occurrence.definition
-    return own.plain if own.plain is not None and make_of(occurrence) == "buy" else own
-
-
-def _said(occurrence: Occurrence, key: str) -> str | None:
-    """Return the value of a key of the bill of materials for an occurrence.
-
-    A value in the document takes precedence over the value of the Thing. Return None if neither specifies a value.
-    """
-    own: str | None = getattr(occurrence.bom, key)
-    if own is None and occurrence.record is not None:
-        return occurrence.record.bom.get(key)
-    return own
-
-
-def _material(occurrence: Occurrence) -> str | None:
-    """Return the name of the material. Return None if the occurrence has no geometry or has several materials."""
-    has_geometry = occurrence.record is not None and occurrence.record.box is not None
-    return occurrence.material.name if occurrence.material is not None and has_geometry else None
-
-
-def _name(occurrence: Occurrence) -> str:
-    """Return the display name of the definition of an occurrence. For a mirror image, it includes the mirror axis.
-
-    The display name is the name of the Thing, or else the name of the class, of the file without suffix, or of the component.
-    """
-    mirror = _definition(occurrence).mirror
-    return _plain_name(occurrence) + (f" (mirror={mirror})" if mirror is not None else "")
 
 
 def _plain_name(occurrence: Occurrence) -> str:

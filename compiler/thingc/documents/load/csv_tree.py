@@ -1,0 +1,82 @@
+"""Parse the catalogue of bought parts (CSV) to a tree with source positions."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, line_of
+from thingc.base.suggestions import did_you_mean
+from thingc.base.units import shortened
+from thingc.documents.load.text import Source
+
+COLUMNS = ("number", "supplier", "cost", "quantity", "link", "picture")
+"""The columns of a catalogue, in any order."""
+
+
+def read_csv(source: Source, report: Report) -> MappingNode | None:
+    """Parse CSV (RFC 4180) with a header line to the tree of a catalogue: a list `rows`, in which each row is a mapping.
+
+    All values are strings. Empty cells and empty rows are omitted. If the table is invalid, report the error and return None.
+    """
+    rows = _cells(source, report)
+    if rows is None:
+        return None
+    if not rows:
+        report.add(Code.NOT_A_MAPPING, "the table is empty", source.span(0, 0), help=f"start the table with the line `{','.join(COLUMNS)}`")
+        return None
+    whole, header = source.span(0, len(source.text)), rows[0]
+    names = [text for text, _ in header]
+    if len(header) == 1 and (other := next((mark for mark in ";\t" if mark in names[0]), None)):
+        mark = "`;`" if other == ";" else "tabs"
+        report.add(Code.SYNTAX, f"expected cells separated by `,`, found {mark}", header[0][1], help="export the table with commas")
+        return None
+    unknown = [(text, span) for text, span in header if text not in COLUMNS]
+    for text, span in unknown:
+        help = did_you_mean(text, [name for name in COLUMNS if name not in names], what="columns")
+        report.add(Code.UNKNOWN_KEY, f"unknown column `{shortened(text)}`", span, help=help)
+    twice = [(text, span) for k, (text, span) in enumerate(header) if text in names[:k]]
+    for text, span in twice:
+        report.add(Code.DUPLICATE_KEY, f"the column `{shortened(text)}` occurs twice", span, help="remove one of the columns")
+    if unknown or twice:
+        return None
+    entries: list[Node] = []
+    for row in rows[1:]:
+        if len(row) > len(header):
+            text, span = row[len(header)]
+            report.add(
+                Code.SYNTAX, f"expected {len(header)} cells as in the header, found `{shortened(text)}` in cell {len(header) + 1}", span,
+                help="write cells that contain a comma in double quotes",
+            )
+            return None
+        filled = [(name, text, key, span) for (name, key), (text, span) in zip(header, row, strict=False) if text]
+        if filled:
+            entries.append(MappingNode(
+                entries={name: ScalarNode(value=text, text=text, span=span) for name, text, _, span in filled},
+                keys={name: span for name, _, _, span in filled}, span=filled[0][3],
+            ))
+    return MappingNode(entries={"rows": SequenceNode(items=tuple(entries), span=whole)}, keys={"rows": whole}, span=whole)
+
+
+def _cells(source: Source, report: Report) -> list[list[tuple[str, Span]]] | None:
+    """Split a table into rows of cells, each with its span. Empty rows are omitted."""
+    rows: list[list[tuple[str, Span]]] = []
+    at = 0
+    reader = csv.reader(io.StringIO(source.text, newline=""), strict=True, skipinitialspace=True)
+    try:
+        for cells in reader:
+            row: list[tuple[str, Span]] = []
+            for text in map(str.rstrip, cells):
+                start = source.text.find(text, at)  # not found if a quote is written as two
+                at = at if start < 0 else start + len(text)
+                row.append((text, source.span(at - len(text) if start >= 0 else at, at)))
+            if any(cells):
+                rows.append(row)
+    except csv.Error:
+        report.add(
+            Code.SYNTAX, 'a cell has text after its quotes, or no closing quote `"`', line_of(source.file, reader.line_num),
+            help='write a quote in a cell as two quotes: `""`',
+        )
+        return None
+    return rows

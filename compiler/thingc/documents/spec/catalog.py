@@ -1,0 +1,43 @@
+"""The catalogue of bought parts, which is a CSV file with these columns."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any
+
+from thingc.documents.spec.base import Model
+from thingc.documents.spec.fields import CostField, FieldValidator, LinkField, fault, found
+
+
+def _quantity(value: Any) -> str:
+    """Validate a number of pieces: a positive whole number, as text. The string is returned unchanged."""
+    if isinstance(value, str) and re.fullmatch(r"[1-9][0-9]{0,8}", value):
+        return value
+    raise fault("type", f"expected a positive whole number, found {found(value)}", help="write, for example, `10`")
+
+
+_QUANTITY_SCHEMA = {"type": "string", "pattern": "^[1-9][0-9]{0,8}$", "description": "A number of pieces.", "examples": ["10"]}
+QuantityText = Annotated[str, FieldValidator(_quantity, "a positive whole number", _QUANTITY_SCHEMA)]
+
+
+class CatalogRow(Model):
+    """A part of the catalogue, or its price from a larger quantity."""
+
+    number: str
+    """The order number, by which components and parts refer to the row."""
+    supplier: str | None = None
+    """Supplier."""
+    cost: CostField | None = None
+    """Price per piece."""
+    quantity: QuantityText = "1"
+    """The smallest quantity for which the price applies; default: 1."""
+    link: LinkField | None = None
+    """Web page of the part."""
+    picture: str | None = None
+    """Picture of the part, relative to the catalogue."""
+
+
+class CatalogSpec(Model):
+    """A catalogue of bought parts."""
+
+    rows: list[CatalogRow]

@@ -1,0 +1,67 @@
+"""Resolve entries of the bill of materials: of components, of nested assemblies, and of the catalogue of bought parts."""
+
+from __future__ import annotations
+
+import posixpath
+
+from thingc.base.diagnostics import Code
+from thingc.base.source import Document
+from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.catalog import CatalogRow, CatalogSpec
+from thingc.model.resolve.document_scope import ResolveRun
+from thingc.model.resolve.scope import DefaultLayers, Scope
+from thingc.model.resolve.types import BomEntry
+
+
+def bom_entry(scope: Scope, layers: DefaultLayers) -> BomEntry:
+    """Return the entry of a component in the bill of materials. Missing keys come from the defaults in `layers`."""
+    lines = layers.sub("bom")
+    number, supplier, make, link, cost, picture, one = (
+        None if (said := lines.pick(key)) is None else said[0]
+        for key in ("number", "supplier", "make", "link", "cost", "picture", "as_")
+    )
+    prices = cost if isinstance(cost, dict) else {}
+    return BomEntry(
+        number=number, supplier=supplier, make=make, link=link, cost=None if prices else cost, one=one is not None,
+        prices=_sorted_prices(prices), picture=_from_workspace(scope.document, picture),
+    )
+
+
+def catalog(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, BomEntry]:
+    """Return the entries of the catalogue of a document, by order number.
+
+    Rows of the same number are prices of one part by quantity. Report two rows with the same quantity, or with other different values.
+    """
+    document = context.documents.named(scope.document, spec.catalog) if spec.catalog is not None else None
+    table = context.specs.get(document.relative) if document is not None else None
+    if document is None or not isinstance(table, CatalogSpec):
+        return {}
+    rows: dict[str, list[CatalogRow]] = {}
+    for index, row in enumerate(table.rows):
+        alike = rows.setdefault(row.number, [])
+        differ = [key for key in ("supplier", "link", "picture") if alike and getattr(row, key) not in (None, getattr(alike[0], key))]
+        if any(row.quantity == one.quantity for one in alike) or differ:
+            key, other = (differ[0], f"another `{differ[0]}`") if differ else ("quantity", f"the quantity {row.quantity}, too")
+            context.report.add(
+                Code.NAME_CLASH, f"another row of `{row.number}` has {other}", document.span(("rows", index, key)),
+                help=f"set `{key}` only in the first of the rows" if differ else "remove one of the rows, or set another quantity",
+            )
+        alike.append(row)
+    return {number: _catalog_entry(document, alike) for number, alike in rows.items()}
+
+
+def _catalog_entry(document: Document, rows: list[CatalogRow]) -> BomEntry:
+    first = rows[0]
+    return BomEntry(
+        supplier=first.supplier, link=first.link, picture=_from_workspace(document, first.picture),
+        prices=_sorted_prices({row.quantity: row.cost for row in rows if row.cost is not None}),
+    )
+
+
+def _sorted_prices(prices: dict[str, str]) -> tuple[tuple[int, str], ...]:
+    return tuple(sorted((int(least), price) for least, price in prices.items()))
+
+
+def _from_workspace(document: Document, picture: str | None) -> str | None:
+    """Convert the path of a picture, which is relative to a document, to a path in the workspace."""
+    return None if picture is None else posixpath.normpath(posixpath.join(posixpath.dirname(document.relative), picture))
