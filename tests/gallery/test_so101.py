@@ -147,9 +147,10 @@ def test_the_servo_is_where_the_source_draws_it(shared_store: str) -> None:
                 assert np.ptp(corners, axis=0)[:2] == pytest.approx(high[:2] - low[:2], abs=1e-4), servo
 
 
-def test_the_motors_are_those_of_the_urdf() -> None:
+def test_the_motors_are_those_of_the_urdf(capsys: pytest.CaptureFixture[str]) -> None:
     """LeRobot numbers the motors from the base to the gripper; so do the transmissions of the URDF."""
-    told = json.loads((FOLDER / "motors.json").read_text())
+    assert main(["calibration", str(FOLDER / "so101.yaml"), str(FOLDER / "nominal.calibration.yaml"), "--emit", "lerobot_motors"]) == 0
+    told = json.loads(capsys.readouterr().out)
     root = ET.parse(SOURCE / PAIRS[0][1]).getroot()
     numbers = {
         one.find("joint").attrib["name"]: int(re.findall(r"\d+", one.find("actuator").attrib["name"])[0])  # type: ignore[union-attr]

@@ -132,17 +132,17 @@ ONE_TURN = "id: 3, offset: 0, ticks_per_turn: 4096"
 @pytest.mark.parametrize(("entry", "code", "said"), [
     ("elbow: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC304", "the robot has no joint `elbow`"),
     ("geared: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC338", "joint `geared` mimics `lift`"),
-    ("lift: {id: 1, offset: 0, ticks_per_turn: 4096}", "TC311", "joints `pan` and `lift` have the same motor `id: 1`"),
-    ("lift: {id: 254, offset: 0, ticks_per_turn: 4096}", "TC315", "must be from 0 to 253, found 254"),
-    ("lift: {id: -1, offset: 0, ticks_per_turn: 4096}", "TC315", "must be from 0 to 253, found -1"),
-    ("lift: {id: 3, offset: 4096, ticks_per_turn: 4096}", "TC315", "has the values 0 to 4095, found 4096"),
-    ("lift: {id: 3, offset: -1, ticks_per_turn: 4096}", "TC315", "has the values 0 to 4095, found -1"),
-    ("lift: {id: 3, offset: 0, ticks_per_turn: 1}", "TC315", "must be at least 2, found 1"),
+    ("lift: {id: 1, offset: 0, ticks_per_turn: 4096}", "TC212", "joints `pan` and `lift` have the same motor `id: 1`"),
+    ("lift: {id: 254, offset: 0, ticks_per_turn: 4096}", "TC208", "from 0 to 253, found 254"),
+    ("lift: {id: -1, offset: 0, ticks_per_turn: 4096}", "TC208", "from 0 to 253, found -1"),
+    ("lift: {id: 3, offset: 4096, ticks_per_turn: 4096}", "TC212", "has the values 0 to 4095, found 4096"),
+    ("lift: {id: 3, offset: -1, ticks_per_turn: 4096}", "TC212", "has the values 0 to 4095, found -1"),
+    ("lift: {id: 3, offset: 0, ticks_per_turn: 1}", "TC208", "from 2 to 4294967296, found 1"),
     (f"lift: {{{ONE_TURN}, range: [100, 1100]}}", "TC315", "beyond the lower limit 10 deg of joint `lift`"),
     (f"lift: {{{ONE_TURN}, range: [120, 1200]}}", "TC315", "1200 ticks are 105.469 deg, beyond the upper limit"),
     (f"lift: {{{ONE_TURN}, sign: -1, range: [120, 1100]}}", "TC315", "120 ticks are -10.5469 deg, beyond the lower"),
-    (f"lift: {{{ONE_TURN}, range: [1100, 120]}}", "TC315", "must increase, found 1100 and 120"),
-    (f"lift: {{{ONE_TURN}, range: [120, 5000]}}", "TC315", "has the values 0 to 4095, found 5000"),
+    (f"lift: {{{ONE_TURN}, range: [1100, 120]}}", "TC212", "must increase, found 1100 and 120"),
+    (f"lift: {{{ONE_TURN}, range: [120, 5000]}}", "TC212", "has the values 0 to 4095, found 5000"),
     ("slide: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC314", "joint `slide` does not rotate"),
     ("slide: {id: 3, offset: 0, resolution: 1 deg}", "TC314", "must be a length of at least 1e-12 in SI units"),
     ("slide: {id: 3, offset: 0, resolution: -1 mm}", "TC314", "must be a length of at least 1e-12 in SI units"),
@@ -151,7 +151,8 @@ ONE_TURN = "id: 3, offset: 0, ticks_per_turn: 4096"
     ("lift: {id: 3, offset: 0}", "TC212", "needs exactly one of `ticks_per_turn` and `resolution`, found none"),
     (f"lift: {{{ONE_TURN}, resolution: 1 deg}}", "TC212", "found both"),
     ("lift: {id: 3, offset: 0.5, ticks_per_turn: 4096}", "TC203", "expected a whole number, found the number `0.5`"),
-    ("lift: {id: 3, offset: 0, sign: 2, ticks_per_turn: 4096}", "TC204", ""),
+    ("lift: {id: 3, offset: 0, sign: 2, ticks_per_turn: 4096}", "TC204", "expected `1` or `-1`, found the number `2`"),
+    ("lift: {id: 3, offset: 0, sign: true, ticks_per_turn: 4096}", "TC204", "expected `1` or `-1`, found `true`"),
     ("lift: {id: 3, offset: 0, tick_per_turn: 4096}", "TC201", "`tick_per_turn`"),
     ("lift: {offset: 0, ticks_per_turn: 4096}", "TC202", "`id`"),
 ])
@@ -161,6 +162,23 @@ def test_errors_are_at_their_lines(here: Path, entry: str, code: str, said: str,
     found, *_ = (one for one in json.loads(capsys.readouterr().out)["diagnostics"] if one["severity"] == "error")
     assert (found["code"], found["file"], found["line"]) == (code, "left.calibration.yaml", 4) and said in found["message"], found
     assert not (here / "out").exists()
+
+
+def test_check_reports_errors_that_do_not_depend_on_the_robot(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "left.calibration.yaml").write_text("""\
+thingc: calibration/1
+joints:
+  pan: {id: 1, offset: 9, ticks_per_turn: 0}
+  lift: {id: 3, sign: true, offset: 4, ticks_per_turn: 8}
+  wheel: {id: 3, offset: 9, ticks_per_turn: 8, range: [3, 2]}
+""")
+    assert main(["check", "left.calibration.yaml", "--format", "json"]) == 1
+    found = [(one["code"], one["line"]) for one in json.loads(capsys.readouterr().out)["diagnostics"]]
+    assert found == [("TC208", 3), ("TC204", 4), ("TC212", 5), ("TC212", 5)], found
+    twice = GOOD.replace("id: 7", "id: 2")
+    (here / "left.calibration.yaml").write_text(twice)
+    assert main(["check", "left.calibration.yaml"]) == 1
+    assert "joints `lift` and `wheel` have the same motor `id: 2`" in "".join(capsys.readouterr())
 
 
 def test_an_encoder_that_is_too_small(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

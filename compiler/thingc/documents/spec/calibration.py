@@ -2,14 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.spec.base import Model, rule
-from thingc.documents.spec.fields import Value, quantity
+from thingc.documents.spec.fields import FieldValidator, Value, fault, found, quantity, raise_all, within
 from thingc.documents.spec.name_types import JointPattern
+
+MOST_TICKS = 1 << 32
+"""Largest accepted encoder value."""
+
+
+def _whole_number(least: int, most: int) -> FieldValidator:
+    def validate(value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise fault("type", f"expected a whole number, found {found(value)}")
+        if not least <= value <= most:
+            raise fault("quantity", f"expected a whole number from {least} to {most}, found {value}")
+        return value
+
+    return FieldValidator(validate, "a whole number", {"type": "integer", "minimum": least, "maximum": most})
+
+
+def _sign(value: Any) -> int:
+    if isinstance(value, bool) or value not in (1, -1):
+        raise fault("choice", f"expected `1` or `-1`, found {found(value)}")
+    return int(value)
+
+
+EncoderValue = Annotated[int, _whole_number(-MOST_TICKS, MOST_TICKS)]
 
 
 class MotorSpec(Model):
@@ -17,19 +40,19 @@ class MotorSpec(Model):
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["ticks_per_turn"]}, {"required": ["resolution"]}]})
 
-    id: int = Field(examples=[3])
+    id: Annotated[int, _whole_number(0, 253)] = Field(examples=[3])  # 254 and 255 are broadcast addresses of Feetech and Dynamixel
     """The identifier of the motor on its bus, from 0 to 253."""
     model: str | None = Field(default=None, examples=["sts3215"])
     """The model of the motor."""
-    offset: int = Field(examples=[2047])
+    offset: EncoderValue = Field(examples=[2047])
     """The encoder value at q = 0, in ticks."""
-    sign: Literal[1, -1] = 1
+    sign: Annotated[int, FieldValidator(_sign, "`1` or `-1`", {"type": "integer", "enum": [1, -1]})] = 1
     """Whether the encoder value increases (1) or decreases (-1) with q."""
-    ticks_per_turn: int | None = Field(default=None, examples=[4096])
+    ticks_per_turn: Annotated[int, _whole_number(2, MOST_TICKS)] | None = Field(default=None, examples=[4096])
     """The number of encoder values per turn of the joint. The encoder value is at least 0 and less than this number."""
     resolution: Annotated[Value, quantity(ANGLE, LENGTH)] | None = Field(default=None, examples=["0.01 mm"])
     """The motion of the joint per tick, for encoders that count several turns."""
-    range: Annotated[list[int], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[884, 3320]])
+    range: Annotated[list[EncoderValue], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[884, 3320]])
     """The measured smallest and largest encoder value; default: from the limits of the joint."""
 
     @model_validator(mode="after")
@@ -38,6 +61,20 @@ class MotorSpec(Model):
             here = "found none" if self.resolution is None else "found both"
             help = "write, for example, `ticks_per_turn: 4096`"
             raise rule(f"a motor needs exactly one of `ticks_per_turn` and `resolution`, {here}", help)
+        return self
+
+    @model_validator(mode="after")
+    def _encoder_values(self) -> MotorSpec:
+        count, ends, wrong = self.ticks_per_turn, self.range or [], []
+        if ends and ends[0] >= ends[1]:
+            help = "write the smallest encoder value first"
+            wrong.append(rule(f"the `range` must increase, found {ends[0]} and {ends[1]}", help, "range"))
+        values = [("offset", self.offset), *(("range", value) for value in ends)]
+        wrong += [
+            rule(f"the encoder has the values 0 to {count - 1}, found {value}", "write an encoder value, without a homing offset", key)
+            for key, value in values if count is not None and not 0 <= value < count
+        ]
+        raise_all(wrong)
         return self
 
 
@@ -50,3 +87,13 @@ class CalibrationSpec(Model):
     """A one-line description."""
     joints: dict[JointPattern, MotorSpec] = Field(examples=[{"elbow": {"id": 3, "offset": 2047, "sign": -1, "ticks_per_turn": 4096}}])
     """The motor of each joint, by the name of the joint in the robot."""
+
+    @model_validator(mode="after")
+    def _different_ids(self) -> CalibrationSpec:
+        first: dict[int, str] = {}
+        help = "give each motor of the bus its own identifier"
+        raise_all([
+            within(rule(f"joints `{first[motor.id]}` and `{name}` have the same motor `id: {motor.id}`", help), ("joints", name, "id"))
+            for name, motor in self.joints.items() if first.setdefault(motor.id, name) != name
+        ])
+        return self

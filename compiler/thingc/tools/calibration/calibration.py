@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document
 from thingc.base.suggestions import did_you_mean
@@ -17,9 +17,6 @@ from thingc.documents.spec.validation import validate_one
 from thingc.documents.workspace import Workspace
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, JointEdge
-
-HIGHEST_ID = 253
-"""Largest identifier of a motor: 254 and 255 are broadcast addresses of the buses of Feetech and Dynamixel."""
 
 FINEST = 1e-12
 """Smallest accepted resolution [rad or m]."""
@@ -58,7 +55,6 @@ class _Reader:
     def __init__(self, document: Document, spec: CalibrationSpec, assembly: Assembly, report: Report) -> None:
         self.document, self.report = document, report
         self.joints: dict[str, JointEdge] = {joint.name: joint for joint in joints_of(assembly)}
-        self.used: dict[int, str] = {}
 
     def _error(self, code: Code, message: str, *keys: str | int, help: str, name: str) -> None:
         at = ("joints", name, *keys)
@@ -75,7 +71,6 @@ class _Reader:
             what = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else "is a ball joint"
             self._error(Code.JOINT_FIELD, f"joint `{name}` {what} and cannot have a motor", help="remove this joint", name=name)
             return None
-        self._check_id(name, motor)
         ticks = self._scale(name, motor, joint)
         if len(self.report.diagnostics) > before or ticks is None:
             return None
@@ -85,21 +80,8 @@ class _Reader:
             modulus=motor.ticks_per_turn, model=motor.model,
         )
 
-    def _check_id(self, name: str, motor: MotorSpec) -> None:
-        other = self.used.setdefault(motor.id, name)
-        if not 0 <= motor.id <= HIGHEST_ID:
-            message = f"the `id` of joint `{name}` must be from 0 to {HIGHEST_ID}, found {motor.id}"
-            self._error(Code.OUT_OF_RANGE, message, "id", help="write the identifier of the motor on its bus", name=name)
-        elif other != name:
-            place = self.document.span(("joints", name, "id"))
-            self.report.add(
-                Code.NAME_CLASH, f"joints `{other}` and `{name}` have the same motor `id: {motor.id}`", place,
-                help="give each motor of the bus its own identifier",
-                notes=[Note(message=f"the motor of `{other}`", span=self.document.span(("joints", other, "id")))],
-            )
-
     def _scale(self, name: str, motor: MotorSpec, joint: JointEdge) -> float | None:
-        """Return the number of encoder values per unit of q [1/rad or 1/m], and check the encoder value at q = 0."""
+        """Return the number of encoder values per unit of q [1/rad or 1/m]. Return None after errors, which are reported."""
         count, coordinate = motor.ticks_per_turn, joint.twist.coordinate
         if count is None:
             try:
@@ -117,18 +99,7 @@ class _Reader:
             message = f"joint `{name}` does not rotate: `ticks_per_turn` needs a rotation"
             self._error(Code.DIMENSION, message, "ticks_per_turn", help="write, for example, `resolution: 0.01 mm`", name=name)
             return None
-        if count < 2:
-            message = f"`ticks_per_turn` of joint `{name}` must be at least 2, found {count}"
-            self._error(Code.OUT_OF_RANGE, message, "ticks_per_turn", help="write, for example, 4096", name=name)
-            return None
-        self._check_ticks(name, motor.offset, count, "offset")
         return count / (2.0 * math.pi)
-
-    def _check_ticks(self, name: str, ticks: int, count: int, *keys: str | int) -> bool:
-        if not 0 <= ticks < count:
-            message = f"the encoder of joint `{name}` has the values 0 to {count - 1}, found {ticks}"
-            self._error(Code.OUT_OF_RANGE, message, *keys, help="write an encoder value, without a homing offset", name=name)
-        return 0 <= ticks < count
 
     def _range(self, name: str, motor: MotorSpec, joint: JointEdge, ticks: float) -> tuple[int, int]:
         """Return the smallest and the largest encoder value, measured or from the limits, and check them."""
@@ -143,8 +114,6 @@ class _Reader:
             return ends[0], ends[1]
         for number, value in enumerate(motor.range):
             q = motor.sign * (value - motor.offset) / ticks
-            if count is not None and not self._check_ticks(name, value, count, "range", number):
-                continue
             for limit, beyond in zip(limits, (-1.0, 1.0), strict=True):
                 if limit is not None and beyond * (q - limit) > 1.0 / ticks:
                     side = "upper" if beyond > 0 else "lower"
@@ -152,7 +121,4 @@ class _Reader:
                     message = f"{value} ticks are {shown}, beyond the {side} limit {end} of joint `{name}`"
                     help = "correct `offset` and `sign`, or the limits of the robot"
                     self._error(Code.OUT_OF_RANGE, message, "range", number, help=help, name=name)
-        if motor.range[0] >= motor.range[1]:
-            message = f"the `range` of joint `{name}` must increase, found {motor.range[0]} and {motor.range[1]}"
-            self._error(Code.OUT_OF_RANGE, message, "range", help="write the smallest encoder value first", name=name)
         return motor.range[0], motor.range[1]
