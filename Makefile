@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # For two cores. Many tests wait for processes, so that three of them leave a tenth of the cores idle.
 JOBS ?= 4
 
-.PHONY: demo test lint same bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb plan bridge-search codesign mutants mutation slips fuzz kills schemas docs site pictures viewer constraints release wheel notebook image-steps test-pythons freeze frozen structure clean
+.PHONY: demo test lint same bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb plan bridge-search codesign mutants mutation slips fuzz kills docs site pictures viewer constraints release wheel notebook image-steps test-pythons freeze frozen structure clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -126,9 +126,6 @@ SEED ?= 1
 
 kills: $(VENV)/.thingc-dev
 	$(BIN)/python tests/conformance/kills.py --number $(KILLS) --seed $(SEED)
-
-schemas: $(VENV)/.thingc-dev
-	$(BIN)/python -m thingc.documents.spec.schema
 
 $(VENV)/.thingc: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

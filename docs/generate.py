@@ -6,7 +6,7 @@ explain`.
 
 The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the kinds in `documents/checks/` in
 `docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, from their declarations in `docs/outputs/index.md`, and
-from the parsers of the command line in `docs/commands/`.
+from the parsers of the command line in `docs/commands/`. The JSON Schemas in `schemas/` come from the document models.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from code_pages import current_page, parse_page, path_of
+from schema_files import schema_files
 
 from thingc.base.diagnostics import Code
 from thingc.base.joints.kinds import KINDS
@@ -131,7 +132,8 @@ def examples(pages: Mapping[Path, str]) -> str:
 def generated() -> dict[Path, str]:
     """Return all generated files with their text."""
     pages = {path_of(code): current_page(code) for code in all_codes()}
-    return {PAGE: page(), EXAMPLES: examples(pages), TESTS: tests(), FORMATS: formats(), OUTPUTS: outputs(), **pages, **command_pages()}
+    own = {PAGE: page(), EXAMPLES: examples(pages), TESTS: tests(), FORMATS: formats(), OUTPUTS: outputs()}
+    return {**own, **pages, **command_pages(), **schema_files()}
 
 
 def formats() -> str:

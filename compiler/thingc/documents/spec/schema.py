@@ -1,4 +1,4 @@
-"""JSON Schema (draft 2020-12) of each kind of document, for editors. `python -m thingc.documents.spec.schema` writes `schemas/`.
+"""JSON Schema (draft 2020-12) of each kind of document, for editors. `docs/generate.py` writes `schemas/`.
 
 Titles, descriptions and examples come from the pydantic models. The description of a field is the docstring below the field.
 """
@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import ast
 import inspect
-import json
-import os
 import sys
 import types
 from typing import Any
@@ -18,12 +16,9 @@ from pydantic.json_schema import GenerateJsonSchema
 import thingc.documents.spec.calibration as calibration
 from thingc.documents.checks import kinds
 from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, names, poses, sensors, tendons, variants, workspace
-from thingc.documents.spec.validation import KINDS, model_of
+from thingc.documents.spec.validation import model_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-URL = "https://raw.githubusercontent.com/thingc/thingc/main/schemas/"
-"""Base of the `$id` of schemas, where editors load them."""
-
 
 def json_schema(kind: str) -> dict[str, Any]:
     """Return the JSON Schema of a kind of document (`assembly`, `calibration`, `materials`, `variants`, `workspace`)."""
@@ -134,45 +129,3 @@ def _without_null(schema: Any) -> Any:
 def _both(inner: dict[str, Any], outer: dict[str, Any]) -> dict[str, Any]:
     texts = [text for text in (outer.get("description"), inner.get("description")) if text]
     return {"description": " ".join(texts)} if texts else {}
-
-
-def write(folder: str) -> list[str]:
-    """Write the files of the folder `schemas/` to a folder. Return their paths."""
-    paths = []
-    for name, content in files().items():
-        paths.append(os.path.join(folder, name))
-        with open(paths[-1], "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(json.dumps(content, indent=2, ensure_ascii=False, sort_keys=False) + "\n")
-    return paths
-
-
-def files() -> dict[str, dict[str, Any]]:
-    """Return the JSON Schemas of each kind of document and of all documents, and `catalog.json`, the entries for https://www.schemastore.org.
-
-    The keys are file names. A file `*.thingc.yaml` may be of any kind except `workspace`, and an entry has one schema for a file name. The
-    schema `document-1.json` therefore selects the schema of the kind by the key `thingc`.
-    """
-    schemas = {f"{kind}-1.json": {"$schema": DIALECT, "$id": f"{URL}{kind}-1.json", **json_schema(kind)} for kind in KINDS}
-    kinds_of_files = [kind for kind in KINDS if kind != "workspace"]
-    either = [
-        {"if": {"properties": {"thingc": {"const": f"{kind}/1"}}, "required": ["thingc"]}, "then": {"$ref": f"{kind}-1.json"}}
-        for kind in kinds_of_files
-    ]
-    key = {"title": "Thingc", "description": "The kind of this document.", "enum": [f"{kind}/1" for kind in kinds_of_files]}
-    schemas["document-1.json"] = {
-        "$schema": DIALECT, "$id": f"{URL}document-1.json", "title": "thingc document, version 1", "type": "object",
-        "properties": {"thingc": key}, "required": ["thingc"], "allOf": either,
-    }
-    named = ("thingc document", "A robot, materials or variants for thingc", [f"*.thingc.{end}" for end in ("yaml", "yml", "toml")])
-    settings = ("thingc workspace", "Settings of a thingc workspace", ["thingc.toml"])
-    entries = [
-        {"name": name, "description": description, "fileMatch": match, "url": f"{URL}{file}"}
-        for (name, description, match), file in ((named, "document-1.json"), (settings, "workspace-1.json"))
-    ]
-    return {**schemas, "catalog.json": {"version": 1, "schemas": entries}}
-
-
-if __name__ == "__main__":
-    here = os.path.dirname(os.path.abspath(__file__))
-    for written in write(sys.argv[1] if len(sys.argv) > 1 else os.path.normpath(os.path.join(here, "..", "..", "..", "..", "schemas"))):
-        print(os.path.relpath(written))
