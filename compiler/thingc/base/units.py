@@ -95,55 +95,39 @@ def _whole(exponent: Exponent) -> Exponent:
     return exponent.numerator if exponent.denominator == 1 else exponent
 
 
-NUMBER = Dimension()
-LENGTH = Dimension(length=1)
-MASS = Dimension(mass=1)
-TIME = Dimension(time=1)
-ANGLE = Dimension(angle=1)
-AREA = Dimension(length=2)
-VOLUME = Dimension(length=3)
-DENSITY = Dimension(mass=1, length=-3)
-VELOCITY = Dimension(length=1, time=-1)
-ANGULAR_VELOCITY = Dimension(angle=1, time=-1)
-ACCELERATION = Dimension(length=1, time=-2)
-FORCE = Dimension(mass=1, length=1, time=-2)
-TORQUE = Dimension(mass=1, length=2, time=-2)
-POWER = Dimension(mass=1, length=2, time=-3)
-PRESSURE = Dimension(mass=1, length=-1, time=-2)
-FREQUENCY = Dimension(time=-1)
-INERTIA = Dimension(mass=1, length=2)
-ANGULAR_DAMPING = Dimension(mass=1, length=2, time=-1, angle=-1)
-LINEAR_DAMPING = Dimension(mass=1, time=-1)
-ANGULAR_STIFFNESS = Dimension(mass=1, length=2, time=-2, angle=-1)
-LINEAR_STIFFNESS = Dimension(mass=1, time=-2)
-LENGTH_PER_ANGLE = Dimension(length=1, angle=-1)
-ANGLE_PER_LENGTH = Dimension(length=-1, angle=1)
+_WORDS: dict[Dimension, tuple[str, str]] = {}
 
-_WORDS: dict[Dimension, tuple[str, str]] = {
-    NUMBER: ("a number", "2"),
-    LENGTH: ("a length", "120 mm"),
-    MASS: ("a mass", "120 g"),
-    TIME: ("a time", "2 ms"),
-    ANGLE: ("an angle", "30 deg"),
-    AREA: ("an area", "120 mm^2"),
-    VOLUME: ("a volume", "120 mm^3"),
-    DENSITY: ("a density", "1270 kg/m^3"),
-    VELOCITY: ("a velocity", "0.5 m/s"),
-    ANGULAR_VELOCITY: ("an angular velocity", "46 rpm"),
-    ACCELERATION: ("an acceleration", "9.81 m/s^2"),
-    FORCE: ("a force", "300 N"),
-    TORQUE: ("a torque", "4.1 N*m"),
-    POWER: ("a power", "10 W"),
-    PRESSURE: ("a pressure", "2 MPa"),
-    FREQUENCY: ("a frequency", "50 Hz"),
-    INERTIA: ("a moment of inertia", "0.01 kg*m^2"),
-    ANGULAR_DAMPING: ("an angular damping", "0.02 N*m*s/rad"),
-    LINEAR_DAMPING: ("a linear damping", "2 N*s/m"),
-    ANGULAR_STIFFNESS: ("an angular stiffness", "2 N*m/rad"),
-    LINEAR_STIFFNESS: ("a linear stiffness", "200 N/m"),
-    LENGTH_PER_ANGLE: ("a length per angle", "10 mm/rad"),
-    ANGLE_PER_LENGTH: ("an angle per length", "10 rad/m"),
-}
+
+def _named(words: str, example: str, **exponents: Exponent) -> Dimension:
+    """Create a physical dimension, with its description and an example for messages."""
+    dimension = Dimension(**exponents)
+    _WORDS[dimension] = words, example
+    return dimension
+
+
+NUMBER = _named("a number", "2")
+LENGTH = _named("a length", "120 mm", length=1)
+MASS = _named("a mass", "120 g", mass=1)
+TIME = _named("a time", "2 ms", time=1)
+ANGLE = _named("an angle", "30 deg", angle=1)
+AREA = _named("an area", "120 mm^2", length=2)
+VOLUME = _named("a volume", "120 mm^3", length=3)
+DENSITY = _named("a density", "1270 kg/m^3", mass=1, length=-3)
+VELOCITY = _named("a velocity", "0.5 m/s", length=1, time=-1)
+ANGULAR_VELOCITY = _named("an angular velocity", "46 rpm", angle=1, time=-1)
+ACCELERATION = _named("an acceleration", "9.81 m/s^2", length=1, time=-2)
+FORCE = _named("a force", "300 N", mass=1, length=1, time=-2)
+TORQUE = _named("a torque", "4.1 N*m", mass=1, length=2, time=-2)
+POWER = _named("a power", "10 W", mass=1, length=2, time=-3)
+PRESSURE = _named("a pressure", "2 MPa", mass=1, length=-1, time=-2)
+FREQUENCY = _named("a frequency", "50 Hz", time=-1)
+INERTIA = _named("a moment of inertia", "0.01 kg*m^2", mass=1, length=2)
+ANGULAR_DAMPING = _named("an angular damping", "0.02 N*m*s/rad", mass=1, length=2, time=-1, angle=-1)
+LINEAR_DAMPING = _named("a linear damping", "2 N*s/m", mass=1, time=-1)
+ANGULAR_STIFFNESS = _named("an angular stiffness", "2 N*m/rad", mass=1, length=2, time=-2, angle=-1)
+LINEAR_STIFFNESS = _named("a linear stiffness", "200 N/m", mass=1, time=-2)
+LENGTH_PER_ANGLE = _named("a length per angle", "10 mm/rad", length=1, angle=-1)
+ANGLE_PER_LENGTH = _named("an angle per length", "10 rad/m", length=-1, angle=1)
 
 
 def fits(found: Dimension, expected: Dimension) -> bool:

@@ -11,13 +11,14 @@ features the robot uses, in the same way for all targets.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never, cast
+from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never, get_args
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, physical_fault
 from thingc.base.joints.kinds import KINDS, JointKind
 from thingc.base.pose import NO_POSE, Vector
 from thingc.base.primitives import Primitive, PrimitiveShape
+from thingc.base.sensor_kinds import SensorType
 from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, LinkedSensor
 from thingc.model.robot.types import Robot, TreeJoint
@@ -206,32 +207,9 @@ class ContactShapes(TypedDict, Generic[By]):
     mesh: Cell[By]
 
 
-class Sensors(TypedDict, Generic[By]):
-    """The sensors that a format supports, by kind."""
-
-    imu: Cell[By]
-    force: Cell[By]
-    joint: Cell[By]
-    camera: Cell[By]
-    accelerometer: Cell[By]
-    gyro: Cell[By]
-    magnetometer: Cell[By]
-    velocimeter: Cell[By]
-    rangefinder: Cell[By]
-    touch: Cell[By]
-    contact: Cell[By]
-    pose: Cell[By]
-    twist: Cell[By]
-    centre: Cell[By]
-    tendon: Cell[By]
-    drive: Cell[By]
-    clock: Cell[By]
-    energy: Cell[By]
-
-
-def all_sensors(cell: Cell[By]) -> Sensors[By]:
-    """Create a `Sensors` table in which every kind of sensor has the same support."""
-    return cast("Sensors[By]", dict.fromkeys(Sensors.__annotations__, cell))
+def all_sensors(cell: Cell[By]) -> dict[SensorType, Cell[By]]:
+    """Create a table in which every kind of sensor has the same support."""
+    return dict.fromkeys(get_args(SensorType), cell)
 
 
 class OfSensors(TypedDict):
@@ -256,7 +234,7 @@ class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
     modes: Modes
     links: Links
     shapes: ContactShapes[Shape]
-    sensors: Sensors[Sensor]
+    sensors: Mapping[SensorType, Cell[Sensor]]
     of_sensors: OfSensors
 
 
