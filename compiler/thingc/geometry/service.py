@@ -6,6 +6,7 @@ If no part has to be built, the service does not start a process and does not im
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -312,7 +313,7 @@ class GeometryService:
         tasks = self._tasks(unmade, likely)
         if self._workers is not None:
             self._workers.forget([task.request for task in tasks])
-        with self._build_locks.given_back():
+        with closing(self._build_locks):
             self._model(tasks, unique, answers)
         self._results.remember(
             (definition.reference, text, build_keys[text])

@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Iterator
 from types import ModuleType
 
 from thingc.geometry.store.local import Store
@@ -66,14 +65,6 @@ class BuildLocks:
         if self._descriptor is not None and fcntl is not None:
             with contextlib.suppress(OSError):
                 fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, _lock_offset(key))
-
-    @contextlib.contextmanager
-    def given_back(self) -> Iterator[None]:
-        """Return a context manager that releases all locks on exit."""
-        try:
-            yield
-        finally:
-            self.close()
 
     def close(self) -> None:
         """Release all locks that this process holds."""

@@ -52,18 +52,11 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
     given = _given(node, schema)
     if given is None:
         return None
-    values: dict[str, Value] = {}
-    defaults: dict[str, Value] = {}
-    for parameter in schema.parameters:
-        if parameter.default is not None:
-            defaults[parameter.name] = parameter.default
-        value = given.get(parameter.name, parameter.default)
-        if value is not None:
-            values[parameter.name] = value
+    values = {**schema.defaults, **given}
     key = (reference, tuple(sorted(values.items())))
     definition = context.parts.get(key)
     # 1, 1.0 and True are equal as keys, but their representations differ
-    if definition is None or definition.text != definition_text(reference, values, defaults):
+    if definition is None or definition.text != definition_text(reference, values, schema.defaults):
         definition = context.parts[key] = schema.definition(values)
     return definition
 

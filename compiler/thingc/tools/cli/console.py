@@ -106,6 +106,14 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
     add_geometry(parser)
 
 
+def add_editing(parser: argparse.ArgumentParser) -> None:
+    """Add the options of commands that change values in a document."""
+    parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
+    add_format(parser)
+    parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
+    add_geometry(parser)
+
+
 def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to build in parallel") -> None:
     """Add the options for part geometry, such as `--store`, to a parser. `jobs` is the help text of the option `--jobs`."""
     parser.add_argument(

@@ -29,10 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("zero", metavar="JOINT=ZERO", nargs="*", help="a joint of the document, and the new coordinate of its old zero")
     parser.add_argument("--flip", metavar="JOINT", action="append", default=[], help="reverse the direction of a joint (may be repeated)")
-    parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
-    console.add_format(parser)
-    parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
-    console.add_geometry(parser)
+    console.add_editing(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -29,11 +29,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="a path or the name of a parameter, and its new value")
-    parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
     console.add_no_code(parser)
-    console.add_format(parser)
-    parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
-    console.add_geometry(parser)
+    console.add_editing(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
