@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from thingc.documents.spec.schema import DIALECT, json_schema
 from thingc.documents.spec.validation import KINDS
+from thingc.tools.schemas.general_schema import DIALECT, json_schema
 
 FOLDER = Path(__file__).resolve().parents[1] / "schemas"
 URL = "https://raw.githubusercontent.com/thingc/thingc/main/schemas/"

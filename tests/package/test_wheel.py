@@ -134,6 +134,6 @@ def test_an_installed_thingc_makes_and_builds_a_robot(wheel: Path, tmp_path: Pat
     model = mujoco.MjModel.from_xml_path(str(rover / "build/rover/mjcf/scene_standing.xml"))
     assert model.nu == 1 and (rover / "build/rover/html/rover.html").stat().st_size > 500_000
     assert "TC101" in installed.run(tmp_path, "thingc", "explain", "TC101")
-    code = "import json; from thingc.documents.spec.schema import json_schema; print(json.dumps(json_schema('assembly')))"
+    code = "import json; from thingc.tools.schemas.general_schema import json_schema; print(json.dumps(json_schema('assembly')))"
     committed = json.loads((ROOT / "schemas/assembly-1.json").read_text(encoding="utf-8"))
     assert {**json.loads(installed.run(tmp_path, "python", "-c", code)), "$id": committed["$id"]} == committed

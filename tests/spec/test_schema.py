@@ -13,8 +13,8 @@ from schema_files import schema_files
 from thingc.base.diagnostics import Report
 from thingc.documents.load.discovery import is_document
 from thingc.documents.load.documents import read_tree
-from thingc.documents.spec.schema import json_schema
 from thingc.documents.spec.validation import KINDS
+from thingc.tools.schemas.general_schema import json_schema
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = {"assemblies": "**/*", "compiler/thingc/tools/templates": "**/*", ".": "*"}

@@ -11,8 +11,8 @@ from thingc.base.suggestions import Hint
 class Model(BaseModel):
     """The base class of the pydantic models of mappings in documents. Unknown keys are errors, and instances are immutable.
 
-    The docstrings below the fields are the hover text in editors: `spec.schema` copies them into the JSON Schemas. The option
-    `use_attribute_docstrings` of pydantic is not used, because it reads the source at every import, which takes 40 ms.
+    The docstrings below the fields are the hover text in editors: `tools/schemas/general_schema.py` copies them into the JSON Schemas. The
+    option `use_attribute_docstrings` of pydantic is not used, because it reads the source at every import, which takes 40 ms.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)

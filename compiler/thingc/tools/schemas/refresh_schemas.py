@@ -19,7 +19,6 @@ from thingc.base.source import MappingNode, ScalarNode
 from thingc.documents.load.discovery import documents_in, packaged_documents
 from thingc.documents.load.documents import KINDS, Documents, load
 from thingc.documents.spec.invalid_entries import Specs
-from thingc.documents.spec.schema import json_schema
 from thingc.documents.spec.validation import part_references, validate
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
@@ -27,6 +26,7 @@ from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, Sources, resolve
 from thingc.model.resolve.types import AssemblyDefinition
 from thingc.tools.schemas.document_facts import DocumentFacts, Names, Records, facts_of, usual_mounts
+from thingc.tools.schemas.general_schema import json_schema
 from thingc.tools.schemas.narrow_schema import SchemaContext, narrowed
 from thingc.tools.schemas.parameter_schemas import DocumentSymbols, near, of_variants, read_symbols, symbols_of
 

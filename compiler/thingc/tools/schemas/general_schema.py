@@ -20,6 +20,7 @@ from thingc.documents.spec.validation import model_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
+
 def json_schema(kind: str) -> dict[str, Any]:
     """Return the JSON Schema of a kind of document (`assembly`, `calibration`, `materials`, `variants`, `workspace`)."""
     model = model_of(kind)
