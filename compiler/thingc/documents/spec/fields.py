@@ -383,7 +383,7 @@ def _color(value: Any) -> str:
     if value.startswith("#"):
         raise fault("color", f"`{shortened(value)}` is not a colour", help='write `"#rrggbb"` with hexadecimal digits')
     try:
-        return webcolors.name_to_hex(value)
+        return str(webcolors.name_to_hex(value))
     except ValueError:
         help = near_hint(value, webcolors.names()) or 'write a CSS name or `"#rrggbb"`'
         raise fault("color", f"unknown colour `{shortened(value)}`", help=help) from None
