@@ -6,13 +6,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.units import ANGLE, LENGTH
+from thingc.base.units import ANGLE, LENGTH, Quantity
+from thingc.documents.expressions.evaluation import evaluate
+from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.base import Model, rule
-from thingc.documents.spec.fields import FieldValidator, Value, fault, found, quantity, raise_all, within
+from thingc.documents.spec.fields import FieldValidator, fault, found, quantity, raise_all, read_value, within
 from thingc.documents.spec.name_types import JointPattern
 
 MOST_TICKS = 1 << 32
 """Largest accepted encoder value."""
+FINEST = 1e-12
+"""Smallest accepted resolution [rad or m]."""
 
 
 def _whole_number(least: int, most: int) -> FieldValidator:
@@ -27,12 +31,26 @@ def _whole_number(least: int, most: int) -> FieldValidator:
 
 
 def _sign(value: Any) -> int:
-    if isinstance(value, bool) or value not in (1, -1):
+    if type(value) is not int or abs(value) != 1:
         raise fault("choice", f"expected `1` or `-1`, found {found(value)}")
-    return int(value)
+    return value
+
+
+def _resolution(value: Any) -> Quantity:
+    """Validate the motion of a joint per tick. Expressions cannot use parameters, because a calibration has none."""
+    read = read_value(value, (ANGLE, LENGTH), "an angle or a length", "0.01 mm")
+    try:
+        known = evaluate(read, {}) if isinstance(read, Expression) else read
+    except ExpressionError as error:
+        raise fault("expression", error.message, help="use only numbers with units", offset=error.offset, end=error.end) from None
+    if not isinstance(known, Quantity) or known.dimension not in (ANGLE, LENGTH) or known.value < FINEST:
+        help = "write the motion of the joint per tick, such as `0.01 mm`"
+        raise fault("quantity", f"expected an angle or a length of at least {FINEST:g} in SI units, found `{known}`", help=help)
+    return known
 
 
 EncoderValue = Annotated[int, _whole_number(-MOST_TICKS, MOST_TICKS)]
+Resolution = Annotated[Quantity, FieldValidator(_resolution, "an angle or a length", quantity(ANGLE, LENGTH).schema)]
 
 
 class MotorSpec(Model):
@@ -50,7 +68,7 @@ class MotorSpec(Model):
     """Whether the encoder value increases (1) or decreases (-1) with q."""
     ticks_per_turn: Annotated[int, _whole_number(2, MOST_TICKS)] | None = Field(default=None, examples=[4096])
     """The number of encoder values per turn of the joint. The encoder value is at least 0 and less than this number."""
-    resolution: Annotated[Value, quantity(ANGLE, LENGTH)] | None = Field(default=None, examples=["0.01 mm"])
+    resolution: Resolution | None = Field(default=None, examples=["0.01 mm"])
     """The motion of the joint per tick, for encoders that count several turns."""
     range: Annotated[list[EncoderValue], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[884, 3320]])
     """The measured smallest and largest encoder value; default: from the limits of the joint."""

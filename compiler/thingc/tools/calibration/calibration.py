@@ -8,18 +8,13 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import ANGLE, Quantity
-from thingc.documents.expressions.evaluation import evaluate
-from thingc.documents.expressions.terms import Expression, ExpressionError
+from thingc.base.units import ANGLE
 from thingc.documents.load.documents import load
 from thingc.documents.spec.calibration import CalibrationSpec, MotorSpec
 from thingc.documents.spec.validation import validate_one
 from thingc.documents.workspace import Workspace
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, JointEdge
-
-FINEST = 1e-12
-"""Smallest accepted resolution [rad or m]."""
 
 
 class CalibratedJoint(FrozenStruct):
@@ -81,25 +76,19 @@ class _Reader:
         )
 
     def _scale(self, name: str, motor: MotorSpec, joint: JointEdge) -> float | None:
-        """Return the number of encoder values per unit of q [1/rad or 1/m]. Return None after errors, which are reported."""
-        count, coordinate = motor.ticks_per_turn, joint.twist.coordinate
-        if count is None:
-            try:
-                resolution = evaluate(motor.resolution, {}) if isinstance(motor.resolution, Expression) else motor.resolution
-            except ExpressionError as fault:
-                self._error(Code.EXPRESSION, str(fault), "resolution", help="use only numbers with units", name=name)
-                return None
-            if not isinstance(resolution, Quantity) or resolution.dimension != coordinate or resolution.value < FINEST:
-                wanted = f"{coordinate.words} of at least {FINEST:g} in SI units"
-                message = f"the `resolution` of joint `{name}` must be {wanted}, found `{resolution}`"
-                self._error(Code.DIMENSION, message, "resolution", help="write the motion of the joint per tick", name=name)
-                return None
-            return 1.0 / resolution.value
-        if coordinate != ANGLE:
+        """Return the number of encoder values per unit of q [1/rad or 1/m]. Return None after an error, which is reported."""
+        coordinate = joint.twist.coordinate
+        if motor.resolution is not None and motor.resolution.dimension == coordinate:
+            return 1.0 / motor.resolution.value
+        if motor.ticks_per_turn is not None and coordinate == ANGLE:
+            return motor.ticks_per_turn / (2.0 * math.pi)
+        if motor.resolution is not None:
+            message = f"the `resolution` of joint `{name}` must be {coordinate.words}, found `{motor.resolution}`"
+            self._error(Code.DIMENSION, message, "resolution", help="write the motion of the joint per tick", name=name)
+        else:
             message = f"joint `{name}` does not rotate: `ticks_per_turn` needs a rotation"
             self._error(Code.DIMENSION, message, "ticks_per_turn", help="write, for example, `resolution: 0.01 mm`", name=name)
-            return None
-        return count / (2.0 * math.pi)
+        return None
 
     def _range(self, name: str, motor: MotorSpec, joint: JointEdge, ticks: float) -> tuple[int, int]:
         """Return the smallest and the largest encoder value, measured or from the limits, and check them."""
