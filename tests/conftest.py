@@ -20,14 +20,16 @@ from hypothesis import HealthCheck, settings
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+from forked_processes import pytest_addoption, pytest_runtestloop
 from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.geometry import client
 from thingc.geometry.client import Workers
 from thingc.geometry.key.environment_variables import environment
-from thingc.tools.cli import console
+from thingc.tools.cli import console, signals
 from thingc.tools.cli.main import main
 from thingc.tools.templates import TEMPLATES
 
+__all__ = ["pytest_addoption", "pytest_runtestloop"]
 ROOT = Path(__file__).resolve().parent.parent
 
 # Neither chance nor how fast the machine is today decides about a test. `--hypothesis-profile search` looks at other examples every time.
@@ -92,8 +94,10 @@ def begun(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return folder / "rover" / "rover.yaml"
 
 
-def pytest_sessionfinish() -> None:
+@pytest.fixture(scope="session", autouse=True)
+def kernels() -> Iterator[None]:
     """End what was kept."""
+    yield
     for workers in _KEPT.values():
         Workers.close(workers)
 
@@ -104,7 +108,7 @@ _SAID = re.compile(rb'error\[TC899\]|title=TC899|\\*"(?:code|id|ruleId)\\*": ?\\
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first, so that no worker is left alone with one at the end (`make test` tells xdist to keep this order)."""
+    """Files with slow tests first, so that no process is left alone with one at the end (`--forks` keeps this order)."""
     slow = Counter(item.path for item in items if item.get_closest_marker("slow") is not None)
     items.sort(key=lambda item: -slow[item.path])
 
@@ -120,6 +124,7 @@ def pytest_collection_finish() -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Watch the diagnostics of reports and of exceptions in this process, and what other processes print."""
     gc.disable()  # until all is collected
+    signals.spare_the_child_of_glfw()  # of each process that imports MuJoCo
     say, of_exception, communicate = Report.say, console.of_exception, subprocess.Popen.communicate
 
     def note(diagnostic: Diagnostic) -> Diagnostic:

@@ -149,8 +149,9 @@ def test_what_code_in_c_makes_of_it(here: Path, shared_store: str) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="glfw is told its library on Linux")
-def test_importing_mujoco_begins_no_process(here: Path) -> None:
+def test_importing_mujoco_begins_no_process(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Which would print a traceback of its own: glfw looks at its library in one."""
+    monkeypatch.delenv("PYGLFW_LIBRARY", raising=False)
     done = run(here, str(here / "store"), ["-c", PROCESSES])
     assert done.returncode == 0 and (here / "build/robot/mjcf").exists() and "glfw" not in done.stderr
 
