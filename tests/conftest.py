@@ -20,13 +20,13 @@ from hypothesis import HealthCheck, settings
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+from conformance.harness import once, thingc_here
 from forked_processes import pytest_addoption, pytest_runtestloop
 from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.geometry import client
 from thingc.geometry.client import Workers
 from thingc.geometry.key.environment_variables import environment
 from thingc.tools.cli import console, signals
-from thingc.tools.cli.main import main
 from thingc.tools.templates import TEMPLATES
 
 __all__ = ["pytest_addoption", "pytest_runtestloop"]
@@ -82,16 +82,15 @@ def _kept(_: int, *, seed: int = 0) -> Workers:
 
 
 @pytest.fixture(scope="session", params=TEMPLATES)
-def begun(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
+def begun(request: pytest.FixtureRequest, shared_store: str) -> Path:
     """The document of a workspace that `thingc new` has made, built: one for each template, its parts in the shared store."""
-    folder = tmp_path_factory.mktemp("begun")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("THINGC_STORE", shared_store)
-        patch.chdir(folder)
-        assert main(["new", "rover", "--template", request.param]) == 0
-        patch.chdir(folder / "rover")
-        assert main(["build", "--strict", "rover.yaml"]) == 0
-    return folder / "rover" / "rover.yaml"
+    folder = Path(shared_store).parent / f"begun-{request.param}"
+
+    def begin() -> None:
+        assert thingc_here("new", "rover", "--template", request.param, cwd=folder).code == 0
+        assert thingc_here("build", "--strict", "rover.yaml", cwd=folder / "rover", store=shared_store).code == 0
+
+    return once(folder, begin) / "rover" / "rover.yaml"
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
+from conformance.harness import built
 from emit import usd_answers
-from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "benchmarks" / "conformance"
@@ -30,16 +30,14 @@ def on_path() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def asked(on_path: None, tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> dict[str, list[Any]]:
+def asked(on_path: None, shared_store: str) -> dict[str, list[Any]]:
     """Questions to all modes of both robots, by format."""
     from reference import question
     from study import ROBOTS
 
-    base = tmp_path_factory.mktemp("robots")
     questions: dict[str, list[Any]] = {format: [] for format in SUFFIXES}
     for path in ROBOTS:
-        assert main(["build", str(ROOT / path), "--emit", "mjcf,urdf,usd", "-o", str(base), "--store", shared_store]) == 0
-        folder = base / Path(path).stem
+        folder = built(path, shared_store)
         for mjcf in sorted((folder / "mjcf").glob(f"{folder.name}_*.xml")):
             for format, suffix in SUFFIXES.items():
                 file = next((folder / suffix.removesuffix("a")).glob(f"{mjcf.stem}.{suffix}"))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import io
 import json
 import os
 import subprocess
 import sys
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,24 @@ def thingc_here(*words: str | Path, cwd: str | Path, store: str | Path | None = 
 def build_here(document: str | Path, *words: str | Path, store: str | Path, cwd: str | Path) -> dict[str, Any]:
     """`build`, with the kernel that this process has."""
     return _silent(thingc_here("build", document, "--format", "json", *words, store=store, cwd=cwd))
+
+
+def once(folder: Path, make: Callable[[], object]) -> Path:
+    """Fill a folder once per run: one of several test processes does, and the others wait."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "made").exists():
+            make()
+            (folder / "made").touch()
+    return folder
+
+
+def built(document: str, store: str) -> Path:
+    """The folder of a build of everything, which all tests read."""
+    name = Path(document).stem
+    folder = Path(store).parent / f"built-{name}"
+    return once(folder, lambda: build_here(document, "-o", folder, store=store, cwd=ROOT)) / name
 
 
 def _silent(ran: Ran) -> dict[str, Any]:

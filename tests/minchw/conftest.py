@@ -6,8 +6,6 @@ its output corners pass at hypot(14.25, 11.25) mm; an XM540 is 44.75 mm from its
 
 from __future__ import annotations
 
-import fcntl
-import os
 from collections.abc import Mapping
 from math import asin, cos, degrees, hypot, radians, sin
 from pathlib import Path
@@ -17,7 +15,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from conformance.harness import ROOT, build_here
+from conformance.harness import built
 from thingc.geometry.worker.lazy_build123d import import_cheaply
 
 import_cheaply("build123d")  # modules of tests use it, and a worker imports it in the same way, in half of the time
@@ -66,17 +64,9 @@ def pose_of(model: mujoco.MjModel, pose: str) -> mujoco.MjData:
 
 
 @pytest.fixture(scope="session")
-def minchw(shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder `minchw` of a build of everything; one of several test processes builds, the others wait."""
-    base = tmp_path_factory.getbasetemp()
-    if os.environ.get("PYTEST_XDIST_WORKER"):
-        base = base.parent
-    folder = base / "robots"
-    with open(base / "robots.lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (folder / "minchw" / "manifest.json").exists():
-            build_here(DOCUMENT, "-o", folder, store=shared_store, cwd=ROOT)
-    return folder / "minchw"
+def minchw(shared_store: str) -> Path:
+    """The folder `minchw` of a build of everything."""
+    return built(DOCUMENT, shared_store)
 
 
 @pytest.fixture(scope="session")

@@ -10,6 +10,8 @@ import venv
 from dataclasses import dataclass
 from pathlib import Path
 
+ROOT = Path(__file__).resolve().parents[2]
+
 
 def build(source: Path, folder: Path) -> None:
     """Build the sdist, and from the sdist the wheel, with the build backend of this environment."""
@@ -52,7 +54,7 @@ def install(folder: Path, wheel: Path, store: str) -> Installed:
     venv.create(folder, with_pip=False, symlinks=True)
     names = {"base": str(folder), "platbase": str(folder)}
     programs, packages = (Path(sysconfig.get_path(one, "venv", names)) for one in ("scripts", "purelib"))
-    command = [sys.executable, "-m", "pip", "--python", str(programs / "python"), "install", "--quiet", "--no-deps", "--no-index"]
-    subprocess.run([*command, str(wheel)], check=True)
+    command = [sys.executable, "-m", "pip", "--python", str(programs / "python"), "install", "--no-deps", "--no-index"]
+    subprocess.run([*command, "--no-compile", "--quiet", str(wheel)], check=True)
     (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     return Installed(programs=programs, packages=packages, store=store)

@@ -12,13 +12,12 @@ from pathlib import Path, PureWindowsPath
 import pytest
 
 import thingc.documents.workspace
-from package.installed import Installed, build, install
+from package.installed import ROOT, Installed, install
 from thingc.base.diagnostics import Report
 from thingc.documents.load import paths
 from thingc.documents.workspace import Workspace
 from thingc.tools.cli.main import main
 
-ROOT = Path(__file__).resolve().parents[2]
 HIDDEN = ROOT / "tests" / "package" / "without_posix.py"
 
 
@@ -64,11 +63,10 @@ def test_modules_that_windows_does_not_have_are_imported_where_they_are_needed()
 
 
 @pytest.fixture(scope="module")
-def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Installed:
+def elsewhere(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Installed:
     """thingc in an environment whose processes, also workers, find no feature of POSIX; with a store of its own."""
     folder = tmp_path_factory.mktemp("elsewhere")
-    build(ROOT, folder / "dist")
-    (wheel,) = (folder / "dist").glob("*.whl")
+    (wheel,) = dist.glob("*.whl")
     installed = install(folder / "venv", wheel, str(folder / "store"))
     (installed.packages / HIDDEN.name).write_bytes(HIDDEN.read_bytes())
     (installed.packages / "without_posix.pth").write_text("import without_posix\n")

@@ -17,21 +17,12 @@ import mujoco
 import pytest
 
 import thingc
-from package.installed import build, install, run_module
+from package.installed import ROOT, build, install, run_module
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 INFO = f"thingc-{thingc.__version__}.dist-info"
-
-
-@pytest.fixture(scope="module")
-def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the wheel and the sdist."""
-    folder = tmp_path_factory.mktemp("dist")
-    build(ROOT, folder)
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from conformance.harness import ROOT, build_here
+from conformance.harness import built
 from viewer.browser import chromium
 
 
@@ -23,16 +22,8 @@ class Pages:
 
 
 @pytest.fixture(scope="session")
-def pages(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Pages:
-    folder = Path(shared_store).parent / "pages"
-    folder.mkdir(exist_ok=True)
-    built = Pages(arm=folder / "arm", minchw=folder / "minchw")
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        for document, out in (("assemblies/arm.yaml", built.arm), ("assemblies/minchw/minchw.yaml", built.minchw)):
-            if not out.exists():
-                build_here(document, "--output", folder, "--emit", "html,mjcf", store=shared_store, cwd=ROOT)
-    return built
+def pages(shared_store: str) -> Pages:
+    return Pages(arm=built("assemblies/arm.yaml", shared_store), minchw=built("assemblies/minchw/minchw.yaml", shared_store))
 
 
 @pytest.fixture(scope="module")
