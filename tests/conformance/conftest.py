@@ -13,5 +13,5 @@ ARM = "assemblies/arm.yaml"
 
 @pytest.fixture(scope="session")
 def arm(shared_store: str) -> Path:
-    """The folder `arm` of a build of everything."""
+    """The folder `arm` of a build without `--emit`."""
     return built(ARM, shared_store)

@@ -84,11 +84,12 @@ def once(folder: Path, make: Callable[[], object]) -> Path:
     return folder
 
 
-def built(document: str, store: str) -> Path:
-    """The folder of a build of everything, which all tests read."""
+def built(document: str, store: str, *targets: str) -> Path:
+    """The folder of a build of these targets (without any, of what a build writes if none is stated), which all tests read."""
     name = Path(document).stem
-    folder = Path(store).parent / f"built-{name}"
-    return once(folder, lambda: build_here(document, "-o", folder, store=store, cwd=ROOT)) / name
+    folder = Path(store).parent / "-".join(("built", name, *targets))
+    emit = [word for target in targets for word in ("--emit", target)]
+    return once(folder, lambda: build_here(document, *emit, "-o", folder, store=store, cwd=ROOT)) / name
 
 
 def _silent(ran: Ran) -> dict[str, Any]:

@@ -65,7 +65,7 @@ def pose_of(model: mujoco.MjModel, pose: str) -> mujoco.MjData:
 
 @pytest.fixture(scope="session")
 def minchw(shared_store: str) -> Path:
-    """The folder `minchw` of a build of everything."""
+    """The folder `minchw` of a build without `--emit`."""
     return built(DOCUMENT, shared_store)
 
 

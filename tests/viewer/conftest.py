@@ -23,7 +23,7 @@ class Pages:
 
 @pytest.fixture(scope="session")
 def pages(shared_store: str) -> Pages:
-    return Pages(arm=built("assemblies/arm.yaml", shared_store), minchw=built("assemblies/minchw/minchw.yaml", shared_store))
+    return Pages(*(built(f"assemblies/{name}.yaml", shared_store, "html", "mjcf") for name in ("arm", "minchw/minchw")))
 
 
 @pytest.fixture(scope="module")
