@@ -34,6 +34,7 @@ def test_friction_and_drives(imported: Imported, tmp_path: Path) -> None:
     touching = [k for k in range(model.ngeom) if model.geom_contype[k]]
     assert len(touching) == 2 and [model.geom_friction[k][0] for k in touching] == [0.8, 0.8]
     assert [model.actuator(k).name for k in range(model.nu)] == ["shoulder", "wrist"], "what has no command is not driven"
+    assert "    actuator: {kind: motor}\n    joint: shoulder\n    ratio: -50\n" in text
 
 
 def test_sensors_are_where_they_were(imported: Imported, tmp_path: Path) -> None:
@@ -67,7 +68,6 @@ def test_what_is_lost_has_its_line_and_its_reason(imported: Imported) -> None:
         (41, "sensor `laser`", "sensors of type `ray` are not supported"),
         (44, '`<gazebo reference="hnad">`', "there is no such link or joint"),
         (45, "`<plugin>` of `<gazebo>`", "Gazebo plugins are not imported"),
-        (49, "`<mechanicalReduction>` -50", "drives are specified at the joint"),
         (52, "`<hardware>` of `<ros2_control>`", "ROS plugins are not imported"),
         (53, "the position command interface of joint `wrist`", "the controller defines the gains; the joint gets a motor"),
         (54, "the command limits of joint `wrist`", "the limits of the joint apply"),

@@ -146,6 +146,7 @@ class Code(DiagnosticCode):
     MIRROR_AXES = ("TC362", "component mirrored along two axes", "Use the same mirror axis for the assembly and the component inside it.")
     UNKNOWN_TENDON = ("TC363", "unknown tendon", "Use a tendon of the same document.")
     TENDON_PATH = ("TC364", "invalid path of a tendon", "Correct the path as the message describes.")
+    TRANSMISSION = ("TC365", "invalid transmission", "Correct the ratio or the matrix, or use each actuator and joint only once.")
 
     # --- TC4xx: parts (realize) ------------------------------------------------------------------------------------
     PART_RAISED = ("TC401", "part raised an exception", "Change the parameters of the component, or fix the part file.")

@@ -27,7 +27,7 @@ from thingc.documents.spec.settable_values import SECTIONS, current_value, dimen
 from thingc.model.resolve.parameters import AssemblyParameters
 from thingc.model.resolve.resolver import Settings, Sources
 
-EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons"))
+EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons", "transmissions"))
 """Sections of a document for which a pattern such as `joints.*` also matches elements of nested documents."""
 
 

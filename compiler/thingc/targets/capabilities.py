@@ -20,7 +20,7 @@ from thingc.base.pose import NO_POSE, Vector
 from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.base.sensor_kinds import SensorType
 from thingc.base.source import Origin
-from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, LinkedSensor
+from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, LinkedSensor, LinkedTendon
 from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
 
@@ -122,6 +122,8 @@ class OfJoints(TypedDict):
     mimic: Plain
     polynomial: Plain
     tendon: Plain
+    differential: Plain
+    backlash: Plain
 
 
 class Drives(TypedDict, Generic[By]):
@@ -298,10 +300,23 @@ class _Lost:
         """Yield the export loss for the drive of a joint coordinate, or for a drive of a ball joint about its own axis."""
         drive = joint.actuator
         if drive is not None:
-            gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
-            about = f" about {', '.join(f'{one:.6g}' for one in drive.axis)}" if drive.axis is not None else ""
-            what = f"the drive: {drive.kind}{about}{''.join(gains)}"
-            yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, what, drive.origin)
+            yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, _drive_words(drive), drive.origin)
+            if drive.backlash:
+                what = f"the backlash of {drive.backlash:.6g} {'rad' if joint.twist.turns else 'm'}"
+                yield from self(self.says["of_joints"]["backlash"], None, joint.path, what, drive.origin)
+
+    def of_tendon(self, tendon: LinkedTendon) -> Iterator[Loss]:
+        """Yield the export losses for a tendon, or for one of the drives of a differential."""
+        of, drive = self.says["of_joints"], tendon.actuator
+        if drive is None or drive.transmission is None:
+            yield from self(of["tendon"], None, tendon.path, "this tendon and its dynamics", tendon.origin)
+            return
+        yield from self(of["differential"], None, tendon.path, f"this drive of the differential `{drive.transmission}`", tendon.origin)
+        if not isinstance(of["differential"], Omitted):
+            yield from self(self.says["drives"][drive.kind], None, tendon.path, _drive_words(drive), drive.origin)
+            if tendon.dynamics.armature:
+                unit = "kg m^2" if tendon.turns else "kg"
+                yield from self(of["armature"], None, tendon.path, f"the armature of {tendon.dynamics.armature:.6g} {unit}", tendon.origin)
 
     def of_coordinate(self, joint: TreeJoint | JointEdge, path: str) -> Iterator[Loss]:
         """Yield the export losses for a joint coordinate that moves. A ball joint counts as one coordinate."""
@@ -397,7 +412,7 @@ class _Lost:
             origin = assembly.occurrences[magnet.occurrence].origin
             yield from self(links["adhesion"], None, magnet.path, f"the adhesion of {magnet.force:.6g} N", origin)
         for tendon in assembly.tendons:
-            yield from self(self.says["of_joints"]["tendon"], None, tendon.path, "this tendon and its dynamics", tendon.origin)
+            yield from self.of_tendon(tendon)
         for sensor in assembly.sensors:
             yield from self.of_sensor(sensor)
         for pose in assembly.poses:
@@ -427,6 +442,13 @@ class _Lost:
                 else:
                     cell, what = self.says["shapes"]["hull"], "the convex collision mesh"
                 yield from self(cell, None, occurrence.path, what, occurrence.origin)
+
+
+def _drive_words(drive: ActuatorModel) -> str:
+    """Describe a drive by its kind, its axis and its gains."""
+    gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
+    about = f" about {', '.join(f'{one:.6g}' for one in drive.axis)}" if drive.axis is not None else ""
+    return f"the drive: {drive.kind}{about}{''.join(gains)}"
 
 
 def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:

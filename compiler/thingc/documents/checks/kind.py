@@ -14,7 +14,7 @@ from thingc.documents.spec.base import Model, rule
 
 if TYPE_CHECKING:
     from thingc.model.assembly.report import LinkReport
-    from thingc.model.assembly.types import JointEdge
+    from thingc.model.assembly.types import JointEdge, LinkedTendon
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Test
 
@@ -57,7 +57,7 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     model: type[Written]
     codes: type[DiagnosticCode]
     read: Callable[[Written, Reader], Stated | None]
-    link: Callable[[Test, Stated, Mapping[str, JointEdge], LinkReport], None] | None = None
+    link: Callable[[Test, Stated, Mapping[str, JointEdge | LinkedTendon], LinkReport], None] | None = None
     lengths: Sequence[str] = ()
     of_limits: bool = False
 

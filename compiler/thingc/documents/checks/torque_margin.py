@@ -18,7 +18,7 @@ from thingc.documents.spec.name_types import JointNames, ModeNames, PoseNames
 
 if TYPE_CHECKING:
     from thingc.model.assembly.report import LinkReport
-    from thingc.model.assembly.types import JointEdge
+    from thingc.model.assembly.types import JointEdge, LinkedTendon
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Mode, Test
 
@@ -87,14 +87,14 @@ def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
     return [joint for joint in joints if present is not None and joint not in present]
 
 
-def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findings: LinkReport) -> None:
+def link(test: Test, check: TorqueCheck, drives: Mapping[str, JointEdge | LinkedTendon], findings: LinkReport) -> None:
     """Report drives without an effort limit in a `torque_margin` test, because their torque margin cannot be computed."""
 
     for path in check.joints:
-        joint = joints.get(path)
+        joint = drives.get(path)
         if joint is not None and joint.limit.effort is None:
             findings.error(
-                Code.TEST, f"joint `{path}` has no effort limit, so its drive has no margin",
+                Code.TEST, f"drive `{path}` has no effort limit, so it has no margin",
                 (test.spans["drive"],) if "drive" in test.spans else test.origin, path=path,
                 help="set `limit: {effort: ...}` of the joint, or `effort` of its drive",
                 notes=noted(f"`{path}` is defined here", joint.origin),

@@ -27,7 +27,7 @@ WORDS = {"export": "exported mount", "part mount": "mount of a part", "part para
 
 _SECTIONS = {
     "component": "components", "joint": "joints", "parameter": "parameters", "pose": "poses", "mode": "modes", "link": "links",
-    "sensor": "sensors", "tendon": "tendons", "test": "tests", "material": "materials", "export": "mounts",
+    "sensor": "sensors", "tendon": "tendons", "test": "tests", "transmission": "transmissions", "material": "materials", "export": "mounts",
 }
 _RESERVING = frozenset({"component", "joint", "export", "link", "mount", "part mount"})
 """Kinds of names that cannot be `world`, `root` or `origin`, because these names are reserved."""

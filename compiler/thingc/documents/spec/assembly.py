@@ -52,7 +52,6 @@ from thingc.documents.spec.name_types import (
     NestedParameter,
     NewComponent,
     NewExport,
-    NewIndex,
     NewJoint,
     NewLink,
     NewMaterial,
@@ -63,6 +62,7 @@ from thingc.documents.spec.name_types import (
     NewSensor,
     NewTendon,
     NewTest,
+    NewTransmission,
     OwnMountField,
     OwnMountKey,
     PartField,
@@ -73,9 +73,11 @@ from thingc.documents.spec.name_types import (
 from thingc.documents.spec.names import NamesSpec
 from thingc.documents.spec.patterns import raw_schema
 from thingc.documents.spec.poses import PoseSpec
+from thingc.documents.spec.repeats import RepeatSpec
 from thingc.documents.spec.sensors import SensorSpec
 from thingc.documents.spec.tendons import TendonSpec
 from thingc.documents.spec.tests import TestSpec
+from thingc.documents.spec.transmissions import TransmissionSpec
 
 _WORDS = "a string, a number, a boolean, a list of these, or a mapping"
 
@@ -182,13 +184,6 @@ class AttachSpec(Model):
     """A constant rotation about the z axis of the mount `to`."""
     gap: LengthField | None = None
     """A constant distance along the z axis of the mount `to`."""
-
-
-class RepeatSpec(Model):
-    """A repeat, which creates the copies `name_0` to `name_{count-1}`."""
-
-    count: CountField
-    as_: NewIndex = Field(default="i", alias="as", description="The index: in expressions `i`, in references `$i`.")
 
 
 Collision = Literal["hull", "box", "cylinder", "capsule", "sphere", "decompose", "mesh", "part", "none"]
@@ -482,6 +477,10 @@ class AssemblySpec(Model):
         default={}, examples=[{"grip": {"joints": {"left": "12 mm/rad", "right": "12 mm/rad"}, "drive": {"kind": "motor"}}}],
     )
     """Tendons, by name: sums of joint coordinates, or paths, along which drives and springs act."""
+    transmissions: dict[NewTransmission, TransmissionSpec] = Field(
+        default={}, examples=[{"knee": {"actuator": "motor_2", "joint": "knee", "ratio": 9, "efficiency": "85 %"}}],
+    )
+    """Transmissions, by name: gearboxes, belts and differentials between actuators and joints."""
     links: dict[NewLink, ComponentField] = Field(default={}, examples=[{"base_link": "plate"}])
     """Names of links, each with the component whose frame is the frame of the link."""
     mounts: dict[NewExport, MountField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 from thingc.base.suggestions import Hint, Suggestion
 from thingc.base.units import shortened
-from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, sensors
+from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, repeats, sensors
 from thingc.documents.spec.annotation_types import model_keys, one_of
 
 FREE = "define a floating robot as a mode: `modes: {adrift: {root: COMPONENT, base: free}}`"
@@ -25,7 +25,7 @@ FLOATING = frozenset({"floating", "float", "free", "freejoint", "6dof", "floatin
 
 WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     assembly.LimitSpec: ("lower", "upper"), modes.WorldAtSpec: ("xyz",), modes.HoldSpec: ("xyz",), assembly.MountSpec: ("xyz",),
-    assembly.MimicSpec: ("joint",), assembly.RepeatSpec: ("count",), assembly.AtSpec: ("in",), modes.ModeSpec: ("root",),
+    assembly.MimicSpec: ("joint",), repeats.RepeatSpec: ("count",), assembly.AtSpec: ("in",), modes.ModeSpec: ("root",),
     mass.InertiaMatrix: ("ixx", "iyy", "izz"), drives.DriveSpec: ("kind",), drives.DynamicsSpec: ("damping",),
     materials.MaterialSpec: ("density",), materials.FrictionSpec: ("slide",), materials.ProcessSpec: ("kind",),
     sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",), link_shapes.RoundSpec: ("radius",),

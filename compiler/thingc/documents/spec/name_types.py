@@ -16,6 +16,7 @@ from thingc.documents.spec.fields import JointValueField, Name, ReferenceField
 
 Declared = Literal[
     "component", "export", "index", "joint", "link", "material", "mode", "mount", "parameter", "pose", "sensor", "tendon", "test",
+    "transmission",
 ]
 """Kinds of names that documents declare. `export` is a mount that is exported to a parent assembly, and `index` is the index of a `repeat`.
 """
@@ -61,6 +62,7 @@ NewPose = Annotated[Name, DeclaresName("pose")]
 NewSensor = Annotated[Name, DeclaresName("sensor")]
 NewTendon = Annotated[Name, DeclaresName("tendon")]
 NewTest = Annotated[Name, DeclaresName("test")]
+NewTransmission = Annotated[Name, DeclaresName("transmission")]
 
 AssemblyDocument = Annotated[str, RefersTo("assembly document")]
 ComponentField = Annotated[ReferenceField, RefersTo("component")]

@@ -27,7 +27,7 @@ DEFAULT_MATERIAL = "defaults.component.material"
 EXAMPLES = "`components.NAME.part` (or `.assembly`, `.file`, `.material`), or `defaults.component.material`"
 
 VALUES = "the path of a value, such as `joints.NAME.limit.upper` or `components.NAME.mass`"
-SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "sensors", "tendons")
+SECTIONS = ("components", "defaults", "joints", "links", "materials", "poses", "sensors", "tendons", "transmissions")
 """Sections of a nested assembly whose values a variant can set. Components do not have keys with these names."""
 
 

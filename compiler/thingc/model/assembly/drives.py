@@ -6,6 +6,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.joints.twist import Twist
+from thingc.base.numeric import sum_of
 from thingc.base.source import Origin
 from thingc.base.suggestions import did_you_mean
 from thingc.geometry.record import ActuatorRecord
@@ -15,8 +16,8 @@ from thingc.model.assembly.types import ActuatorModel, JointEdge
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.types import Drive, Joint
 
-_INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`drive: {kind: position, kp: 200 N/m}`"}
-"""Example of an inline drive in a document, by type of motion."""
+_INLINE = {True: "`drive: {kind: position, kp: 20 N*m/rad}`", False: "`drive: {kind: position, kp: 200 N/m}`"}
+"""Example of an inline drive in a document, for an angle and for a length."""
 
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
@@ -42,9 +43,8 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
     path = instance.within(joint.path)
     limit, dynamics = joint.limit, joint.dynamics
     actuator: ActuatorModel | None = None
-    drive = _filled(tree, instance, joint, twist, joint.drive, findings) if joint.drive is not None else None
+    drive = filled(tree, instance, f"joint `{joint.name}`", joint.path, joint.drive, findings, turns=twist.turns) if joint.drive else None
     if drive is not None:
-        place = (drive.origin or joint.origin) + instance.origin
         if limit.effort is not None and drive.effort is not None and limit.effort > drive.effort:
             span = joint.spans.get("limit.effort")
             unit = "N*m" if twist.turns else "N"
@@ -59,43 +59,82 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
         )
         if dynamics.armature is None:
             dynamics = replace(dynamics, armature=drive.armature)
-        if drive.kind == "position" and drive.kp is None:
-            findings.error(
-                Code.NO_GAIN, f"joint `{joint.name}` has a position drive, but its actuator has no gain `kp`", place, path=path,
-                help=f"set `kp` in the part's `Actuator`, or write the drive inline: {_INLINE[twist.core]}",
-                notes=_drive_notes(tree, instance, drive),
-            )
-        if joint.drive is not None and joint.drive.component is not None and joint.drive.kind == "velocity" and drive.kv is None:
-            findings.error(
-                Code.NO_GAIN, f"joint `{joint.name}` has a velocity drive, but its actuator has no gain `kv`", place, path=path,
-                help=f"add `kv` next to `component`, for example `kv: 0.1 {'N*m*s/rad' if twist.turns else 'N*s/m'}`",
-                notes=_drive_notes(tree, instance, drive),
-            )
-        actuator = ActuatorModel(
-            kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=limit.effort, velocity=limit.velocity, origin=place,
-            axis=drive.axis,
-        )
+        actuator = replace(actuator_of(instance, drive, joint.origin), effort=limit.effort, velocity=limit.velocity)
     return replace(stated_edge(instance, joint, twist), limit=limit, dynamics=dynamics, actuator=actuator)
 
 
-def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: Drive, findings: LinkReport) -> Drive | None:
-    """Fill in missing values of the drive of a joint from the actuator of a Thing. Values that the document specifies take precedence.
+def actuator_of(instance: Instance, drive: Drive, origin: Origin) -> ActuatorModel:
+    """Return the model of a drive whose values are complete. `origin` is the location of the joint, for a drive without a location."""
+    gear = drive.gear
+    return ActuatorModel(
+        kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=drive.effort, velocity=drive.velocity, axis=drive.axis,
+        origin=(drive.origin or origin) + instance.origin, transmission=None if gear is None else instance.within(gear.name),
+        ratio=1.0 if gear is None else gear.ratio, backlash=None if gear is None else gear.backlash,
+    )
 
-    Return None if the drive is invalid or the properties of the part are not known exactly.
+
+def filled(
+    tree: Tree, instance: Instance, owner: str, path: str, drive: Drive, findings: LinkReport, *, turns: bool,
+) -> Drive | None:
+    """Fill in missing values of a drive from the actuator of a Thing, and convert all values to the joint side of a transmission.
+
+    Values that the document specifies take precedence. `owner` is the driven element for messages, such as "joint `knee`", with its `path`
+    in its document. `turns` specifies whether its coordinate is an angle. Return None if the drive is invalid or the properties of the part
+    are not known exactly.
     """
-    if drive.component is None:
+    if drive.component is not None:
+        turns = turns if drive.gear is None else drive.gear.turns
+        named = tree.component(instance, drive.component)
+        if named is None:
+            return None
+        record = named.part.record if named.part is not None else None
+        if record is None or record.actuator is None:
+            _no_actuator(instance, owner, path, drive, named, findings, turns=turns)
+            return None
+        if not record.exact:
+            return None
+        complete = _over(drive, record.actuator)
+        _check_gains(tree, instance, owner, path, drive, complete, findings, turns=turns)
+        drive = complete
+    return _at_joint(drive)
+
+
+def _at_joint(drive: Drive) -> Drive:
+    """Convert the values of an actuator to the joint side of its transmission, whose ratio is r and whose efficiency is e.
+
+    The joint moves 1 / r times as fast. The efficiency acts on the forward drive: the torque at the joint is r e times the torque of the
+    actuator. Gains are torques of the actuator per motion of the actuator, which is r times the motion of the joint. Inertias at the
+    actuator accelerate r times as much as the joint, and act on the joint with r times their torque, without losses.
+    """
+    gear = drive.gear
+    if gear is None:
         return drive
-    named = tree.component(instance, drive.component)
-    if named is None:
-        return None
-    part = named.part
-    actuator = part.record.actuator if part is not None and part.record is not None else None
-    if actuator is None:
-        _no_actuator(instance, joint, twist, drive.component.text, named, drive.component.origin + instance.origin, findings)
-        return None
-    if part is not None and part.record is not None and not part.record.exact:
-        return None
-    return _over(drive, actuator)
+    ratio, inertias = abs(gear.ratio), [one for one in (drive.armature, gear.inertia) if one is not None]
+    push = ratio * gear.efficiency
+
+    def times(value: float | None, factor: float) -> float | None:
+        return None if value is None else value * factor
+
+    return replace(
+        drive, kp=times(drive.kp, push * ratio), kv=times(drive.kv, push * ratio), effort=times(drive.effort, push),
+        velocity=times(drive.velocity, 1.0 / ratio), armature=sum_of(inertias) * ratio * ratio if inertias else None,
+    )
+
+
+def _check_gains(
+    tree: Tree, instance: Instance, owner: str, path: str, written: Drive, drive: Drive, findings: LinkReport, *, turns: bool,
+) -> None:
+    """Report a missing gain of a drive whose actuator is a component. `written` contains only the values of the document."""
+    if drive.kind == "position" and drive.kp is None:
+        gain, help = "kp", f"set `kp` in the part's `Actuator`, or write the drive inline: {_INLINE[turns]}"
+    elif written.kind == "velocity" and drive.kv is None:
+        gain, help = "kv", f"add `kv` next to `component`, for example `kv: 0.1 {'N*m*s/rad' if turns else 'N*s/m'}`"
+    else:
+        return
+    findings.error(
+        Code.NO_GAIN, f"{owner} has a {drive.kind} drive, but its actuator has no gain `{gain}`", drive.origin + instance.origin,
+        path=instance.within(path), help=help, notes=_drive_notes(tree, instance, drive),
+    )
 
 
 def _drive_notes(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
@@ -118,7 +157,12 @@ def _over(drive: Drive, actuator: ActuatorRecord) -> Drive:
     )
 
 
-def _no_actuator(instance: Instance, joint: Joint, twist: Twist, text: str, named: Instance, origin: Origin, findings: LinkReport) -> None:
+def _no_actuator(
+    instance: Instance, owner: str, path: str, drive: Drive, named: Instance, findings: LinkReport, *, turns: bool,
+) -> None:
+    if drive.component is None:
+        return
+    text, origin = drive.component.text, drive.component.origin + instance.origin
     able = [
         name for name, child in instance.children.items()
         if child.part is not None and child.part.record is not None and child.part.record.actuator is not None
@@ -136,8 +180,8 @@ def _no_actuator(instance: Instance, joint: Joint, twist: Twist, text: str, name
     else:
         what = ", which is a frame"
     findings.error(
-        Code.NO_ACTUATOR, f"joint `{joint.name}` is driven by `{text}`{what}", origin, path=instance.within(joint.path), help=(
+        Code.NO_ACTUATOR, f"{owner} is driven by `{text}`{what}", origin, path=instance.within(path), help=(
             did_you_mean(text, able, what="components with an actuator") if able
-            else f"add `actuator = Actuator(...)` to its class, or write the drive inline: {_INLINE[twist.core]}"
+            else f"add `actuator = Actuator(...)` to its class, or write the drive inline: {_INLINE[turns]}"
         ), notes=notes,
     )

@@ -75,7 +75,7 @@ def link(
     robot = _connected(tree, model, mates, findings, memo)
     names = names_of(tree, robot, model.poses, findings)
     joints = tuple(joint for mate in mates for joint in mate.joints)
-    tests = tests_of(tree, model.tests, joints, findings)
+    tests = tests_of(tree, model.tests, (*joints, *robot.tendons), findings)
     _check(robot, laid, findings)
     known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
     loops = on_loops(len(robot.occurrences), mates)

@@ -23,6 +23,7 @@ from thingc.model.assembly.types import (
     LinkedMode,
     LinkedMount,
     LinkedSensor,
+    LinkedTendon,
     LinkedTest,
     MountAt,
 )
@@ -307,7 +308,7 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
         )
 
 
-def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], findings: LinkReport) -> tuple[LinkedTest, ...]:
+def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge | LinkedTendon], findings: LinkReport) -> tuple[LinkedTest, ...]:
     """Return the tests whose mounts and components are valid. All other tests are reported."""
     by_path = {joint.path: joint for joint in joints}
     linked: list[LinkedTest] = []

@@ -323,14 +323,14 @@ def _check_actuators(
     driving: set[int] = set()
     inline: set[str] = set()
     for instance, definition in tree.assemblies:
-        for joint in definition.joints:
-            if joint.drive is None:
-                continue
-            named = tree.component(instance, joint.drive.component) if joint.drive.component is not None else None
+        drives = {instance.within(joint.path): joint.drive for joint in definition.joints if joint.drive is not None}
+        drives |= {instance.within(one.name): one.drive for one in definition.tendons if one.drive is not None}
+        for path, drive in drives.items():
+            named = tree.component(instance, drive.component) if drive.component is not None else None
             if named is not None and named.index is not None:
                 driving.add(named.index)
             else:
-                inline.add(instance.within(joint.path))
+                inline.add(path)
     for one in occurrences:
         if one.record is None or one.record.actuator is None or one.index in driving or one.index in shown:
             continue

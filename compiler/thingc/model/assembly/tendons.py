@@ -8,11 +8,12 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code
 from thingc.base.pose import Pose
+from thingc.model.assembly.drives import actuator_of, filled
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.modes import mount_of
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.tendon_paths import course
-from thingc.model.assembly.types import ActuatorModel, LinkedMount, LinkedTendon, Occurrence, TendonStep
+from thingc.model.assembly.types import LinkedMount, LinkedTendon, Occurrence, TendonStep
 from thingc.model.resolve.types import PathStep
 
 
@@ -21,18 +22,20 @@ def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tupl
     tendons: list[LinkedTendon] = []
     for instance, definition in tree.assemblies:
         for one in definition.tendons:
-            drive = one.drive
             steps = [_step(tree, instance, step) for step in one.path]
             whole = tuple(step for step in steps if step is not None)
             if len(whole) < len(steps) or not all(_beside(step, link_of, findings) for step in whole):
                 continue
+            limit, dynamics, gear = one.limit, one.dynamics, None if one.drive is None else one.drive.gear
+            owner = f"tendon `{one.name}`" if gear is None else f"transmission `{gear.name}`"
+            drive = None if one.drive is None else filled(tree, instance, owner, one.name, one.drive, findings, turns=one.turns)
+            if drive is not None and gear is not None:
+                limit = replace(limit, effort=drive.effort, velocity=drive.velocity)
+                dynamics = replace(dynamics, armature=drive.armature)
             tendons.append(LinkedTendon(
                 path=instance.within(one.name), moves={instance.within(name.path): factor for name, factor in one.moves}, turns=one.turns,
-                limit=one.limit, dynamics=one.dynamics, origin=one.origin + instance.origin, steps=whole, width=one.width,
-                actuator=None if drive is None else ActuatorModel(
-                    kind=drive.kind or "motor", kp=drive.kp, kv=drive.kv, effort=drive.effort, velocity=drive.velocity,
-                    origin=drive.origin + instance.origin,
-                ),
+                limit=limit, dynamics=dynamics, origin=one.origin + instance.origin, steps=whole, width=one.width,
+                actuator=None if drive is None else actuator_of(instance, drive, one.origin),
             ))
     return tuple(tendons)
 

@@ -190,7 +190,8 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
     `effort` is the limit of the force or torque of the drive.
 
     For a drive of a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child. `name` is
-    the name of the drive in output files if it differs from the name of the joint.
+    the name of the drive in output files if it differs from the name of the joint. `transmission` is the path of the transmission between
+    the actuator and the joint, `ratio` is its ratio, and `backlash` [rad or m] its play at the joint. All other values are at the joint.
     """
 
     kind: DriveType
@@ -201,6 +202,9 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
     origin: Origin
     axis: Vector | None = None
     name: str | None = None
+    transmission: str | None = None
+    ratio: float = 1.0
+    backlash: float | None = None
 
 
 class JointEdge(Coordinate):
@@ -214,6 +218,11 @@ class JointEdge(Coordinate):
 
     twist: Twist
     actuator: ActuatorModel | None
+
+    @property
+    def turns(self) -> bool:
+        """Whether the coordinate is an angle [rad]. Otherwise, it is a length [m]."""
+        return self.twist.turns
 
 
 class Mate(OneLineRepr, FrozenStruct):

@@ -32,6 +32,7 @@ from thingc.model.resolve.sensors import sensors
 from thingc.model.resolve.set_values import substituted
 from thingc.model.resolve.tendons import tendons
 from thingc.model.resolve.tests import tests
+from thingc.model.resolve.transmissions import names_of, transmissions
 from thingc.model.resolve.types import AssemblyDefinition, Component, LinkName
 
 MAX_DEFINITIONS = 2000
@@ -96,6 +97,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
         spec = table.spec = chosen.with_default_material(context, table)
     parts, table.unbuilt = unrolled(scope, "components", spec.components, spec.parameters)
     moving, table.unbuilt_joints = unrolled(scope, "joints", spec.joints, spec.parameters)
+    geared, _ = unrolled(scope, "transmissions", spec.transmissions, spec.parameters)
     check_names(scope, chain(
         ((item.name, item.path, "a component") for item in parts),
         ((name, ("mounts", name), "an exported mount") for name in spec.mounts),
@@ -104,12 +106,15 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
         ((item.name, item.path, "a joint") for item in moving),
         ((name, ("tendons", name), "a tendon") for name in spec.tendons),
         ((f"{one.name}_{k}", one.path, f"a coordinate of joint `{one.name}`") for one in moving for k in coordinates_of(one.spec.type)),
+        names_of(geared),
     ))
+    check_names(scope, ((item.name, item.path, "a transmission") for item in geared), reserved=False)
     nodes(context, table, parts, resolved)
     places: Places = {}
     placements = own_placements(context, table, places)
     unsure = joints(table, moving, places)
     mimics(table, moving)
+    transmissions(table, geared, [item.name for item in moving if item.spec.drive is not None])
     check(table, places, unsure=unsure)
     _exports(table, scope)
     links = tuple(_links(table, scope))
@@ -126,7 +131,7 @@ def _definition(
     stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
     own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
     stepped = DefaultLayers(((spec.simulation, ("simulation",)),)) if spec.simulation else DefaultLayers(())
-    pulled = tuple(tendons(table, scope))
+    pulled = (*tendons(table, scope), *table.coupled)
     return AssemblyDefinition(
         document=table.document.relative, name=spec.name, description=spec.description, parameters=table.parameters, text=table.text,
         label=table.label, materials={name: one for name, one in table.materials.items() if one is not None}, components=made,

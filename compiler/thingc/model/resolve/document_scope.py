@@ -25,7 +25,7 @@ from thingc.geometry.store.file_digests import digest_of
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.scope import NOTHING, Scope
-from thingc.model.resolve.types import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference
+from thingc.model.resolve.types import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference, Tendon
 
 Named = TypeVar("Named", Component, Joint)
 Answer = TypeVar("Answer")
@@ -72,7 +72,8 @@ class DocumentScope:
     `parameters` also contains the `--set` options for values and components of the document. `unbuilt` and `unbuilt_joints` contain the
     prefixes (`leg_`) of repeats that could not be unrolled. `occurrences` is the number of parts, links and frames in the document and its
     nested documents. `base` is the name of the base component. `loose` contains the valid references of elements that were omitted because
-    of another, invalid reference. `images` contains the mirror images of the definition, keyed by axis.
+    of another, invalid reference. `coupled` contains the drives of differentials. `images` contains the mirror images of the definition,
+    keyed by axis.
     """
 
     document: Document
@@ -89,6 +90,7 @@ class DocumentScope:
     unbuilt_joints: list[str] = field(default_factory=list)
     exports: dict[str, Reference | None] = field(default_factory=dict)
     joints: dict[CoordinateName, Joint | None] = field(default_factory=dict)
+    coupled: list[Tendon] = field(default_factory=list)
     poses: dict[str, NamedPose | None] = field(default_factory=dict)
     base: str | None = None
     loose: list[Reference] = field(default_factory=list)

@@ -56,9 +56,9 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
 
 
 def _values(
-    scope: Scope, name: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: tuple[str, ...],
+    scope: Scope, owner: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: tuple[str, ...],
 ) -> dict[str, float | None]:
-    """Return the values of joint settings that must not be negative, such as `damping`.
+    """Return the values of settings of `owner`, such as a joint, that must not be negative, such as `damping`.
 
     Missing and invalid values are None. Invalid values are reported.
     """
@@ -66,7 +66,7 @@ def _values(
     values: dict[str, float | None] = {}
     for key in keys:
         said = _said(scope, layers, key, coordinate)
-        values[key] = scope.number(*said, of[key], f"`{section}.{key}` of joint `{name}`", least=0.0) if said else None
+        values[key] = scope.number(*said, of[key], f"`{section}.{key}` of {owner}", least=0.0) if said else None
     return values
 
 
@@ -214,7 +214,7 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
             )
             continue
         place = (*path, number, "axis")
-        drive = _drive(table, scope, f"{name}[{number}]", ANGLE, (spec, place[:-1]))
+        drive = drive_of(table, scope, f"joint `{name}[{number}]`", ANGLE, (spec, place[:-1]))
         if spec.armature is not None:
             scope.error(
                 Code.DRIVE, f"drive {number} of ball joint `{name}` has an `armature`: a ball has one `armature` for all axes",
@@ -264,7 +264,7 @@ def _resolve_joint(
     else:
         limit = _limit(scope, item, kind, twist.coordinate, layers.sub("limit", number))
         dynamics = _dynamics(scope, name, twist.coordinate, layers.sub("dynamics", number))
-        drive = _drive(table, scope, name, twist.coordinate, layers.pick("drive", number))
+        drive = drive_of(table, scope, f"joint `{name}`", twist.coordinate, layers.pick("drive", number))
         _no_axis(scope, name, kind, layers.pick("drive", number))
         said = layers.pick("offset", number)
         if said is not None and not isinstance(said[0], (list, dict)):
@@ -400,7 +400,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
                 notes=scope.beside("the upper limit is set here", upper[1], lower[1]),
             )
             low = high = None
-    return Limit(lower=low, upper=high, **_values(scope, name, coordinate, "limit", layers, ("effort", "velocity")))
+    return Limit(lower=low, upper=high, **_values(scope, f"joint `{name}`", coordinate, "limit", layers, ("effort", "velocity")))
 
 
 def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
@@ -432,23 +432,28 @@ def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: DefaultLay
                 Code.JOINT_FIELD, f"joint `{name}` has a `dynamics.rest` but no `stiffness`: `rest` is the rest position of a spring",
                 said[1], key=True, help="add `stiffness`, or remove `rest`",
             )
-    return Dynamics(**_values(scope, name, coordinate, "dynamics", layers, keys), rest=rest)
+    return Dynamics(**_values(scope, f"joint `{name}`", coordinate, "dynamics", layers, keys), rest=rest)
 
 
-def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension, said: tuple[Any, Path] | None) -> Drive | None:
+def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimension, said: tuple[Any, Path] | None) -> Drive | None:
+    """Resolve a drive of a joint or transmission `owner`. Return None without a drive, and for an invalid drive, which is reported.
+
+    `coordinate` is the physical dimension of the coordinate along which the drive acts. `said` contains the drive and its path.
+    """
     if said is None or isinstance(said[0], (list, dict)):
         return None
     spec, path = said
+    key = "actuator" if path[0] == "transmissions" else "drive"
     if isinstance(spec, DriveSpec):
         if path[0] == "defaults" and any(
             _of_others(scope, raw, (*path, key), key, coordinate) for key in ("kp", "kv") if (raw := getattr(spec, key)) is not None
         ):
             return None  # a drive with gains for rotations cannot move a slide
-        reference = None if spec.component is None else _driving_part(table, scope, name, spec.component, (*path, "component"))
+        reference = None if spec.component is None else _driving_part(table, scope, owner, spec.component, (*path, "component"))
         if spec.component is not None and reference is None:
             return None
         written = DefaultLayers(((spec, path),))
-        values = _values(scope, name, coordinate, "drive", written, ("kp", "kv", "effort", "velocity", "armature"))
+        values = _values(scope, owner, coordinate, key, written, ("kp", "kv", "effort", "velocity", "armature"))
         if spec.kp is not None and values["kp"] is None:
             values["kp"] = 1.0  # placeholder, so that no later pass reports the value as missing
         return Drive(
@@ -460,16 +465,16 @@ def _drive(table: DocumentScope, scope: Scope, name: str, coordinate: Dimension,
         kind = spec if spec in DRIVE_KINDS else "position"
         gain = f", kp: {'20 N*m/rad' if coordinate == ANGLE else '200 N/m'}" if kind == "position" else ""
         scope.error(
-            Code.DRIVE, f"`drive` must be a component with an actuator or a mapping; `{spec}` is not a component", path,
+            Code.DRIVE, f"`{key}` must be a component with an actuator or a mapping; `{spec}` is not a component", path,
             help=f"write `{{kind: {kind}{gain}}}`",
         )
         return None
-    reference = _driving_part(table, scope, name, spec, path)
+    reference = _driving_part(table, scope, owner, spec, path)
     return None if reference is None else Drive(component=reference, origin=scope.origin(path))
 
 
-def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path: Path) -> Reference | None:
-    """Resolve the reference to the part whose actuator drives the joint `name`.
+def _driving_part(table: DocumentScope, scope: Scope, owner: str, text: str, path: Path) -> Reference | None:
+    """Resolve the reference to the part whose actuator drives `owner`.
 
     If the reference does not lead to a part, report an error and return None.
     """
@@ -480,7 +485,7 @@ def _driving_part(table: DocumentScope, scope: Scope, name: str, text: str, path
     if node.bare is not None or node.spec.assembly is not None:
         what = f"a {node.bare}" if node.bare is not None else "an assembly"
         scope.error(
-            Code.DRIVE, f"joint `{name}` must be driven by a part with an actuator; `{reference.text}` is {what}", path,
+            Code.DRIVE, f"{owner} must be driven by a part with an actuator; `{reference.text}` is {what}", path,
             help=f"use a part inside the assembly, for example `{reference.text}.servo`" if node.spec.assembly is not None
             else "use a component whose part has an actuator",
             notes=references.declared(node),

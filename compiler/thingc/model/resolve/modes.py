@@ -24,6 +24,7 @@ from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import GLOB, report_unmatched, suggested
 from thingc.model.resolve.scope import DefaultLayers, Scope
+from thingc.model.resolve.transmissions import coupled_drives, undriven_reported
 from thingc.model.resolve.types import Cut, Hold, Mode, Reference, Standing
 
 
@@ -362,13 +363,16 @@ def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Pat
     """
     joints = dict(table.all_joints())
     known = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
+    coupled = [name for name, _ in coupled_drives(table)]
+    known += coupled
     chosen: set[str] = set()
     for pattern, at in patterns:
         if pattern in joints:
             joint = joints[CoordinateName(pattern)]
-            if joint is not None and joint.drive is None and "drive" not in joint.spans:  # an invalid drive has been reported
+            if joint is not None and joint.drive is None and not undriven_reported(table, joint):
                 scope.error(
-                    Code.DRIVE, f"joint `{pattern}` has no `drive`: it is not an actuator", at, help="give the joint a `drive`",
+                    Code.DRIVE, f"joint `{pattern}` has no `drive`: it is not an actuator", at,
+                    help=f"use the drives of its differential, such as `{coupled[0]}`" if joint.geared else "give the joint a `drive`",
                     notes=[Note(message=f"`{pattern}` is defined here", span=joint.origin[0])],
                 )
             chosen.add(pattern)

@@ -24,14 +24,15 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
         return
     joints = [name for name, joint in table.joints.items() if joint is None or joint.twist is not None]
     driven: list[str] = [name for name, joint in table.joints.items() if joint is None or joint.drive is not None]
-    driven += [name for name, tendon in table.spec.tendons.items() if tendon.drive is not None]
+    coupled = [one.name for one in table.coupled]
+    driven += [*(name for name, tendon in table.spec.tendons.items() if tendon.drive is not None), *coupled]
     tied = [name.joint for name, joint in table.joints.items() if joint is None or joint.mimic is not None or joint.loop]
     sensors = table.spec.sensors
     of_kind: tuple[tuple[NamedKind, dict[str, str], Iterable[str], str, Code], ...] = (
         ("components", spec.components, table.nodes, "component", Code.UNKNOWN_COMPONENT),
         ("mounts", spec.mounts, table.exports, "exported mount", Code.UNKNOWN_MOUNT),
         ("joints", spec.joints, [*dict.fromkeys(name.joint for name in joints), *TAKEN["joints"]], "joint that moves", Code.UNKNOWN_JOINT),
-        ("tendons", spec.tendons, table.spec.tendons, "tendon", Code.UNKNOWN_TENDON),
+        ("tendons", spec.tendons, [*table.spec.tendons, *coupled], "tendon", Code.UNKNOWN_TENDON),
         ("actuators", spec.actuators, driven, "driven joint or tendon", Code.UNKNOWN_JOINT),
         ("equalities", spec.equalities, tied, "joint that mimics or closes a loop", Code.UNKNOWN_JOINT),
         ("sensors", spec.sensors, sensors, "sensor", Code.REFERENCE),
@@ -39,7 +40,7 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
     )
     unsure = table.unbuilt or table.unbuilt_joints
     for kind, given, sound, what, code in of_kind:
-        sections = {"actuators": ("joints", "tendons"), "equalities": ("joints",)}.get(kind, (kind,))
+        sections = {"actuators": ("joints", "tendons", "transmissions"), "equalities": ("joints",)}.get(kind, (kind,))
         known = [*sound, *(name for section in sections for name in table.doubts.names(section))]
         owners: dict[str, str] = {}
         for own, name in given.items():

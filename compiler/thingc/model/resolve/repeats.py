@@ -1,4 +1,6 @@
-"""Unroll components and joints with the key `repeat:`, and check names: reserved words, duplicates, and names that differ only in case."""
+"""Unroll components, joints and transmissions with the key `repeat:`, and check names: reserved words, duplicates, and names that differ
+only in case.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Path
 from thingc.documents.spec.assembly import ComponentSpec, JointSpec
 from thingc.documents.spec.name_types import RESERVED
+from thingc.documents.spec.transmissions import TransmissionSpec
 from thingc.model.resolve.scope import Scope
 
 MAX_REPEAT = 10_000
@@ -18,11 +21,14 @@ MAX_REPEAT = 10_000
 MAX_OCCURRENCES = 100_000
 """Maximum number of parts, links and frames of a robot, and of items of all repeats in one document."""
 
-Spec = TypeVar("Spec", ComponentSpec, JointSpec)
+Spec = TypeVar("Spec", ComponentSpec, JointSpec, TransmissionSpec)
 
 
 class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
-    """One item of a component or joint whose `repeat` has been unrolled. The scope of the item contains the value of the repeat's index."""
+    """One item of a component, joint or transmission whose `repeat` has been unrolled.
+
+    The scope of the item contains the value of the repeat's index.
+    """
 
     name: str
     spec: Spec
@@ -31,7 +37,7 @@ class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
 
 
 def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]], list[str]]:
-    """Return the items of the section `components` or `joints` in document order.
+    """Return the items of the section `components`, `joints` or `transmissions` in document order.
 
     Also return the prefixes of items that are invalid or exceed a limit. A prefix such as `leg_` means all items of a repeat. An empty
     prefix means all items of the section.
@@ -71,7 +77,7 @@ def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: 
 
 
 def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> dict[str, int | None] | None:
-    """Return the count of each component or joint with a `repeat`, or None for an invalid count.
+    """Return the count of each element with a `repeat`, or None for an invalid count.
 
     If there are too many items in total, return None instead of a mapping.
     """

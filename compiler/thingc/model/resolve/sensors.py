@@ -20,6 +20,7 @@ from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.shapes import primitive
+from thingc.model.resolve.transmissions import undriven_reported
 from thingc.model.resolve.types import Joint, Reference, Sensor, Tendon
 
 FOVY = numeric.radians(45.0)
@@ -170,7 +171,7 @@ class _Reader:
         wanted = CoordinateName(spec.joint if spec.joint is not None else self.name)
         place: Path = (*self.path, "joint") if spec.joint is not None else self.path
         joint = self._coordinate(wanted, place, unnamed)
-        if joint is not None and spec.type == "drive" and joint.drive is None:
+        if joint is not None and spec.type == "drive" and joint.drive is None and not undriven_reported(self.table, joint):
             self._undriven("joint", wanted, place, key=unnamed)
             joint = None
         self.sound &= joint is not None

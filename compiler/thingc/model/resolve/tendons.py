@@ -17,7 +17,7 @@ from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.scope import Scope
-from thingc.model.resolve.types import Drive, PathStep, Tendon
+from thingc.model.resolve.types import Drive, Joint, PathStep, Tendon
 
 
 def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
@@ -92,34 +92,60 @@ def _terms(
     length: Dimension | None = None
     for text, raw in (spec.joints or {}).items():
         place: Path = (*path, "joints", text)
-        balls = (one for one in table.joints.values() if one is not None and one.kind.at_once and text in (one.name.joint, one.name))
-        joint = next(balls, None) or table.joints.get(CoordinateName(text))
+        joint = moving_joint(table, scope, text, place, f"tendon `{name}` cannot depend on", key=True)
         if joint is None:
-            if CoordinateName(text) not in table.joints and not any(f"{text}_".startswith(prefix) for prefix in table.unbuilt_joints):
-                scope.error(
-                    Code.UNKNOWN_JOINT, f"this document has no joint `{text}`", place, key=True,
-                    help=suggested(text, table.joints, what="joints"),
-                )
             return None
-        notes = [Note(message=f"`{text}` is defined here", span=joint.origin[0])]
-        if joint.twist is None or joint.kind.at_once:
-            why = "does not move" if joint.twist is None else "has no single coordinate"
+        factor, length = factor_of(scope, raw, place, joint, length, f"the coefficient of `{text}` in tendon `{name}`")
+        if factor is None:
+            return None
+        moves.append((CoordinateName(text), factor))
+    return length or LENGTH, tuple(moves)
+
+
+def moving_joint(table: DocumentScope, scope: Scope, text: str, place: Path, cannot: str, *, key: bool = False) -> Joint | None:
+    """Return the coordinate `text` of a joint of the document, on which a tendon or a transmission can act.
+
+    If the joint does not exist or has no single coordinate, report an error, which begins with `cannot`, and return None.
+    """
+    balls = (one for one in table.joints.values() if one is not None and one.kind.at_once and text in (one.name.joint, one.name))
+    joint = next(balls, None) or table.joints.get(CoordinateName(text))
+    if joint is None:
+        if CoordinateName(text) not in table.joints and not any(f"{text}_".startswith(prefix) for prefix in table.unbuilt_joints):
             scope.error(
-                Code.JOINT_FIELD, f"tendon `{name}` cannot depend on `{text}`, which is {joint.kind.name} and {why}", place, key=True,
-                notes=notes, help="use a coordinate that rotates about one axis or slides along one",
+                Code.UNKNOWN_JOINT, f"this document has no joint `{text}`", place, key=key,
+                help=suggested(text, table.joints, what="joints"),
             )
-            return None
-        own = joint.twist.coordinate
-        fitting = (length / own,) if length is not None else (ANGLE / own, LENGTH / own)
-        factor = scope.number(raw, place, fitting, f"the coefficient of `{text}` in tendon `{name}`", notes=notes)
-        value = scope.value(raw, place)
-        if factor is None or not isinstance(value, Quantity):
-            return None
+        return None
+    if joint.twist is None or joint.kind.at_once:
+        why = "does not move" if joint.twist is None else "has no single coordinate"
+        scope.error(
+            Code.JOINT_FIELD, f"{cannot} `{text}`, which is {joint.kind.name} and {why}", place, key=key, notes=_defined(joint, text),
+            help="use a coordinate that rotates about one axis or slides along one",
+        )
+        return None
+    return joint
+
+
+def factor_of(
+    scope: Scope, raw: Any, place: Path, joint: Joint, length: Dimension | None, what: str,
+) -> tuple[float | None, Dimension | None]:
+    """Evaluate the factor by which the motion of a joint changes the length of a tendon or the position of an actuator.
+
+    `length` is the physical dimension of this length or position, or None if it is not known yet. Return the factor and this dimension. If
+    the factor is invalid, report an error and return None as the factor.
+    """
+    own = ANGLE if joint.twist is None else joint.twist.coordinate
+    fitting = (length / own,) if length is not None else (ANGLE / own, LENGTH / own)
+    factor, value = scope.number(raw, place, fitting, what, notes=_defined(joint, joint.name)), scope.value(raw, place)
+    if factor is not None and isinstance(value, Quantity):
         turns, slides = value.fits(ANGLE / own), value.fits(LENGTH / own)
         if length is None and turns != slides:  # a plain 0 has any unit
             length = ANGLE if turns else LENGTH
-        moves.append((CoordinateName(text), factor))
-    return length or LENGTH, tuple(moves)
+    return factor, length
+
+
+def _defined(joint: Joint, name: str) -> list[Note]:
+    return [Note(message=f"`{name}` is defined here", span=joint.origin[0])]
 
 
 def _tendon(

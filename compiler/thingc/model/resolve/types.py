@@ -210,10 +210,27 @@ class Component(OneLineRepr, FrozenStruct):
         return self.definition.label if self.definition is not None else "frame"
 
 
+class Gear(OneLineRepr, FrozenStruct):
+    """A transmission between an actuator and a joint.
+
+    `ratio` is the motion of the actuator per motion of the joint [rad/rad, rad/m, m/rad or m/m], and `efficiency` is between 0 and 1. If
+    `turns` is True, the actuator rotates. `inertia` [kg m^2 or kg] is the inertia of the transmission at the actuator. `backlash` [rad or
+    m] is measured at the joint. In a differential, the ratio is 1, because each drive acts on the coordinate of its actuator.
+    """
+
+    name: str
+    turns: bool
+    ratio: float
+    efficiency: float
+    inertia: float | None
+    backlash: float | None = None
+
+
 class Drive(OneLineRepr, FrozenStruct):
     """A drive of a joint. `component` is a component whose Thing declares an actuator, or None for an inline drive.
 
-    For a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child.
+    For a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child. With a `gear`, all
+    other values are those of the actuator, on the motor side of the transmission.
     """
 
     component: Reference | None
@@ -225,6 +242,7 @@ class Drive(OneLineRepr, FrozenStruct):
     armature: float | None = None
     origin: Origin = ()
     axis: Vector | None = None
+    gear: Gear | None = None
 
 
 class Joint(Coordinate):
@@ -235,7 +253,8 @@ class Joint(Coordinate):
     after the motions of the preceding coordinates (None for a `fixed` joint). For diagnostics, `spans` contains the spans of values of the
     joint by path (`limit.lower`), and `written` contains these values. If the joint has an `axis` (a unit vector in the frame of the parent
     mount), the mounts coincide at q = 0 instead of facing each other. Without `axis`, a `mirrored` joint moves in a frame that is the frame
-    of the parent mount after a rotation by pi about x. If `reverse` is True, `twist` is the reversed motion.
+    of the parent mount after a rotation by pi about x. If `reverse` is True, `twist` is the reversed motion. `geared` is True if a
+    transmission drives the joint, alone or together with other joints.
     """
 
     twist: Twist | None
@@ -250,6 +269,7 @@ class Joint(Coordinate):
     mirrored: bool = False
     reverse: bool = False
     axis: Vector | None = None
+    geared: bool = False
 
 
 class Wrap(OneLineRepr, FrozenStruct):

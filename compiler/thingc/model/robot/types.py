@@ -184,9 +184,11 @@ class Robot(OneLineRepr, FrozenStruct):
     def pulled(self) -> tuple[str, ...]:
         """The names of the tendons with a drive that exists in this mode.
 
-        If the mode does not select actuators, all tendons are included.
+        If the mode does not select actuators, all tendons are included. A mode can only select the drives of differentials.
         """
-        return () if self.mode.actuators is not None else tuple(one.path for one in self.assembly.tendons if one.actuator is not None)
+        chosen = self.mode.actuators
+        driven = (one.path for one in self.assembly.tendons if one.actuator is not None)
+        return tuple(path for path in driven if chosen is None or path in chosen)
 
     @property
     def start(self) -> Keyframe | None:

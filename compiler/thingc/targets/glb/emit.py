@@ -52,6 +52,7 @@ CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "of_joints": {
         "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,
         "mimic": Omitted(": the node of the joint does not follow the other joint"), "polynomial": BESIDE, "tendon": BESIDE,
+        "differential": BESIDE, "backlash": BESIDE,
     },
     "drives": {"position": BESIDE, "velocity": BESIDE, "motor": BESIDE, "universal": BESIDE, "ball": BESIDE},
     "loops": {

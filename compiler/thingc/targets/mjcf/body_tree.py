@@ -147,12 +147,14 @@ class _Builder:
             collision.add("default", {"class": adhesion_contacts.CLASS}).add("geom", adhesion_contacts.contact(self.assembly))
 
     def custom(self) -> None:
-        """Add velocity limits [rad/s or m/s] as custom data, because MJCF has no attribute for velocity limits."""
+        """Add velocity limits [rad/s or m/s] and backlash [rad or m] as custom data, because MJCF has no attributes for them."""
         section = self.root.add("custom")
         for joint in self.joints.values():
             if joint.limit.velocity is not None:
                 data = joint.limit.velocity
                 section.add("numeric", {"name": f"{joint.path}:velocity", "data": data}, joint.origin)
+            if joint.actuator is not None and joint.actuator.backlash:
+                section.add("numeric", {"name": f"{joint.path}:backlash", "data": joint.actuator.backlash}, joint.actuator.origin)
 
     def asset(self) -> None:
         """Add the materials and the meshes. Materials and meshes are in the order in which the occurrences of the document first use

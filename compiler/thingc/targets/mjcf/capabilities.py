@@ -33,6 +33,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "of_joints": {
         "cone": SAYS, "velocity": Lossy(None, "carried as custom data"), "damping": SAYS, "friction": SAYS, "armature": SAYS,
         "stiffness": SAYS, "mimic": Supported(None, "an equality"), "polynomial": SAYS, "tendon": SAYS,
+        "differential": Supported(None, "fixed tendons"), "backlash": Lossy(None, "carried as custom data"),
     },
     "drives": {"position": _DRIVES, "velocity": _DRIVES, "motor": _DRIVES, "universal": _DRIVES, "ball": Supported("ball")},
     "loops": {

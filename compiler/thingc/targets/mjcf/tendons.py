@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from msgspec.structs import replace
+
+from thingc.base.numeric import maximum, minimum
 from thingc.model.assembly.types import LinkedTendon
 from thingc.model.robot.kinematics import body_poses, course_of
 from thingc.model.robot.types import Robot
@@ -86,8 +89,27 @@ def drives(robot: Robot, section: Element) -> None:
     """Add an actuator for each tendon with a drive."""
     for one in pulled(robot):
         if one.actuator is not None:
-            attributes = {"name": one.actuator.name or one.path, "tendon": one.path, **drive_attributes(one, one.actuator)}
+            attributes = {"name": one.actuator.name or one.path, "tendon": one.path, **drive_attributes(_within(robot, one), one.actuator)}
             section.add(one.actuator.kind, attributes, one.actuator.origin)
+
+
+def _within(robot: Robot, tendon: LinkedTendon) -> LinkedTendon:
+    """Return a drive of a differential with the positions that its actuator has within the limits of its joints.
+
+    The positions limit only the control. Other tendons, and drives of joints without limits, are returned unchanged.
+    """
+    if tendon.actuator is None or tendon.actuator.transmission is None:
+        return tendon
+    limits = {joint.path: joint.limit for body in robot.bodies for joint in body.joints}
+    lower = upper = 0.0
+    for path, factor in tendon.moves.items():
+        low, high = limits[path].lower, limits[path].upper
+        if factor == 0.0:
+            continue
+        if low is None or high is None:
+            return tendon
+        lower, upper = lower + minimum(factor * low, factor * high), upper + maximum(factor * low, factor * high)
+    return replace(tendon, limit=replace(tendon.limit, lower=lower, upper=upper))
 
 
 def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:

@@ -12,6 +12,7 @@ from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.robot.types import Robot
 from thingc.targets.ros.joints import MovingJoint, joints, start, values
+from thingc.targets.urdf.transmissions import control_transmission, coupled_transmissions, simple_transmission
 from thingc.targets.xml_writer import Element
 
 PLUGIN = "mock_components/GenericSystem"
@@ -41,7 +42,8 @@ def ros2_control(robot: Robot) -> Element | None:
     """Create the `<ros2_control>` element for the URDF of a mode. Return None for a robot without moving joints.
 
     Every joint has state interfaces for its position and velocity. A joint with a drive has a command interface with its limits. The gains
-    of a drive are written as parameters, for hardware that closes its own control loop.
+    of a drive are written as parameters, for hardware that closes its own control loop. Controllers command joints; a `<transmission>`
+    contains the ratio with which hardware converts these commands to commands of its actuators.
     """
     moving, at = joints(robot), values(robot, start(robot))
     if not moving:
@@ -65,6 +67,9 @@ def ros2_control(robot: Robot) -> Element | None:
             for name, gain in (("kp", joint.drive.kp), ("kv", joint.drive.kv)):
                 if gain is not None:
                     element.say("param", gain, {"name": name})
+    drives = [(joint.name, joint.drive) for joint in moving if joint.drive is not None and joint.drive.transmission is not None]
+    geared = [simple_transmission(name, drive) for name, drive in drives]
+    block.children += map(control_transmission, [*geared, *coupled_transmissions(robot)])
     return block
 
 

@@ -21,6 +21,7 @@ from thingc.targets.ros.joints import start, values
 from thingc.targets.ros.rviz import frame_of, launch_file, rviz_config
 from thingc.targets.ros.srdf import srdf
 from thingc.targets.urdf.links import MESHES, model
+from thingc.targets.urdf.transmissions import transmission_losses
 from thingc.targets.xml_writer import Element, write
 
 RUN = (
@@ -63,7 +64,7 @@ def emit(request: EmitRequest) -> Artifacts:
     files["package.xml"] = package_xml(
         assembly.name, escape_control(description, most=len(description)), request.workspace.about, said,
     ).encode()
-    lost = (*flat, *unmet, *losses("ros", CAPABILITIES, assembly, robots))
+    lost = (*flat, *unmet, *losses("ros", CAPABILITIES, assembly, robots), *transmission_losses("ros", robots))
     return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(dict.fromkeys(lost)))
 
 

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import moved
 from thingc.base.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, transpose
 from thingc.geometry.record import DriveType
 from thingc.model.assembly.kinematics import joints_of, leaders
-from thingc.model.assembly.types import ActuatorModel
+from thingc.model.assembly.types import ActuatorModel, LinkedTendon
 from thingc.model.robot.types import Body, Robot, TreeJoint
 from thingc.targets.capabilities import drive_cell, written
 from thingc.targets.name_mangling import safe
 from thingc.targets.ros.capabilities import CAPABILITIES
 from thingc.targets.urdf.chain import Move, moves
+from thingc.targets.urdf.transmissions import differentials
 
 INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velocity", "motor": "effort"}
 """The command interface in ros2_control for each kind of drive."""
@@ -50,15 +51,27 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
     in_tree = {joint.path for body in robot.bodies for joint in body.joints}
     follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in in_tree)
     moving: list[MovingJoint] = []
+    coupled = {path: _coupled(rows) for rows in differentials(robot).values() for path in rows[0].moves}
     for index, body in enumerate(robot.bodies):
         for move in moves(_lead(robot, body), NO_POSE):
             path = move.joint.path
             following = move.follows is not None or follows.get(path, (path,))[0] != path
-            drive = move.joint.actuator if path in robot.present and not following else None
+            drive = None if following else move.joint.actuator if path in robot.present else coupled.get(path)
             if drive is not None and written(CAPABILITIES["drives"][drive_cell(move.joint, drive)]) is None:
                 drive = None
             moving.append(MovingJoint(name=safe(move.path), body=index, move=move, follows=following, drive=drive))
     return tuple(moving)
+
+
+def _coupled(rows: Sequence[LinkedTendon]) -> ActuatorModel | None:
+    """Return the drive of each joint of a differential: a controller commands the joint, and a transmission moves the actuators.
+
+    The gains act on the actuators, so the drive of a joint has none. Return None if the actuators are of different kinds.
+    """
+    first, *others = (row.actuator for row in rows)
+    if first is None or any(other is None or other.kind != first.kind for other in others):
+        return None
+    return ActuatorModel(kind=first.kind, kp=None, kv=None, effort=None, velocity=None, origin=first.origin)
 
 
 def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:

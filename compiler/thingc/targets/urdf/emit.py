@@ -13,6 +13,7 @@ from thingc.targets.name_mangling import package_name
 from thingc.targets.request import EmitRequest
 from thingc.targets.urdf.capabilities import CAPABILITIES
 from thingc.targets.urdf.links import MESHES, model, mujoco_extension
+from thingc.targets.urdf.transmissions import transmission_losses
 from thingc.targets.xml_writer import write
 
 FOLDER = f"urdf/{MESHES}"
@@ -31,7 +32,7 @@ def emit(request: EmitRequest) -> Artifacts:
     for robot, tree in zip(request.robots, trees, strict=True):
         said = heading(assembly.definition.document, robot.mode.name)
         files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(tree, said).text.encode()
-    lost = losses("urdf", CAPABILITIES, assembly, request.robots)
+    lost = (*losses("urdf", CAPABILITIES, assembly, request.robots), *transmission_losses("urdf", request.robots))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(dict.fromkeys((*flat, *lost))))
 
 

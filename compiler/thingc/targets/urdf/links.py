@@ -8,7 +8,6 @@ frame of an inertia or a joint is rotated.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import assert_never
 
 from thingc.base.diagnostics import Report
@@ -16,9 +15,8 @@ from thingc.base.inertia import ZERO, MassProperties, physical_fault, within_tri
 from thingc.base.numeric import minimum, sum_of
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.base.source import Origin
-from thingc.geometry.record import DriveType
 from thingc.model.assembly.kinematics import joints_of, leaders
-from thingc.model.assembly.types import ActuatorModel, JointEdge, Link
+from thingc.model.assembly.types import JointEdge, Link
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Body, Robot, TreeJoint
 from thingc.targets.capabilities import drive_cell, shape_cell, written
@@ -26,6 +24,7 @@ from thingc.targets.geometry import Geometry, Shape, channels, material_name, ma
 from thingc.targets.name_mangling import MangledNames, frames, safe
 from thingc.targets.urdf.capabilities import CAPABILITIES
 from thingc.targets.urdf.chain import Move, moves, own_frame
+from thingc.targets.urdf.transmissions import coupled_transmissions, differentials, simple_transmission, urdf_transmission
 from thingc.targets.xml_writer import Element, XmlValue
 
 WORLD = "world"
@@ -51,11 +50,6 @@ needed because a component can have the same name as a joint.
 
 MESHES = "meshes"
 """The folder that contains the meshes, beside the URDF files."""
-
-INTERFACES: Mapping[DriveType, str] = {
-    "position": "PositionJointInterface", "velocity": "VelocityJointInterface", "motor": "EffortJointInterface",
-}
-"""The hardware interface of each kind of drive in ROS 1."""
 
 
 def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES) -> Element:
@@ -86,6 +80,7 @@ class _Builder:
         self.followers: list[Element] = []
         self.frames: list[Element] = []
         self.transmissions: list[Element] = []
+        self.coupled = [row for rows in differentials(robot).values() for row in rows]
         in_tree = {joint.path for body in robot.bodies for joint in body.joints}
         self.edges = {joint.path: joint for joint in joints_of(robot.assembly) if joint.path in in_tree}
         self.follows = leaders(self.edges.values())
@@ -119,6 +114,7 @@ class _Builder:
                 self._frame(names[index], f"{link.name}_frame", own[index].inverse(), link.origin, made)
             for site in sites.get(index, ()):
                 self._frame(names[index], site.path, own[index].inverse() @ site.pose, site.origin)
+        self.transmissions += map(urdf_transmission, coupled_transmissions(self.robot))
         self.root.children += self.followers + self.frames + self.transmissions
         return self.root
 
@@ -168,7 +164,7 @@ class _Builder:
             form = written(CAPABILITIES["drives"][drive_cell(joint, drive)])
             match form:
                 case "transmission":
-                    self.transmissions.append(_transmission(element.get("name"), drive))
+                    self.transmissions.append(urdf_transmission(simple_transmission(element.get("name"), drive)))
                 case None:
                     pass
                 case _:
@@ -203,8 +199,13 @@ class _Builder:
         return {"effort": effort, "velocity": UNBOUNDED if velocity is None else velocity}
 
     def _effort(self, joint: TreeJoint | JointEdge) -> float:
-        driven = joint.actuator is not None and joint.path in self.robot.present
-        return joint.limit.effort if joint.limit.effort is not None else UNBOUNDED if driven else 0.0
+        if joint.limit.effort is not None:
+            return joint.limit.effort
+        if joint.actuator is not None and joint.path in self.robot.present:
+            return UNBOUNDED
+        rows = [(row, abs(row.moves[joint.path])) for row in self.coupled if joint.path in row.moves]
+        efforts = [share * (UNBOUNDED if row.limit.effort is None else row.limit.effort) for row, share in rows]
+        return minimum(UNBOUNDED, sum_of(efforts))
 
     def _strength_of_turn(self, joint: TreeJoint) -> tuple[float, float | None]:
         """Return the effort and velocity limits of one of the three rotations of a ball joint, at q = 0.
@@ -268,15 +269,6 @@ class _Builder:
 
     def _link_of(self, body: Body) -> Link:
         return self.assembly.links[body.link]
-
-
-def _transmission(joint: str, drive: ActuatorModel) -> Element:
-    """Return a transmission element with the ratio 1 for the drive of a joint. The transmission has the same name as the joint."""
-    element = Element(tag="transmission", attributes={"name": f"{joint}_transmission"}, origin=drive.origin)
-    element.say("type", "transmission_interface/SimpleTransmission")
-    element.add("joint", {"name": joint}).say("hardwareInterface", f"hardware_interface/{INTERFACES[drive.kind]}")
-    element.add("actuator", {"name": joint}).say("mechanicalReduction", "1")
-    return element
 
 
 def parts(shape: Shape) -> tuple[Shape, ...]:

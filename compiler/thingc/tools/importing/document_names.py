@@ -99,6 +99,8 @@ class DocumentNaming:
         self.centres = self._placed({one.name: (one.link, one.pose) for one in around}, "shape", [*taken, *self.cameras.values()])
         joints = [*self.joints.values(), *self.loops.values()]
         self.tendons = distinct([one.name for one in robot.tendons], "tendon", taken=joints)
+        stems = [word.rpartition("_")[0] for word in (*joints, *self.tendons.values())]  # `wrist_0` is a drive of the differential `wrist`
+        self.transmissions = distinct([one.name for one in robot.transmissions], "transmission", taken=stems)
         self.sensors: list[str] = []
         for sensor in robot.sensors:
             things = self.joints if sensor.joint is not None else self.tendons if sensor.tendon is not None else self.sites
@@ -114,6 +116,11 @@ class DocumentNaming:
         owners = Counter(name for _, name in {(link, name) for link, _, name in named})
         self.repeated = {name for (_, _, name), count in named.items() if count > 1 or owners[name] > 1}
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
+
+    @property
+    def geared(self) -> set[str]:
+        """The source names of the joints with a transmission of their own."""
+        return {one.joints[0] for one in self.robot.transmissions if len(one.joints) == 1}
 
     def _points(self, taken: Collection[str]) -> dict[str, str]:
         """Return component names for the point masses of the links that have a mass and shapes, but no inertia."""

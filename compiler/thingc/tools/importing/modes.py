@@ -210,6 +210,24 @@ def tendon_lines(words: DocumentNaming) -> Iterator[str]:
         yield ""
 
 
+def transmission_lines(words: DocumentNaming) -> Iterator[str]:
+    """Yield the lines of the section `transmissions`. The limits of the joints specify the efforts at the joints."""
+    if words.robot.transmissions:
+        yield "transmissions:"
+    for one in words.robot.transmissions:
+        word, joints = words.transmissions[one.name], [words.joints[name] for name in one.joints]
+        rows = [f"[{', '.join(quantity(value, '') for value in row)}]" for row in one.matrix]
+        yield f"  {word}:{was(word, one.name)}"
+        if len(rows) == 1:
+            yield from ("    actuator: {kind: motor}", f"    joint: {joints[0]}", f"    ratio: {rows[0][1:-1]}")
+            continue
+        yield "    differential:"
+        yield f"      actuators: [{', '.join('{kind: motor}' for _ in rows)}]"
+        yield from (f"      joints: [{', '.join(joints)}]", f"      matrix: [{', '.join(rows)}]")
+    if words.robot.transmissions:
+        yield ""
+
+
 def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
     """Format the factor by which a tendon multiplies a joint coordinate, with the unit.
 

@@ -275,6 +275,16 @@ class SourceAdhesion(SourceThing):
     raw: Raw = ()
 
 
+class SourceTransmission(SourceThing):
+    """A transmission between actuators and joints.
+
+    Each row of the `matrix` contains the motion of an actuator per motion of each joint. For one joint, its only entry is the ratio.
+    """
+
+    joints: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+
 class SourceTarget(FrozenStruct):
     """A reference to an element of the imported robot, such as a joint or a site, by the name of the element in the source."""
 
@@ -359,6 +369,7 @@ class SourceRobot(OneLineRepr, SourceThing):
     loops: tuple[SourceLoop, ...] = ()
     adhesions: tuple[SourceAdhesion, ...] = ()
     tendons: tuple[SourceTendon, ...] = ()
+    transmissions: tuple[SourceTransmission, ...] = ()
     sensors: tuple[SourceSensor, ...] = ()
     added: tuple[SourceAdded, ...] = ()
     order: Mapping[str, Sequence[str]] = {}

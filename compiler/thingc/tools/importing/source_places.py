@@ -14,6 +14,7 @@ def places_of(words: DocumentNaming) -> dict[Path, Span]:
     places: dict[Path, Span] = {(): robot.where, **dict(_components(words)), **dict(_joints(words))}
     places |= {("tendons", words.tendons[one.name]): one.where for one in robot.tendons}
     places |= {("tendons", words.tendons[one.name], "drive"): one.drive.where for one in robot.tendons if one.drive is not None}
+    places |= {("transmissions", words.transmissions[one.name]): one.where for one in robot.transmissions}
     places |= {("sensors", word): one.where for one, word in zip(robot.sensors, words.sensors, strict=True)}
     places |= {("poses", words.poses[one.name]): one.where for one in robot.poses}
     places |= {("mounts", word): words.link_of[name].where for name, word in words.frames.items()}

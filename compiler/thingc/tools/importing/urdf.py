@@ -110,9 +110,11 @@ class _Urdf:
         if root is None:
             return None
         links, sensors = self._sensed(links, hangings)
+        transmissions = tuple(self._transmissions(hangings))
         robot = source_model.SourceRobot(
             name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=self.losses.all(),
-            mesh_folder=self.blocks.meshes, sensors=sensors, base="free" if self.blocks.free else "fixed",
+            mesh_folder=self.blocks.meshes, sensors=sensors, transmissions=transmissions,
+            base="free" if self.blocks.free else "fixed",
         )
         return self._grounded(robot)
 
@@ -143,6 +145,16 @@ class _Urdf:
                 one = replace(one, link=None, pose=NO_POSE, site=one.name)
             sensors.append(one)
         return tuple(named[link.name] for link in links), tuple(sensors)
+
+    def _transmissions(self, hangings: tuple[source_model.Attachment, ...]) -> Iterable[source_model.SourceTransmission]:
+        """Yield the transmissions between actuators and independent joints. Other transmissions are recorded as losses."""
+        joints = {joint.name: joint for one in hangings for joint in one.joints if joint.follows is None}
+        for one in self.blocks.transmissions.values():
+            if joints.keys() >= set(one.joints) and (len(one.joints) > 1 or joints[one.joints[0]].drive is not None):
+                yield one
+            else:
+                why = "a joint of the transmission is not driven independently"
+                self.losses.note(f"the reductions of transmission `{one.name}`", why, one.where)
 
     def _link(self, element: SourceElement) -> source_model.SourceLink | None:
         name = self.values.word(element, "name")
@@ -255,7 +267,8 @@ class _Urdf:
         damping = friction = 0.0
         if dynamics is not None:
             damping, friction = (self.values.from_zero(dynamics, key, 0.0) or 0.0 for key in ("damping", "friction"))
-        controlled = name in self.blocks.driven if self.blocks.driven is not None else (ends.effort or 0.0) > 0.0
+        coupled = any(name in one.joints and len(one.joints) > 1 for one in self.blocks.transmissions.values())
+        controlled = name in self.blocks.driven and not coupled if self.blocks.driven is not None else (ends.effort or 0.0) > 0.0
         if ends.effort == 0.0 == ends.velocity and follows is None:  # exporters write zeros for unknown limits
             ends = replace(ends, effort=None, velocity=None)
             self.unlimited.append(next(element.all("limit")))

@@ -13,7 +13,7 @@ from typing import Literal
 from thingc.base.diagnostics import Code
 from thingc.base.pose import Pose, placed
 from thingc.base.suggestions import did_you_mean
-from thingc.tools.importing.source_model import SourceSensor
+from thingc.tools.importing.source_model import SourceSensor, SourceTransmission
 from thingc.tools.importing.xml_source import Losses, SourceElement
 from thingc.tools.importing.xml_values import Values
 
@@ -50,6 +50,7 @@ class Blocks:
         free: Whether Gazebo's element `<static>` is false, which means that the base is not fixed to the world.
         sensors: The sensors by name, with poses in their links.
         driven: The names of the joints with a drive, or None if the file does not define drives.
+        transmissions: The transmissions with a reduction other than 1, by name.
         meshes: The folder in which MuJoCo searches for meshes, or None if the file does not specify it.
     """
 
@@ -58,6 +59,7 @@ class Blocks:
         self.friction: dict[str, float] = {}
         self.free = False
         self.sensors: dict[str, SourceSensor] = {}
+        self.transmissions: dict[str, SourceTransmission] = {}
         for block in root.all("gazebo"):
             self._gazebo(block)
         driven = {name for name, block in (*self._transmitted(), *self._controlled()) if self._is_joint(name, block)}
@@ -164,9 +166,7 @@ class Blocks:
                 name = joint.attributes.get("name", "")
                 yield name, joint
                 self._interfaces(name, {kind for kind in COMMANDS for face in faces if kind in face.lower()}, joint)
-            for one in (one for part in block.all("actuator") for one in part.all("mechanicalReduction")):
-                if (ratio := self._number(one)) is not None and ratio != 1.0:
-                    self.losses.note(f"`<mechanicalReduction>` {ratio:g}", "drives are specified at the joint", one.where)
+            self._geared(block, " ".join(one.text for one in block.all("type")), "mechanicalReduction")
             self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
 
     def _controlled(self) -> Iterator[tuple[str, SourceElement]]:
@@ -180,7 +180,41 @@ class Blocks:
                 bounds = [one for command in commands for one in command.all("param") if one.attributes.get("name") in ("min", "max")]
                 if bounds:
                     self.losses.note(f"the command limits of joint `{name}`", "the limits of the joint apply", bounds[0].where)
-            self._rest((one for one in block.children if one.tag != "joint"), "of `<ros2_control>`")
+            for one in block.all("transmission"):
+                self._geared(one, " ".join(plugin.text for plugin in one.all("plugin")), "mechanical_reduction")
+            self._rest((one for one in block.children if one.tag not in ("joint", "transmission")), "of `<ros2_control>`")
+
+    def _geared(self, block: SourceElement, kind: str, tag: str) -> None:
+        """Read the reductions of a `<transmission>`, which are elements `tag`. `kind` contains the name of its plugin in ROS.
+
+        Transmissions with a ratio of 1 are ignored. If the reductions cannot be imported, they are recorded as a loss.
+        """
+        joints, actuators = ([*block.all(name)] for name in ("joint", "actuator"))
+        a, j = ([self._reduction(one, tag) for one in some] for some in (actuators or [block], joints))
+        matrix: tuple[tuple[float, ...], ...] = ()
+        if len(j) == len(a) == 1:
+            matrix = ((a[0] * j[0],),)
+        elif len(j) == len(a) == 2 and "Differential" in kind:
+            matrix = ((a[0] * j[0], a[0] * j[1]), (a[1] * j[0], -a[1] * j[1]))
+        elif len(j) == len(a) == 2 and "FourBarLinkage" in kind:
+            matrix = ((a[0] * j[0], 0.0), (a[1], a[1] * j[1]))
+        name, named = block.attributes.get("name", "transmission"), tuple(one.attributes.get("name", "") for one in joints)
+        if matrix == ((1.0,),) or not matrix and all(one == 1.0 for one in (*a, *j)):
+            return
+        made = SourceTransmission(name=name, joints=named, matrix=matrix, where=block.where)
+        others = [one for one in self.transmissions.values() if set(one.joints) & set(named)]
+        if not matrix or 0.0 in (*a, *j):
+            self.losses.note(f"the reductions of transmission `{name}`", "unknown type, or a reduction of 0", block.where)
+        elif not others and name not in self.transmissions:
+            self.transmissions[name] = made
+        elif [(one.joints, one.matrix) for one in others] != [(named, matrix)]:
+            why = "another transmission has its name or drives its joints"
+            self.losses.note(f"the reductions of transmission `{name}`", why, block.where)
+
+    def _reduction(self, element: SourceElement, tag: str) -> float:
+        """Return the reduction of an actuator or joint of a transmission, which is 1 if the file does not specify it."""
+        numbers = [self._number(one) for one in element.all(tag)]
+        return 1.0 if not numbers or numbers[0] is None else numbers[0]
 
     def _interfaces(self, name: str, kinds: set[str], joint: SourceElement) -> None:
         """Record as a loss that a joint's position or velocity command becomes a motor, because URDF does not contain controller gains."""

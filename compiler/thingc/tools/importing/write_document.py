@@ -19,7 +19,7 @@ from thingc.base.pose import MATE, NO_POSE, Pose, Vector, along, shifted
 from thingc.base.source import Path, Span
 from thingc.documents.format.formatting import format_document
 from thingc.tools.importing.document_names import DocumentNaming
-from thingc.tools.importing.modes import drive_words, dynamics_words, mode_lines, sensor_lines, tendon_lines
+from thingc.tools.importing.modes import drive_words, dynamics_words, mode_lines, sensor_lines, tendon_lines, transmission_lines
 from thingc.tools.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, shape_words, was
 from thingc.tools.importing.raw import name_lines, quoted, raw_lines
 from thingc.tools.importing.source_model import Attachment, SourceJoint, SourceLink, SourceRobot, SourceShape
@@ -68,8 +68,8 @@ class DocumentWriter(DocumentNaming):
         """Return the generated document in canonical layout."""
         text = "\n".join((
             f"# From {self.origin}. Losses are listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
-            *self._components(), "", *self._joints(), *tendon_lines(self), *self._shown(), *mode_lines(self, self.roots),
-            *sensor_lines(self), *name_lines(self), *raw_lines(self), "",
+            *self._components(), "", *self._joints(), *tendon_lines(self), *transmission_lines(self),
+            *self._shown(), *mode_lines(self, self.roots), *sensor_lines(self), *name_lines(self), *raw_lines(self), "",
         ))
         report = Report()
         formatted = format_document(f"{self.name}.yaml", text.encode(), report)
@@ -211,10 +211,11 @@ class DocumentWriter(DocumentNaming):
         turns, of = joint.kind in TURNS, joint.ends
         force, speed = ("N*m", "rad/s") if turns else ("N", "m/s")
         place = angle if turns else length
+        driven = joint.drive is not None and joint.name not in self.geared
         limit: dict[str, str | None] = {
             **({} if of.lower is None or of.upper is None else {"lower": place(of.lower), "upper": place(of.upper)}),
             "cone": angle(of.upper) if joint.kind == "ball" and of.upper is not None else None,
-            "effort": None if not of.effort or joint.drive is not None else quantity(of.effort, force),
+            "effort": None if not of.effort or driven else quantity(of.effort, force),
             "velocity": None if of.velocity in (None, joint.drive and joint.drive.velocity) else quantity(of.velocity, speed),
         }
         if joint.start:
@@ -237,7 +238,7 @@ class DocumentWriter(DocumentNaming):
                 follows["multiplier"] = f"{quantity(joint.follows.multiplier, '')} {_unit(mine, other, 1)}".rstrip()
             offset = joint.follows.offset if not joint.follows.polynomial else 0.0
             yield from _mapping("mimic", follows | ({"offset": place(offset)} if offset else {}))
-        if joint.drive is not None:
+        if joint.drive is not None and driven:
             yield from _mapping("drive", drive_words(joint.drive, turns))
 
     def _shown(self) -> Iterator[str]:

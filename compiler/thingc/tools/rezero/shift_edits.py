@@ -92,6 +92,7 @@ class ShiftEdits:
                 if other.mimic is not None and other.mimic.joint == joint.name:
                     yield from self._mimic(other, self._of_new_leader)
         yield from self._tendons()
+        yield from self._ratios()
         if set(self.names) <= set(self.independent):
             yield from self._poses()
         yield from self._ranges()
@@ -195,6 +196,22 @@ class ShiftEdits:
                     old = self._number((*path, *keys))
                     if added:
                         yield (*path, *keys), replace(old, value=old.value + added).text(length)
+
+    def _ratios(self) -> Edits:
+        """Yield the new ratios of transmissions of a reversed joint, so that the actuators turn in the same directions as before."""
+        for name in entries_of(node_at(self.document.tree, ("transmissions",))) if self.shift.sign < 0 else ():
+            path: Keys = ("transmissions", name)
+            ratios: list[Keys] = []
+            if text_of(node_at(self.document.tree, (*path, "joint"))) in self.names:
+                ratios = [(*path, "ratio")]
+            joints = node_at(self.document.tree, (*path, "differential", "joints"))
+            for k, joint in enumerate(joints.items if isinstance(joints, SequenceNode) else ()):
+                if text_of(joint) in self.names and isinstance(joints, SequenceNode):
+                    ratios += [(*path, "differential", "matrix", str(row), str(k)) for row in range(len(joints.items))]
+            for keys in ratios:
+                old = self._at(keys)
+                new = replace(old, expression=f"-({old.expression})") if old.expression else replace(old, value=-old.value)
+                yield keys, new.text(old.dimension)
 
     def _pulled(self) -> Iterator[tuple[str, list[str]]]:
         """Yield the names of tendons over the joint, each with the names of the joint in the tendon."""

@@ -15,7 +15,22 @@ from pydantic.json_schema import GenerateJsonSchema
 
 import thingc.documents.spec.calibration as calibration
 from thingc.documents.checks import kinds
-from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, names, poses, sensors, tendons, variants, workspace
+from thingc.documents.spec import (
+    assembly,
+    drives,
+    link_shapes,
+    mass,
+    materials,
+    modes,
+    names,
+    poses,
+    repeats,
+    sensors,
+    tendons,
+    transmissions,
+    variants,
+    workspace,
+)
 from thingc.documents.spec.validation import model_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -28,7 +43,8 @@ def json_schema(kind: str) -> dict[str, Any]:
     schema = model.model_json_schema(schema_generator=_Generator)
     checks = [sys.modules[check.model.__module__] for check in kinds().values()]
     documented = _documentation(
-        poses, assembly, drives, link_shapes, materials, modes, names, sensors, mass, tendons, *checks, variants, calibration, workspace,
+        poses, repeats, assembly, drives, link_shapes, materials, modes, names, sensors, mass, tendons, transmissions, *checks, variants,
+        calibration, workspace,
     )
     documented["TestSpec"] = {check.name: check.summary for check in kinds().values()}
     for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():

@@ -124,10 +124,10 @@ class _Narrowing:
             self._put(model, key, _ref("mount"))
         _set_each(self.properties["mounts"], _ref("mount"))
         _set_each(self.properties["links"], _ref("component"))
-        for model in ("JointSpec", "JointDefaults"):
+        for model, key in (("JointSpec", "drive"), ("JointDefaults", "drive"), ("TransmissionSpec", "actuator")):
             drives = [(name, piece.what) for piece in self.facts.pieces if piece.actuator for name in piece.items]
-            inline = [branch for branch in self._field(model, "drive")["anyOf"] if branch.get("type") != "string"]
-            self._put(model, "drive", {"anyOf": [*inline, one_of(drives)]})
+            inline = [branch for branch in self._field(model, key)["anyOf"] if branch.get("type") != "string"]
+            self._put(model, key, {"anyOf": [*inline, one_of(drives)]})
 
     def _known_mounts(self) -> Iterable[Schema]:
         """Yield a schema with a pattern for each group of components with equal, known mounts.

@@ -13,7 +13,7 @@ from thingc.base.units import FORCE, LENGTH, TORQUE
 from thingc.documents.checks.torque_margin import KIND, TorqueCheck, TorqueCode
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.model.assembly.kinematics import joints_of
-from thingc.model.assembly.types import JointEdge
+from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.model.statics.efforts import static_efforts
@@ -28,7 +28,8 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     """Measure the torque margin, which is the ratio of effort limit to static effort. Return the smallest margin of the tested drives."""
     robot, frame = case.robot, case.frames[0]
     bodies = body_poses(robot, frame.q, frame.base)
-    joints = {joint.path: joint for joint in joints_of(robot.assembly)}
+    joints: dict[str, JointEdge | LinkedTendon] = {joint.path: joint for joint in joints_of(robot.assembly)}
+    joints |= {tendon.path: tendon for tendon in robot.assembly.tendons}
     held = static_efforts(robot, frame.q, bodies, case.request.memo)
     efforts, margins, choices = held.by_joint, held.margins, held.choices
     least = _weakest(check, margins)
@@ -130,8 +131,8 @@ def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], che
     return least if isfinite(least) else None
 
 
-def _effort(joint: JointEdge, value: float) -> str:
-    return shown(abs(value), TORQUE if joint.twist.turns else FORCE)
+def _effort(drive: JointEdge | LinkedTendon, value: float) -> str:
+    return shown(abs(value), TORQUE if drive.turns else FORCE)
 
 
 MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)
