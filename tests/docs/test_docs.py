@@ -143,8 +143,8 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
 
     checks = [sys.modules[kind.model.__module__] for kind in kinds().values()]
     rooms = (
-        assembly, calibration, drives, link_shapes, materials, modes, names, poses, repeats, sensors, mass, tendons, tests, transmissions, *checks,
-        variants, workspace,
+        assembly, calibration, drives, link_shapes, materials, modes, names, poses, repeats, sensors, mass, tendons, tests, transmissions,
+        *checks, variants, workspace,
     )
     models = {
         name: value for module in rooms

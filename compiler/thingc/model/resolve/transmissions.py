@@ -164,7 +164,8 @@ class _Reader:
             return True
         notes = self.scope.beside("it is used here, too", where, place)
         if where[-1] == "drive" and key[0] == "joint":
-            self.fault(f"{what} has a `drive`, and {self.what} drives it, too", place, f"remove the `drive` of {what}, or {self.what}", notes)
+            help = f"remove the `drive` of {what}, or {self.what}"
+            self.fault(f"{what} has a `drive`, and {self.what} drives it, too", place, help, notes)
         else:
             both = f"twice by {self.what}" if user == self.what else f"by {user} and by {self.what}"
             self.fault(f"{what} is used {both}", place, f"remove {short} from one of the two", notes)
