@@ -37,6 +37,7 @@ ELSEWHERE = {
     "LIBRARY": "tests/resolve/test_components.py",  # a machine without the library
     "MJCF_WARNING": "tests/mjcf/test_mjcf_check.py",  # depends on the version of MuJoCo
     "SAME_FILE": "tests/emit/test_stl.py",  # two part files of one name on one file system
+    "PRINT_SIZE": "tests/workshop/test_plates.py",  # the size depends on the printer in the workspace file
     "STEP_FAILED": "tests/emit/test_step.py",  # a kernel that fails
     "UNSTATED": "tests/cases/test_folders.py",  # a package that is installed
     "UNREADABLE": "tests/cases/test_folders.py",  # files and folders that no repository keeps

@@ -233,6 +233,7 @@ class Code(DiagnosticCode):
     COMPAT = ("TC710", "model that another program rejects", "Change the value, or select other modes with `--mode`.", Stage.COMPAT)
     STEP_FAILED = ("TC752", "the STEP file could not be written", "Change the part that the message shows, or use `--emit` without `step`.")
     UNSTATED = ("TC753", "target with undeclared files", "Ask the author of the package to add the files to `WRITES`.")
+    PRINT_SIZE = ("TC754", "part larger than the print bed", "Set `bed` in `thingc.toml`, or print the part in another direction.")
     SAME_FILE = ("TC751", "two definitions with the same file name", "Rename one of the two part files.")
     # --- TC8xx: folders and files (driver, command line) -----------------------------------------------------------
     COMMAND_LINE = ("TC801", "wrong command line", "Run `thingc COMMAND --help` to list the arguments and options.")

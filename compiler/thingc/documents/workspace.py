@@ -65,6 +65,9 @@ to a third. In a typical robot, most facets belong to such surfaces (holes, scre
 """
 
 
+DEFAULT_BED = (0.25, 0.21, 0.21)
+"""Default size of the print bed [m], with the largest height of a print."""
+
 DEFAULT_MEMORY = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 8_000_000_000
 """Default limit [bytes] of the memory used for building one part: half of the machine's memory."""
 
@@ -80,7 +83,8 @@ class Workspace:
     packages with part modules. `build` is the absolute path of the folder for build outputs. `part_timeout` [s] and `part_memory` [bytes]
     are the limits for building one part. `mesh` is the tessellation for printing and checks, `simulation` the tessellation for simulators.
     `emit` contains the default targets of a build. `mesh_uri` is one of `MESH_URIS`. `about` is the metadata of ROS and USD files.
-    `compat` contains the programs from `CONSUMERS` that must be able to read the MuJoCo models. `origin` is the path of the workspace file,
+    `compat` contains the programs from `CONSUMERS` that must be able to read the MuJoCo models. `bed` is the size of the print bed
+    [m], with the largest height of a print. `origin` is the path of the workspace file,
     or None without a workspace file. `inputs` maps each examined file (an absolute path) to the SHA-256 of its content, or to None if the
     file does not exist.
     """
@@ -97,6 +101,7 @@ class Workspace:
     mesh_uri: str = MESH_URIS[0]
     about: PackageInfo = PackageInfo()
     compat: tuple[str, ...] = ()
+    bed: tuple[float, ...] = DEFAULT_BED
     origin: Span | None = None
     inputs: dict[str, str | None] = field(default_factory=dict, compare=False, repr=False)
 
@@ -275,6 +280,7 @@ class _Settings(FrozenStruct):
     mesh_uri: str
     about: PackageInfo
     compat: tuple[str, ...]
+    bed: tuple[float, ...]
 
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
@@ -282,11 +288,14 @@ class _Settings(FrozenStruct):
 
         For unusual or invalid settings, return None or raise ValueError or TypeError.
         """
-        known = {"thingc", "parts", "packages", "build", "part_timeout", "part_memory", "mesh", "emit", "mesh_uri", "about", "compat"}
+        known = {"thingc", *(name for name in _Settings.__struct_fields__ if name != "simulation")}
         mesh, about = table.get("mesh", {}), table.get("about", {})
         if table["thingc"] != "workspace/1" or not known.issuperset(table.keys() - {"$schema"}):
             return None
         if not isinstance(mesh, dict) or not isinstance(about, dict):
+            return None
+        bed = _plain_texts(table.get("bed", []))
+        if "bed" in table and len(bed) != 3:
             return None
         if not {"linear", "angular", "simulation"}.issuperset(mesh) or not KEYS.issuperset(about):
             return None
@@ -308,6 +317,7 @@ class _Settings(FrozenStruct):
             mesh_uri=mesh_uri,
             about=PackageInfo.of(about),
             compat=compat,
+            bed=tuple(_plain_value({"bed": text}, "bed", LENGTH, 0.0) for text in bed) or DEFAULT_BED,
         )
 
 
@@ -363,7 +373,8 @@ def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[s
     return Workspace(
         root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
         part_timeout=settings.part_timeout, part_memory=settings.part_memory, mesh=settings.mesh, simulation=settings.simulation,
-        emit=settings.emit, mesh_uri=settings.mesh_uri, about=settings.about, compat=settings.compat, origin=span, inputs=inputs,
+        emit=settings.emit, mesh_uri=settings.mesh_uri, about=settings.about, compat=settings.compat, bed=settings.bed, origin=span,
+        inputs=inputs,
     )
 
 
@@ -452,6 +463,7 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
         mesh_uri=spec.mesh_uri,
         about=PackageInfo.of(spec.about.model_dump(exclude_none=True) if spec.about is not None else {}),
         compat=tuple(spec.compat),
+        bed=DEFAULT_BED if spec.bed is None else tuple(value(said, ("bed", k), DEFAULT_BED[k]) for k, said in enumerate(spec.bed)),
     )
 
 

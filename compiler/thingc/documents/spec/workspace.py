@@ -101,4 +101,8 @@ class WorkspaceSpec(Model):
     """Time limit for building one part; default: 120 s."""
     part_memory: MemoryField | None = Field(default=None, examples=["4 GB"])
     """Memory limit for building one part; default: half of the machine's memory."""
+    bed: Annotated[list[LengthField], Field(min_length=3, max_length=3)] | None = Field(
+        default=None, examples=[["250 mm", "210 mm", "210 mm"]],
+    )
+    """Size of the print bed of `--emit 3mf`, and the largest height of a print; default: 250 mm, 210 mm, 210 mm."""
     mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])

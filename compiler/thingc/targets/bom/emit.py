@@ -56,7 +56,8 @@ COLUMNS = BomRow.__struct_fields__
 def make_of(occurrence: Occurrence) -> str:
     """Return how an occurrence is made: `buy`, `print` or `machine`.
 
-    A part of a nested assembly that is listed as one part is made as the assembly is, which is bought unless the document says otherwise.
+    A part of a nested assembly that is listed as one part has the value of the assembly, which is `buy` by default.
+
     The value comes from the document, or else from the Thing. If neither specifies a value, it is derived from the manufacturing process.
 
     In this case, an occurrence without geometry (a frame with a mass, such as a circuit board) counts as bought, because it cannot be
@@ -150,7 +151,7 @@ class _Piece:
         if self.first.unit is not None:
             return self.definition.label
         mirror = self.definition.mirror
-        return _plain_name(self.first) + (f" (mirror={mirror})" if mirror is not None else "")
+        return plain_name(self.first) + (f" (mirror={mirror})" if mirror is not None else "")
 
     @property
     def key(self) -> tuple[object, ...]:
@@ -199,7 +200,8 @@ def emit(request: EmitRequest) -> Artifacts:
     return Artifacts(files={"bom.csv": csv_text(rows).encode(), "bom.json": json_text(rows)})
 
 
-def _plain_name(occurrence: Occurrence) -> str:
+def plain_name(occurrence: Occurrence) -> str:
+    """Return the name of the Thing, or else of its class, of its file without suffix, or of the component."""
     if occurrence.record is not None and occurrence.record.bom.get("name"):
         return occurrence.record.bom["name"]
     definition = occurrence.definition

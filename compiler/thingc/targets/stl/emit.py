@@ -33,24 +33,24 @@ def emit(request: EmitRequest) -> Artifacts:
             continue
         path = f"stl/{definition.stem}.stl"
         owner = owners.setdefault(path.casefold(), occurrence)
-        up = _up(occurrence)
+        up = direction_up(occurrence)
         if owner.definition != occurrence.definition:
             report_same_file(occurrence, owner, path, request.report)
             continue
         if owner is not occurrence:
-            if up != _up(owner):
+            if up != direction_up(owner):
                 what = f"`{occurrence.definition.label}` is printed in two orientations; `{path}` uses the orientation of `{owner.path}`"
                 losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "omitted"))
             continue
         own = StoredArtifact(sha256=mesh.sha256, size=mesh.size)
-        files[path] = own if up == UPRIGHT else _turned(request.store.read(mesh.sha256), up)
+        files[path] = own if up == UPRIGHT else turned(request.store.read(mesh.sha256), up)
         if not mesh.closed:
             what = f"the surface of `{occurrence.definition.label}` is not closed, so it has no volume to print"
             losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "approximated"))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
 
 
-def _up(occurrence: Occurrence) -> Vector:
+def direction_up(occurrence: Occurrence) -> Vector:
     """Return the direction away from the print bed, in the frame of the part.
 
     A direction in the document takes precedence over the direction of the Thing, which takes precedence over the default.
@@ -59,8 +59,10 @@ def _up(occurrence: Occurrence) -> Vector:
     return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
 
 
-def _turned(stl: bytes, up: Vector) -> bytes:
+def turned(stl: bytes, up: Vector) -> bytes:
     """Rotate a binary STL file about the origin of the part, by the smallest angle after which `up` points along z."""
+    if up == UPRIGHT:
+        return stl
     import numpy as np
 
     x, y, z = up

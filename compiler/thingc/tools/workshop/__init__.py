@@ -1,0 +1,21 @@
+"""Targets for the workshop, which are registered in the entry points of `thingc`, in the same way as targets of other packages.
+
+This module is imported by every build, so other modules are imported when a target is written.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from thingc.targets import Artifacts, EmitRequest
+
+WRITES = ("3mf/*.3mf",)
+UNASKED = False
+
+
+def emit_3mf(request: EmitRequest) -> Artifacts:
+    """Write the print plates."""
+    from thingc.tools.workshop.plates import emit
+
+    return emit(request)

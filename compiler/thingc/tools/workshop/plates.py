@@ -1,0 +1,246 @@
+"""Write `3mf/NAME_plate_1.3mf` and so on: all printed parts in print orientation, arranged on the bed of the printer, in millimetres.
+
+Equal parts are one object with several instances. The files contain the settings of the process of each part, as PrusaSlicer reads them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from itertools import chain
+from xml.etree.ElementTree import Element, SubElement, tostring
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+import numpy as np
+import rpack
+from numpy.typing import NDArray
+
+from thingc.base.diagnostics import Code
+from thingc.geometry.record import PartDefinition
+from thingc.model.assembly.print_settings import process_of
+from thingc.model.assembly.types import Occurrence
+from thingc.model.resolve.types import Process
+from thingc.targets import Artifacts, EmitRequest, Loss
+from thingc.targets.bom.emit import make_of, plain_name
+from thingc.targets.stl.emit import direction_up, turned
+
+GAP = 5.0
+"""Distance between parts on a plate, and twice the distance between the parts and the edge of the bed [mm]."""
+
+STEPS = 10
+"""The grid on which parts are arranged: steps per millimetre."""
+
+GREY = "#c0c0c0"
+"""The colour of parts without a colour."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Print:
+    """Equal prints: their mesh in print orientation, with the lowest corner of its bounding box at the origin [mm].
+
+    `faces` contains indices of `vertices`. `first` is the first of the `count` occurrences. If `sideways` is True, the part only fits on
+    the bed after a rotation by 90 degrees about z.
+    """
+
+    first: Occurrence
+    count: int
+    name: str
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    sideways: bool
+
+    @property
+    def footprint(self) -> tuple[int, int]:
+        """The size on the bed with half a gap on each side, in steps of the grid."""
+        x, y, _ = np.ceil((self.vertices.max(axis=0) + GAP) * STEPS)
+        return (int(y), int(x)) if self.sideways else (int(x), int(y))
+
+
+Plate = list[tuple[Print, tuple[int, int]]]
+"""The prints on a plate, with the positions of their lower left corners in steps of the grid."""
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """Write a file for each plate.
+
+    A part that does not fit on the bed is an error. Parts with a mesh that is not closed are written, with an export loss.
+    """
+    prints, losses = _prints(request)
+    name = request.assembly.name
+    plates = arranged(prints, request.workspace.bed)
+    return Artifacts(
+        files={f"3mf/{name}_plate_{number}.3mf": written(plate) for number, plate in enumerate(plates, 1)},
+        losses=tuple(losses),
+    )
+
+
+def _prints(request: EmitRequest) -> tuple[list[Print], list[Loss]]:
+    alike: dict[tuple[object, ...], list[Occurrence]] = {}
+    for one in request.assembly.occurrences:
+        mesh = one.record.meshes.get("print") if one.record is not None else None
+        if isinstance(one.component.definition, PartDefinition) and mesh is not None and make_of(one) == "print":
+            settings = tuple(sorted(settings_of(one).items()))
+            alike.setdefault((one.definition, direction_up(one), _material(one), settings), []).append(one)
+    firsts = [group[0] for group in alike.values()]
+    names = [plain_name(one) for one in firsts]
+    prints, losses = [], []
+    for group, name in zip(alike.values(), names, strict=True):
+        first = group[0]
+        assert isinstance(first.component.definition, PartDefinition) and first.record is not None
+        mesh = first.record.meshes["print"]
+        if not mesh.closed:
+            what = f"the surface of `{first.definition.label}` is not closed, so it has no volume to print"
+            losses.append(Loss.of(first.origin, "3mf", None, first.path, what, "approximated"))
+        vertices, faces = _indexed(turned(request.store.read(mesh.sha256), direction_up(first)))
+        label = name if names.count(name) == 1 else first.component.definition.stem
+        sideways = _fits(vertices, label, first, request)
+        if sideways is not None:
+            prints.append(Print(
+                first=first, count=len(group), name=f"{label}_x{len(group)}" if len(group) > 1 else label, vertices=vertices, faces=faces,
+                sideways=sideways,
+            ))
+    return prints, losses
+
+
+def _fits(vertices: NDArray[np.float64], label: str, first: Occurrence, request: EmitRequest) -> bool | None:
+    """Return whether a part has to be rotated to fit on the bed. If it does not fit, report an error and return None."""
+    x, y, z = vertices.max(axis=0) + (GAP, GAP, 0.0)
+    bed_x, bed_y, bed_z = (1e3 * length for length in request.workspace.bed)
+    if z <= bed_z and x <= bed_x and y <= bed_y:
+        return False
+    if z <= bed_z and y <= bed_x and x <= bed_y:
+        return True
+    request.report.add(
+        Code.PRINT_SIZE,
+        f"`{label}` does not fit on the print bed: expected at most {bed_x - GAP:.6g} x {bed_y - GAP:.6g} x {bed_z:.6g} mm, "
+        f"found {x - GAP:.6g} x {y - GAP:.6g} x {z:.6g} mm", first.origin, path=first.path,
+        help="set `bed` in `thingc.toml` to the size of the printer, or print the part in another direction: `print: {up: ...}`",
+    )
+    return None
+
+
+def _indexed(stl: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Merge equal corners of a binary STL file, and move its bounding box to the origin [mm]."""
+    facets = np.frombuffer(stl, dtype=[("vectors", "<f4", (4, 3)), ("attribute", "<u2")], offset=84)["vectors"][:, 1:].reshape(-1, 3)
+    vertices, corners = np.unique(facets + np.float32(0.0), axis=0, return_inverse=True)
+    return vertices.astype(float) - vertices.min(axis=0), corners.reshape(-1, 3)
+
+
+def arranged(prints: Sequence[Print], bed: Sequence[float]) -> list[Plate]:
+    """Arrange prints on as few plates as possible, the deepest first. Each print must fit on the bed, whose size is in [m]."""
+    waiting = sorted(chain.from_iterable([one] * one.count for one in prints), key=lambda one: (-one.footprint[1], -one.footprint[0]))
+    width, depth = int(1e3 * bed[0] * STEPS), int(1e3 * bed[1] * STEPS)
+    plates: list[Plate] = []
+    while waiting:
+        low, high = 1, len(waiting)
+        while low < high:  # the largest number of prints that fit on one plate
+            middle = (low + high + 1) // 2
+            low, high = (middle, high) if _packed(waiting[:middle], width, depth) is not None else (low, middle - 1)
+        plates.append(_packed(waiting[:low], width, depth) or [])
+        del waiting[:low]
+    return plates
+
+
+def _packed(prints: Sequence[Print], width: int, depth: int) -> Plate | None:
+    """Place prints on a bed, centred. Return None if they do not fit."""
+    sizes = [one.footprint for one in prints]
+    try:
+        corners = rpack.pack(sizes, max_width=width, max_height=depth)
+    except rpack.PackingImpossibleError:
+        return None
+    used = [max(corner[k] + size[k] for corner, size in zip(corners, sizes, strict=True)) for k in (0, 1)]
+    left, front = (width - used[0]) // 2, (depth - used[1]) // 2
+    return [(one, (x + left, y + front)) for one, (x, y) in zip(prints, corners, strict=True)]
+
+
+def written(plate: Plate) -> bytes:
+    """Return the content of the 3MF file of a plate.
+
+    PrusaSlicer only reads instances and settings from files that state its version of the format. lib3mf cannot write this metadata with
+    the prefix that PrusaSlicer expects.
+    """
+    model = Element("model", {"xmlns": _CORE, "xmlns:slic3rpe": _PRUSA, "unit": "millimeter"})
+    SubElement(model, "metadata", name="slic3rpe:Version3mf").text = "1"
+    resources, build, config = SubElement(model, "resources"), SubElement(model, "build"), Element("config")
+    materials = SubElement(resources, "basematerials", id="1")
+    known = list(dict.fromkeys(_material(one.first) for one, _ in plate))
+    for name, color in known:
+        SubElement(materials, "base", name=name, displaycolor=color)
+    numbers: dict[str, str] = {}
+    for one, place in plate:
+        if one.name not in numbers:
+            number = numbers[one.name] = str(len(numbers) + 2)
+            colour = str(known.index(_material(one.first)))
+            _add_mesh(SubElement(resources, "object", id=number, name=one.name, type="model", pid="1", pindex=colour), one)
+            _add_settings(config, number, one, sum(other is one for other, _ in plate))
+        SubElement(build, "item", objectid=numbers[one.name], transform=_transform(one, place))
+    stream = BytesIO()
+    with ZipFile(stream, "w") as archive:
+        for path, content in (("[Content_Types].xml", _TYPES), ("_rels/.rels", _RELATIONSHIPS)):
+            archive.writestr(ZipInfo(path), content, ZIP_DEFLATED)
+        for path, element in (("3D/3dmodel.model", model), ("Metadata/Slic3r_PE_model.config", config)):
+            archive.writestr(ZipInfo(path), tostring(element, "utf-8", xml_declaration=True), ZIP_DEFLATED)
+    return stream.getvalue()
+
+
+_CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+_PRUSA = "http://schemas.slic3r.org/3mf/2017/06"
+_PACKAGE = "http://schemas.openxmlformats.org/package/2006"
+_TYPES = f"""\
+<?xml version="1.0" encoding="UTF-8"?>
+<Types xmlns="{_PACKAGE}/content-types">
+ <Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
+ <Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>
+ <Default Extension="config" ContentType="text/xml"/>
+</Types>
+"""
+_RELATIONSHIPS = f"""\
+<?xml version="1.0" encoding="UTF-8"?>
+<Relationships xmlns="{_PACKAGE}/relationships">
+ <Relationship Target="/3D/3dmodel.model" Id="model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
+</Relationships>
+"""
+
+
+def _add_mesh(made: Element, one: Print) -> None:
+    mesh = SubElement(made, "mesh")
+    vertices, triangles = SubElement(mesh, "vertices"), SubElement(mesh, "triangles")
+    for x, y, z in one.vertices.round(6).tolist():
+        SubElement(vertices, "vertex", x=repr(x), y=repr(y), z=repr(z))
+    for first, second, third in one.faces.tolist():
+        SubElement(triangles, "triangle", v1=str(first), v2=str(second), v3=str(third))
+
+
+def _transform(one: Print, place: tuple[int, int]) -> str:
+    """Format the transform of a print to its place on the bed, as the rows of a matrix for multiplication from the left [mm]."""
+    x, y = (corner / STEPS + GAP / 2.0 for corner in place)
+    rotation = "0 1 0 -1 0 0 0 0 1" if one.sideways else "1 0 0 0 1 0 0 0 1"
+    return f"{rotation} {x + (one.vertices[:, 1].max() if one.sideways else 0.0):.6g} {y:.6g} 0"
+
+
+def _material(occurrence: Occurrence) -> tuple[str, str]:
+    """Return the name and the colour of the material of a part."""
+    return occurrence.material.name if occurrence.material is not None else "unknown", occurrence.color or GREY
+
+
+def settings_of(occurrence: Occurrence) -> dict[str, str]:
+    """Return the settings of the process of a part, as PrusaSlicer names and writes them. Settings that are not specified are omitted."""
+    process = process_of(occurrence.component, occurrence.material) or Process()
+    lengths = {"layer_height": process.layer, "extrusion_width": process.line_width}
+    counts = {"perimeters": process.walls, "top_solid_layers": process.top, "bottom_solid_layers": process.bottom}
+    return {
+        **{key: f"{1e3 * value:.6g}" for key, value in lengths.items() if value is not None},
+        **{key: str(value) for key, value in counts.items() if value is not None},
+        **({} if process.infill is None else {"fill_density": f"{100 * process.infill:.6g}%"}),
+    }
+
+
+def _add_settings(config: Element, number: str, one: Print, instances: int) -> None:
+    """Add the settings of an object in the format of PrusaSlicer, with its only volume, which contains all faces."""
+    made = SubElement(config, "object", id=number, instances_count=str(instances))
+    for key, value in {"name": one.name, **settings_of(one.first)}.items():
+        SubElement(made, "metadata", type="object", key=key, value=value)
+    volume = SubElement(made, "volume", firstid="0", lastid=str(len(one.faces) - 1))
+    for key, value in {"name": one.name, "volume_type": "ModelPart"}.items():
+        SubElement(volume, "metadata", type="volume", key=key, value=value)
