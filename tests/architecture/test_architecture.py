@@ -40,10 +40,10 @@ KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
 KERNEL_MODULES = ("geometry/things/", "geometry/worker/server.py", "geometry/worker/file_reads.py", "geometry/worker/kernel/")
 # What each folder of `geometry`, and each module of plain data there, may import of it. The rest is the service: it sees them all.
 GEOMETRY: dict[str, set[str]] = {
-    "print_slices": set(), "record": {"print_slices"}, "record_json": {"record", "print_slices"},
+    "print_slices": set(), "features": set(), "record": {"print_slices"}, "record_json": {"record", "print_slices"},
     "store": {"record", "print_slices"},
     "key": {"record", "record_json", "store"},
-    "worker": {"things", "mesh_bounds", "record", "record_json", "print_slices", "store", "key"},
+    "worker": {"things", "mesh_bounds", "features", "record", "record_json", "print_slices", "store", "key"},
     "lock": {"record", "record_json", "print_slices", "store", "key", "part_source", "build_reasons", "service"},
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}

@@ -331,7 +331,7 @@ class EndingWorkers(Workers):
 def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
     """Start a new worker process, send one request to it, and return its answer.
 
-    The answer has the same form as in `Workers.run`. `flags` contains command-line options of the worker, such as `--assemble`.
+    The answer has the same form as in `Workers.run`. `flags` contains command-line options of the worker, such as `--once`.
     """
     try:
         process = _server(flags)

@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
+from thingc.geometry.features import Features
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
@@ -447,18 +448,38 @@ class GeometryService:
         if kept is not None and self.store.has(kept["sha256"], kept["size"]):
             return convert(kept, StoredFile)
         request = {"op": "assemble", "name": name, "instances": listed, "store": self.store.root, "timeout": self.timeout}
-        if self._workers is not None and self._workers.running:
-            (_, answer), *_ = list(self._run([request]))
-        else:
-            from thingc.geometry.client import once
-
-            self.store.check()
-            answer = once(["--assemble"], request)
+        answer = self._answer(request)
         if "answer" not in answer:
             raise AssemblyFailed(name, answer.get("words") or answer["failed"], answer.get("detail", ""))
         made = answer["answer"]
         self.store.put_json("step", key, made)
         return convert(made, StoredFile)
+
+    def features(self, breps: Collection[str]) -> dict[str, Features]:
+        """Return the cylinders and planar faces of B-reps in the store by their digests.
+
+        Raises `AssemblyFailed` if the kernel cannot read a B-rep.
+        """
+        found = {brep: kept for brep in sorted(breps) if (kept := self.store.get_json("features", brep)) is not None}
+        missing = [brep for brep in sorted(breps) if brep not in found]
+        if missing:
+            answer = self._answer({"op": "features", "breps": missing, "store": self.store.root, "timeout": self.timeout})
+            if "answer" not in answer:
+                raise AssemblyFailed("features", answer.get("words") or answer["failed"], answer.get("detail", ""))
+            for brep, made in answer["answer"]["features"].items():
+                self.store.put_json("features", brep, made)
+                found[brep] = made
+        return {brep: convert(made, Features) for brep, made in found.items()}
+
+    def _answer(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Send a request that only requires OCP to a running worker. If no worker is running, start a process for the request."""
+        if self._workers is not None and self._workers.running:
+            (_, answer), *_ = list(self._run([request]))
+            return answer  # type: ignore[no-any-return]
+        from thingc.geometry.client import once
+
+        self.store.check()
+        return once(["--once"], request)
 
     # --- workers -----------------------------------------------------------------------------------
 

@@ -2,8 +2,8 @@
 
 Requests and answers are lines of JSON on standard input and output. The server imports build123d once and forks a child for each request.
 When its input ends, the server ends all its children and exits immediately. With `--inline`, requests run in the server process itself.
-This option is used on systems without fork, with one worker per core. With `--assemble`, the server reads one request to write a STEP file.
-Writing a STEP file only requires OCP.
+This option is used on systems without fork, with one worker per core. With `--once`, the server reads one request to write or read a STEP
+file, or to find features of shapes. These requests only require OCP.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def main(arguments: list[str]) -> None:
     scratch = Scratch()
     settle(scratch.folder)
     try:
-        if "--assemble" in arguments:
+        if "--once" in arguments:
             _answer(answers, _safely(json.loads(sys.stdin.buffer.readline())))
         elif not _load(answers):
             return
@@ -190,7 +190,7 @@ def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
 
 
 def perform(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Run a request of the kind `describe`, `model`, `decompose`, `slice` or `assemble`, and return its answer.
+    """Run a request of the kind `describe`, `model`, `decompose`, `slice`, `assemble`, `read_step` or `features`, and return its answer.
 
     If the request has its own folder (`scratch`), files for the store are written there. Raises `StoreUnusable` if the store is not
     writable.
@@ -203,6 +203,14 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         from thingc.geometry.worker.kernel.step_assembly import assemble
 
         return assemble(request["name"], request["instances"], store)
+    if operation == "read_step":
+        from thingc.geometry.worker.kernel.step_reader import read_step_assembly
+
+        return read_step_assembly(request["path"], store)
+    if operation == "features":
+        from thingc.geometry.worker.kernel.feature_search import features_in_store
+
+        return {"features": features_in_store(request["breps"], store)}
     from thingc.geometry.worker.part_session import RequestContext
 
     if operation == "decompose":

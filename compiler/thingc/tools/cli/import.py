@@ -1,4 +1,4 @@
-"""Implementation of `thingc import`, which converts a robot from another format, such as URDF, to a workspace."""
+"""Implementation of `thingc import`, which converts a robot from another format, such as URDF, or a STEP assembly to a workspace."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import argparse
 import os
 import shlex
 import sys
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Diagnostic, Report, Severity, shown_path
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.base.one_line_repr import counted
 from thingc.base.replacement import provisional
 from thingc.base.safe_text import quoted
@@ -22,6 +23,9 @@ from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.three_way_merge import NOTHING
 from thingc.tools.importing.update_import import PreviousImport, Update, earlier_import, update
 
+if TYPE_CHECKING:
+    from thingc.tools.importing.step import ImportedAssembly
+
 MOST_SAID = 20
 """Maximum number of changes to print. `git diff` shows all changes."""
 EPILOG = """\
@@ -32,6 +36,7 @@ Writes a document that you can edit, and `import.json`. This file lists the name
   thingc import robot.urdf --repair inertia=nearest
   thingc import robot.urdf --root left_sole      add a mode with this link as root
   thingc import robot.urdf --update              import again: merge changes of the file, preserve your edits
+  thingc import robot.step -o robot              a document for each assembly, and a STEP file for each part
 """
 
 
@@ -39,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc import` to the parser."""
     parser.epilog = EPILOG
     add = parser.add_argument
-    add("file", metavar="FILE", help="the robot: .urdf, .xacro, .sdf or .xml (MJCF)")
+    add("file", metavar="FILE", help="the robot: .urdf, .xacro, .sdf or .xml (MJCF), or an assembly: .step or .stp")
     add("-o", "--output", metavar="DIR", help="output folder (default: the name of the robot)")
     robot_files.configure(parser)
     add("--check", action="store_true", help="write nothing; list imported elements, repairs and losses")
@@ -52,6 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
     line.
     """
     report = Report()
+    if arguments.file.lower().endswith((".step", ".stp")):
+        return _import_step(arguments, report)
     request = replace(
         robot_files.import_request(arguments), roots=arguments.root, update=arguments.update,
         earlier=lambda name: earlier_import(arguments.output or name),
@@ -71,6 +78,39 @@ def run(arguments: argparse.Namespace) -> int:
         except OutputError as fault:
             fault.diagnose(report)
     return console.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
+
+
+def _import_step(arguments: argparse.Namespace, report: Report) -> int:
+    """Import a STEP assembly, and return the exit code."""
+    from thingc.driver.environment import store_of
+    from thingc.tools.importing.step import import_step
+
+    options = ("package", "arg", "repair", "mesh_root", "no_meshes", "root", "update")
+    used = ["--" + name.replace("_", "-") for name in options if getattr(arguments, name)]
+    if used:
+        report.add(Code.COMMAND_LINE, f"{used[0]} cannot be used with a STEP file", None, help=f"remove {used[0]}")
+    imported = None if used else import_step(arguments.file, store_of(Options()), report)
+    if imported is not None:
+        try:
+            folder = "" if arguments.check else write_new(arguments.output or imported.name, imported.files)
+            console.say(*_assembly_lines(arguments, imported, folder))
+        except OutputError as fault:
+            fault.diagnose(report)
+    return console.print_text(report.ordered(), stream=sys.stderr, debug=False)
+
+
+def _assembly_lines(arguments: argparse.Namespace, imported: ImportedAssembly, folder: str) -> list[str]:
+    """Describe an imported STEP assembly, and suggest commands that the user can run next."""
+    assembly, here = imported.assembly, shown_path(folder)
+    things = [(len(assembly.assemblies), "document"), (imported.components, "component"), (len(assembly.parts), "part")]
+    words = [counted(number, what) for number, what in things]
+    source = os.path.basename(arguments.file)
+    said = [f"{'would import' if arguments.check else here + ':'} {', '.join(words[:-1])} and {words[-1]} of {source}"]
+    said += [f"  {note}" for note in _some([*imported.notes])]
+    document = shlex.quote(os.path.join(here, imported.document))
+    return said if arguments.check else [
+        *said, "", f"  thingc check {document}    report errors and warnings", f"  thingc joints {document}   propose joints",
+    ]
 
 
 def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:

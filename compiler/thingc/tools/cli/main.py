@@ -14,7 +14,7 @@ from thingc.tools.cli.signals import INTERRUPTED, has_come
 
 COMMANDS = {
     "new": "create a workspace with a robot that builds",
-    "import": "convert a robot of another format (URDF, xacro, MJCF, SDF) to a document, and list all losses",
+    "import": "convert a robot of another format (URDF, xacro, MJCF, SDF) or a STEP assembly to a document, and list all losses",
     "build": "write simulation models and manufacturing files of a robot",
     "watch": "build a robot after every save, with the CAD kernel loaded",
     "view": "show a robot in the browser and update it after every save",
@@ -22,6 +22,7 @@ COMMANDS = {
     "check": "report all errors and warnings of documents, and write nothing",
     "add": "add a part, assembly, mode, joint or test to a document; preserves comments and layout",
     "set": "set values in a document by their paths; preserves comments and layout",
+    "joints": "propose joints between parts that touch, and write accepted joints into the document",
     "rezero": "move the zeros of joints or reverse joints, without changing the geometry; preserves comments and layout",
     "rename": "rename an element in all documents that use it, and in the Python code of parts",
     "fmt": "format documents; preserves comments",

@@ -36,7 +36,7 @@ from thingc.geometry.record_json import record_to_json, to_json
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.worker.kernel import convert, meshing
 from thingc.geometry.worker.kernel.bounding_primitives import fit_all
-from thingc.geometry.worker.kernel.integrals import Measures, bodies_of, explored, measure, solids_of
+from thingc.geometry.worker.kernel.integrals import Measures, at_origin, bodies_of, compound_of, explored, measure, solids_of
 from thingc.geometry.worker.kernel.mesh_files import SUFFIXES, BadPartFile
 from thingc.geometry.worker.kernel.mirroring import SolidMirror
 from thingc.geometry.worker.kernel.part_files import hexadecimal, kernel_shape, named, read_part, unusable
@@ -400,31 +400,10 @@ def solid_part(made: BuiltPart) -> TopoDS_Shape:
     The result has no location of its own, because the kernel would write an additional assembly for each part with a location to a STEP
     file.
     """
-    from OCP.BRep import BRep_Builder
-    from OCP.TopoDS import TopoDS_Compound
-
-    solids = [_at_origin(solid) for shape in made.shapes for solid in solids_of(shape)]
+    solids = [at_origin(solid) for shape in made.shapes for solid in solids_of(shape)]
     if not solids:
         raise NoPart("empty", f"{'it' if made.file else 'result()'} contains no solid, {_instead(made.shapes)}")
-    if len(solids) == 1:
-        return solids[0]
-    builder = BRep_Builder()
-    compound = TopoDS_Compound()
-    builder.MakeCompound(compound)
-    for solid in solids:
-        builder.Add(compound, solid)
-    return compound
-
-
-def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
-    """Apply the location of a solid to the coordinates of its geometry. The returned solid has no location of its own."""
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-    from OCP.TopLoc import TopLoc_Location
-
-    location = solid.Location()
-    if location.IsIdentity():
-        return solid
-    return BRepBuilderAPI_Transform(solid.Located(TopLoc_Location()), location.Transformation(), True).Shape()
+    return compound_of(solids)
 
 
 def _instead(shapes: Sequence[TopoDS_Shape]) -> str:

@@ -6,8 +6,10 @@ import math
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Builder
 from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Sinert, BRepGProp_Vinert
 from OCP.GeomAbs import (
@@ -24,7 +26,8 @@ from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Compound
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Matrix, Vector
@@ -70,6 +73,26 @@ def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
 def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
     """Return the solids that a shape contains, in the order of the shape."""
     return list(explored(shape, TopAbs_SOLID))
+
+
+def at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
+    """Apply the location of a solid to the coordinates of its geometry. The returned solid has no location of its own."""
+    location = solid.Location()
+    if location.IsIdentity():
+        return solid
+    return BRepBuilderAPI_Transform(solid.Located(TopLoc_Location()), location.Transformation(), True).Shape()
+
+
+def compound_of(solids: Sequence[TopoDS_Shape]) -> TopoDS_Shape:
+    """Return a compound of several solids. A single solid is returned unchanged."""
+    if len(solids) == 1:
+        return solids[0]
+    builder = BRep_Builder()
+    compound = TopoDS_Compound()
+    builder.MakeCompound(compound)
+    for solid in solids:
+        builder.Add(compound, solid)
+    return compound
 
 
 TOUCHING = 1e-6

@@ -29,17 +29,51 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
     Return the digest and the size of the file in the store, as `{"sha256", "size"}`. Raises `BlobMissing` if a B-rep is missing in the
     store.
     """
-    from OCP.Interface import Interface_Static
-    from OCP.STEPCAFControl import STEPCAFControl_Writer
-    from OCP.STEPControl import STEPControl_AsIs
+    document = new_document()
+    _fill(document, name, instances, store)
+    data = _written(document, name)
+    return {"sha256": store.put(data), "size": len(data)}
+
+
+def write_part(name: str, shape: Any, color: str | None) -> bytes:
+    """Write the STEP file (AP242, mm) of one part with a name and a colour, and return its content."""
+    from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
+    from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
+
+    from thingc.geometry.worker.kernel.integrals import explored
+
+    document = new_document()
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    label = shapes.AddShape(shape, False)
+    _name(label, name.replace("'", ""))
+    if color is not None:
+        # readers find the colour of a single solid, and otherwise the colours of faces
+        colored = [label] if shape.ShapeType() == TopAbs_SOLID else [shapes.AddSubShape(label, one) for one in explored(shape, TopAbs_FACE)]
+        for one in colored:
+            XCAFDoc_DocumentTool.ColorTool_s(document.Main()).SetColor(one, _color(color), XCAFDoc_ColorType.XCAFDoc_ColorSurf)
+    return _written(document, name)
+
+
+def new_document() -> Any:
+    """Create a document of the kernel, and disable the output that the kernel writes to standard output."""
+    from OCP.Message import Message, Message_Gravity
     from OCP.TCollection import TCollection_ExtendedString
     from OCP.TDocStd import TDocStd_Document
     from OCP.XCAFApp import XCAFApp_Application
 
+    for printer in list(Message.DefaultMessenger_s().Printers()):
+        printer.SetTraceLevel(Message_Gravity.Message_Fail)
     document = TDocStd_Document(TCollection_ExtendedString("thingc"))
     XCAFApp_Application.GetApplication_s().NewDocument(TCollection_ExtendedString("BinXCAF"), document)
-    _fill(document, name, instances, store)
-    _silence()
+    return document
+
+
+def _written(document: Any, name: str) -> bytes:
+    """Write a document of the kernel as a STEP file (AP242, mm), and return its content."""
+    from OCP.Interface import Interface_Static
+    from OCP.STEPCAFControl import STEPCAFControl_Writer
+    from OCP.STEPControl import STEPControl_AsIs
+
     writer = STEPCAFControl_Writer()
     writer.SetNameMode(True)
     writer.SetColorMode(True)
@@ -53,16 +87,7 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
         writer.Write(path)
         with open(path, "rb") as stream:
             data = stream.read()
-    data = settled(without_noise(_neutral(data, name)))
-    return {"sha256": store.put(data), "size": len(data)}
-
-
-def _silence() -> None:
-    """Disable the output that the CAD kernel writes to standard output."""
-    from OCP.Message import Message, Message_Gravity
-
-    for printer in list(Message.DefaultMessenger_s().Printers()):
-        printer.SetTraceLevel(Message_Gravity.Message_Fail)
+    return settled(without_noise(_neutral(data, name)))
 
 
 def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Store) -> None:
@@ -93,12 +118,12 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
     for instance in instances:
         brep, color = instance["brep"], _color(instance["color"])
         if brep not in compounds:
-            compounds[brep] = _load_shape(store, brep).ShapeType() == TopAbs_COMPOUND
+            compounds[brep] = load_shape(store, brep).ShapeType() == TopAbs_COMPOUND
         several = compounds[brep]
         # STEP assigns styles to solids, not to compounds: for several solids, the colour belongs to the definition
         shared = f"{instance['definition']} {brep} {instance['color'] if several else ''}"
         if shared not in definitions:
-            shape = _load_shape(store, brep)
+            shape = load_shape(store, brep)
             label = shapes.AddShape(shape, False)
             _name(label, instance["definition"])
             definitions[shared] = label
@@ -132,7 +157,8 @@ def _name(label: Any, text: str) -> None:
     TDataStd_Name.Set_s(label, TCollection_ExtendedString(text, True))  # True: the text is UTF-8
 
 
-def _load_shape(store: Store, sha256: str) -> Any:
+def load_shape(store: Store, sha256: str) -> Any:
+    """Read a B-rep from the store."""
     from OCP.BinTools import BinTools
     from OCP.TopoDS import TopoDS_Shape
 

@@ -1,0 +1,83 @@
+"""The features of a B-rep by which parts touch: cylinders and planar faces, in the part's frame and in SI units."""
+
+from __future__ import annotations
+
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.pose import Pose, Vector
+
+
+class Cylinder(FrozenStruct):
+    """A cylindrical surface of a part, which may consist of several faces.
+
+    `point` is the point of the axis that is closest to the origin, and `axis` a unit vector. The surface extends from `lower` to `upper`
+    [m] along the axis, relative to `point`. `sweep` [rad] is the angle that the surface covers on average. A `hollow` cylinder is the wall
+    of a hole. `through` is True for a hole that is open at both ends.
+    """
+
+    point: Vector
+    axis: Vector
+    radius: float
+    lower: float
+    upper: float
+    sweep: float
+    hollow: bool
+    through: bool
+
+
+class PlanarFace(FrozenStruct):
+    """A planar face of a part: its outward `normal`, its centre, its area [m^2], and its boundary as polygons."""
+
+    normal: Vector
+    centre: Vector
+    area: float
+    loops: tuple[tuple[Vector, ...], ...]
+
+
+class Features(FrozenStruct):
+    """The cylinders and planar faces of a part, in a deterministic order."""
+
+    cylinders: tuple[Cylinder, ...] = ()
+    planes: tuple[PlanarFace, ...] = ()
+
+
+class StepPart(FrozenStruct):
+    """A part of a STEP assembly. `sha256` is the digest of its own STEP file in the store.
+
+    `colors` contains the colours of the part (`#rrggbb`), the colour of the largest area first. `density` is in [kg/m^3].
+    """
+
+    name: str
+    sha256: str
+    colors: tuple[str, ...]
+    material: str | None
+    density: float | None
+    features: Features
+
+
+class StepChild(FrozenStruct):
+    """A part or a nested assembly in an assembly: its name, its pose in the assembly, and its index in `parts` or `assemblies`."""
+
+    name: str
+    pose: Pose
+    part: int | None = None
+    assembly: int | None = None
+
+
+class StepGroup(FrozenStruct):
+    """An assembly, and its parts and nested assemblies."""
+
+    name: str
+    children: tuple[StepChild, ...]
+
+
+class StepAssembly(FrozenStruct):
+    """The content of a STEP file. `root` is the index of the outermost assembly. `left_out` lists shapes without solids by name.
+
+    `merged` maps the names of parts to the names of equal parts that replace them.
+    """
+
+    parts: tuple[StepPart, ...]
+    assemblies: tuple[StepGroup, ...]
+    root: int
+    left_out: tuple[str, ...] = ()
+    merged: dict[str, str] = {}

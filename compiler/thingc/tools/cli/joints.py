@@ -1,0 +1,76 @@
+"""Implementation of `thingc joints`, which proposes joints between parts that touch, and writes accepted joints into the document."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from thingc.tools.cli import console
+from thingc.tools.cli.set import report_edit
+from thingc.tools.joints.joints import JointProposals, propose_joints, write_joints
+from thingc.tools.joints.proposals import JointProposal
+
+EPILOG = """\
+A joint is proposed where a shaft is in a hole, where faces enclose a part around one direction, and at bolt circles. If the geometry also
+fits another connection, the proposal has a doubt, and --write accepts it only by its name. Limits are not known: revolute joints become
+`continuous`, and slides get half the length of their faces.
+
+  thingc joints robot/robot.yaml                          list the proposals
+  thingc joints robot/robot.yaml --write                  accept all proposals without a doubt
+  thingc joints robot/robot.yaml base_to_arm --write      accept a proposal by its name
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `thingc joints` to the parser."""
+    parser.epilog = EPILOG
+    parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
+    parser.add_argument("name", metavar="JOINT", nargs="*", help="a proposal to accept (default: all proposals without a doubt)")
+    parser.add_argument("--write", action="store_true", help="write the accepted joints into the document")
+    parser.add_argument("--diff", action="store_true", help="write nothing, show what --write would change")
+    console.add_format(parser)
+    parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
+    console.add_geometry(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `thingc joints`, and return the exit code, which is 0 if the document has no errors."""
+    try:
+        console.require_document(arguments.document)
+        if arguments.name and not (arguments.write or arguments.diff):
+            raise console.WrongCommandLine("names of proposals require --write", "add --write, or remove the names")
+        options = console.options_of(arguments)
+    except console.WrongCommandLine as fault:
+        return console.print_found([fault.diagnostic], arguments.format, stream=sys.stdout, debug=False)
+    proposed = propose_joints(arguments.document, options, strict=arguments.strict)
+    if proposed.document is not None and (arguments.write or arguments.diff):
+        outcome = write_joints(proposed, arguments.name, options, strict=arguments.strict, dry=not arguments.write or arguments.diff)
+        if not outcome.found and not outcome.done and arguments.format == "text":
+            console.say("no proposal without a doubt")
+        return report_edit(outcome, arguments, diff=arguments.diff)
+    if arguments.format == "text" and proposed.document is not None:
+        console.say(*_lines(proposed))
+    return console.print_found(
+        proposed.found, arguments.format, stream=sys.stdout, debug=arguments.debug, proposals=[*map(_as_data, proposed.proposals)],
+    )
+
+
+def _lines(proposed: JointProposals) -> list[str]:
+    """Format the proposals as a table."""
+    if not proposed.proposals:
+        return ["no joints found: no part touches another part in a way that allows exactly one motion"]
+    rows = []
+    for one in proposed.proposals:
+        at = " ".join(f"{1000.0 * value + 0.0:.6g}" for value in one.line.point)
+        axis = " ".join(f"{round(value, 6) + 0.0:g}" for value in one.line.axis)
+        rows.append((one.name, one.kind, f"axis {axis} at {at} mm", "" if one.doubt is None else f"doubt: {one.doubt}"))
+    widths = [max(len(row[column]) for row in rows) for column in range(3)]
+    return ["  ".join((*(f"{word:{width}}" for word, width in zip(row, widths, strict=False)), row[3])).rstrip() for row in rows]
+
+
+def _as_data(one: JointProposal) -> dict[str, object]:
+    """Convert a proposal to JSON data. Lengths are in metres."""
+    return {
+        "name": one.name, "type": one.kind, "parent": one.parent, "child": one.child, "point": one.line.point, "axis": one.line.axis,
+        "doubt": one.doubt,
+    }

@@ -1,0 +1,209 @@
+"""Import the STEP file of an assembly: one document per assembly, one STEP file per part, and a document of materials."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+
+from msgspec import convert
+
+from thingc.base.diagnostics import Code, Report
+from thingc.base.filesystem import without_suffix
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.installed_packages import package_folder
+from thingc.base.pose import Pose
+from thingc.base.safe_text import quoted
+from thingc.base.source import MappingNode, node_at
+from thingc.documents.format.formatting import format_document
+from thingc.documents.load.documents import read_tree
+from thingc.geometry.client import once
+from thingc.geometry.features import StepAssembly, StepChild, StepPart
+from thingc.geometry.store.local import Store
+from thingc.tools.importing.document_names import distinct, plain_name
+from thingc.tools.importing.feature_mounts import FeatureMount, feature_mounts
+from thingc.tools.importing.quantities import pose_words, quantity, was
+
+TIME_LIMIT = 600.0
+"""Time limit [s] for reading a file."""
+UNKNOWN = "unspecified"
+"""The material of parts whose material is not known."""
+UNKNOWN_DENSITY = 1000.0
+MATERIALS = "materials.yaml"
+STOCK = "thingc_stock.materials"
+
+
+class ImportedAssembly(FrozenStruct):
+    """An imported STEP assembly. `files` maps paths to contents, and `document` is the path of the outermost document.
+
+    `notes` lists everything that is not in the documents, or that was assumed.
+    """
+
+    name: str
+    document: str
+    files: Mapping[str, bytes]
+    assembly: StepAssembly
+    components: int
+    notes: tuple[str, ...]
+
+
+def import_step(path: str, store: Store, report: Report) -> ImportedAssembly | None:
+    """Import a STEP assembly. If the file cannot be imported, report an error and return None."""
+    name = os.path.basename(path)
+    try:
+        with open(path, "rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as fault:
+        report.add(Code.COMMAND_LINE, f"cannot read `{path}`: {(fault.strerror or str(fault)).lower()}", None)
+        return None
+    store.check()
+    request = {"op": "read_step", "path": os.path.abspath(path), "store": store.root, "timeout": TIME_LIMIT}
+    answer = once(["--once"], request)
+    refused = answer["answer"].get("refused") if "answer" in answer else f"the CAD kernel cannot read the file ({answer['failed']})"
+    if refused is not None:
+        flat = "no assembly structure" in refused
+        help = f"to use the file as one part, write `{{file: {name}}}` in a document" if flat else "export the assembly again as STEP"
+        report.add(Code.SOURCE_XML, f"`{name}`: {refused}", None, help=help, detail=answer.get("detail"))
+        return None
+    return StepDocuments(convert(answer["answer"]["assembly"], StepAssembly), name, digest, store).imported()
+
+
+class StepDocuments:
+    """Writes the documents of a STEP assembly. `source` is the name of the STEP file."""
+
+    def __init__(self, assembly: StepAssembly, source: str, digest: str, store: Store) -> None:
+        self.assembly, self.source, self.digest, self.store = assembly, source, digest, store
+        stem = plain_name(without_suffix(source), "robot")
+        groups = [group.name if group.name.strip() else stem for group in assembly.assemblies]
+        self.documents = distinct_words(groups, "assembly", [without_suffix(MATERIALS)])
+        self.files = distinct_words([part.name for part in assembly.parts], "part")
+        self.mounts = [feature_mounts(part.features) for part in assembly.parts]
+        self.components = [distinct_words([child.name for child in group.children], "part") for group in assembly.assemblies]
+        self.stock = stock_materials()
+
+    def imported(self) -> ImportedAssembly:
+        """Return the contents of all files."""
+        assembly, root = self.assembly, self.documents[self.assembly.root]
+        files = {f"{self.documents[number]}.yaml": self._document(number) for number in range(len(assembly.assemblies))}
+        files |= {f"parts/{self.files[number]}.step": self.store.read(part.sha256) for number, part in enumerate(assembly.parts)}
+        own = [*self._materials()]
+        files |= {MATERIALS: "\n".join(("thingc: materials/1", "materials:", *own, "")).encode()} if own else {}
+        notes = tuple(self._notes())
+        files["import.json"] = self._record(notes)
+        return ImportedAssembly(
+            name=root, document=f"{root}.yaml", files=files, assembly=assembly, components=sum(map(len, self.components)), notes=notes,
+        )
+
+    def frame(self, child: StepChild) -> Pose:
+        """Return the pose of the frame of a component in its assembly.
+
+        The frame of a nested document is the frame of its first component, which the document does not place.
+        """
+        if child.assembly is None:
+            return child.pose
+        return child.pose @ self.frame(self.assembly.assemblies[child.assembly].children[0])
+
+    def _document(self, number: int) -> bytes:
+        assembly, group, names = self.assembly, self.assembly.assemblies[number], self.components[number]
+        base = self.frame(group.children[0]).inverse()
+        lines = [f"# From {json.dumps(self.source, ensure_ascii=False)}.", "thingc: assembly/1", f"name: {self.documents[number]}"]
+        used = {self._material(assembly.parts[child.part]) for child in group.children if child.part is not None}
+        lists = [STOCK] * (not used.isdisjoint(self.stock)) + [MATERIALS] * bool(used.difference(self.stock))
+        lines += [f"materials: [{', '.join(lists)}]"] if lists else []
+        lines.append("components:")
+        for child, name in zip(group.children, names, strict=True):
+            pose = pose_words(base @ self.frame(child), before=", ")
+            lines.append(f"  {name}:{was(name, child.name)}")
+            lines += self._content(child)
+            lines += [] if name == names[0] else [f"    at: {{in: {names[0]}.origin{pose}}}"]
+            lines += self._mount_lines(self.mounts[child.part] if child.part is not None else ())
+        if number == self.assembly.root:
+            lines += ["modes:", f"  source: {{root: {self._base(number)}, base: fixed}}"]
+        report = Report()
+        formatted = format_document(f"{self.documents[number]}.yaml", "\n".join((*lines, "")).encode(), report)
+        assert formatted is not None, report.diagnostics
+        return formatted
+
+    def _base(self, number: int) -> str:
+        """Return the path of the first part of an assembly."""
+        first, name = self.assembly.assemblies[number].children[0], self.components[number][0]
+        return name if first.assembly is None else f"{name}.{self._base(first.assembly)}"
+
+    def _content(self, child: StepChild) -> Iterator[str]:
+        if child.assembly is not None:
+            yield f"    assembly: {self.documents[child.assembly]}.yaml"
+        elif child.part is not None:
+            yield f"    file: parts/{self.files[child.part]}.step"
+            yield f"    material: {self._material(self.assembly.parts[child.part])}"
+
+    def _mount_lines(self, mounts: tuple[FeatureMount, ...]) -> Iterator[str]:
+        if mounts:
+            yield "    mounts:"
+            yield from (f"      {one.name}: {{{pose_words(one.pose)}}}  # {one.what}" for one in mounts)
+
+    def _material(self, part: StepPart) -> str:
+        """Return the name of the material of a part: a material of `thingc_stock`, or a material with a density in the file."""
+        word = plain_name(part.material, "material").lower() if part.material else UNKNOWN
+        return word if word in self.stock or part.density is not None else UNKNOWN
+
+    def _materials(self) -> Iterator[str]:
+        """Yield the lines of the materials that `thingc_stock` does not contain."""
+        densities = {self._material(part): part.density for part in self.assembly.parts}
+        for word, density in sorted(densities.items()):
+            if word == UNKNOWN:
+                yield f"  {word}: {{density: {quantity(UNKNOWN_DENSITY, 'kg/m^3')}}}  # assumed: the file does not specify the material"
+            elif density is not None and word not in self.stock:
+                yield f"  {word}: {{density: {quantity(density, 'kg/m^3')}}}"
+
+    def _notes(self) -> Iterator[str]:
+        """Yield a message for everything that is not in the documents, or that was assumed."""
+        unknown = {self.files[number]: part.material for number, part in enumerate(self.assembly.parts) if self._material(part) == UNKNOWN}
+        if unknown:
+            parts = quoted([f"{file} ({material})" if material else file for file, material in unknown.items()], 8)
+            yield f"no density in the file, assumed {UNKNOWN_DENSITY:g} kg/m^3, see `{UNKNOWN}` in {MATERIALS}: {parts}"
+        for number, part in enumerate(self.assembly.parts):
+            if len(part.colors) > 1:
+                what = f"{len(part.colors)} colours: only the colour of the largest area, {part.colors[0]}, was imported"
+                yield f"parts/{self.files[number]}.step: faces of {what}"
+        yield from (f"shape `{name}` without solids: omitted" for name in self.assembly.left_out)
+
+    def _record(self, notes: tuple[str, ...]) -> bytes:
+        """Return the content of `import.json`: the source, the names of all parts and mounts, and the notes."""
+        parts = [
+            {
+                "file": f"parts/{self.files[number]}.step", "name": part.name, "colors": part.colors, "material": part.material,
+                "also": sorted(name for name, of in self.assembly.merged.items() if of == part.name),
+                "mounts": {one.name: one.what for one in self.mounts[number]},
+            }
+            for number, part in enumerate(self.assembly.parts)
+        ]
+        documents = [
+            {
+                "file": f"{self.documents[number]}.yaml", "name": group.name,
+                "components": {word: child.name for word, child in zip(self.components[number], group.children, strict=True)},
+            }
+            for number, group in enumerate(self.assembly.assemblies)
+        ]
+        source = {"file": self.source, "sha256": self.digest}
+        record = {"import": 1, "source": source, "documents": documents, "parts": parts, "notes": notes}
+        return (json.dumps(record, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+def distinct_words(names: Sequence[str], kind: str, taken: Sequence[str] = ()) -> list[str]:
+    """Return a different document name for each of the names, which may be equal. Names that are empty get the name `kind`."""
+    words: list[str] = []
+    for name in names:
+        words += distinct([name.strip() or kind], kind, taken=[*words, *taken]).values()
+    return words
+
+
+def stock_materials() -> frozenset[str]:
+    """Return the names of the materials of `thingc_stock`, without running its code."""
+    folder = package_folder(STOCK.partition(".")[0])
+    if folder is None:
+        return frozenset()
+    with open(os.path.join(folder, "materials.yaml"), "rb") as stream:
+        tree = read_tree("materials.yaml", stream.read(), Report())
+    materials = node_at(tree, ("materials",)) if tree is not None else None
+    return frozenset(materials.entries) if isinstance(materials, MappingNode) else frozenset()

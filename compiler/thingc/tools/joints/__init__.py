@@ -1,0 +1,1 @@
+"""Propose joints between the parts of a document, and write them."""

@@ -1,0 +1,141 @@
+"""Find where two placed parts touch: shafts in holes, and planar faces on each other. Lengths are in metres, in the frame of the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.numeric import dist
+from thingc.base.pose import Pose, Vector, added, along, dot, rotate
+from thingc.geometry.features import Cylinder, Features, PlanarFace
+
+CLEARANCE = 3e-4
+"""Largest difference of the radii of a hole and of a shaft in it."""
+TOUCHING = 1e-5
+"""Largest distance of coplanar faces, and of the axes of a hole and of a shaft in it."""
+PARALLEL = 1e-8
+SHORTEST, SMALLEST = 2e-4, 1e-7
+"""Smallest overlap of a hole and a shaft [m], and of two planar faces [m^2]."""
+
+
+class ContactAxis(FrozenStruct):
+    """An axis: its closest point to the origin, and its direction, of which the last coordinate that is not zero is positive."""
+
+    point: Vector
+    axis: Vector
+
+    def same(self, other: ContactAxis) -> bool:
+        """Return whether two lines are equal up to the tolerances."""
+        return self.parallel(other.axis) and dist(self.point, other.point) < TOUCHING
+
+    def parallel(self, direction: Vector) -> bool:
+        """Return whether a unit vector is parallel to the line."""
+        return abs(dot(self.axis, direction)) > 1.0 - PARALLEL
+
+
+class ShaftContact(FrozenStruct):
+    """A shaft in a hole. `first_is_shaft` is True if the shaft belongs to the first part. The overlap is from `lower` to `upper`."""
+
+    line: ContactAxis
+    radius: float
+    lower: float
+    upper: float
+    first_is_shaft: bool
+
+
+class FaceContact(FrozenStruct):
+    """Two planar faces on each other: the outward normal of the first part, and the corners of the common area."""
+
+    normal: Vector
+    corners: tuple[Vector, ...]
+
+
+class Contact(FrozenStruct):
+    """All places at which two parts touch. `holes` are the axes of through holes of both parts that continue each other."""
+
+    shafts: tuple[ShaftContact, ...] = ()
+    faces: tuple[FaceContact, ...] = ()
+    holes: tuple[tuple[ContactAxis, float], ...] = ()
+
+
+def placed(features: Features, pose: Pose) -> Features:
+    """Transform the features of a part to the frame of the robot."""
+    cylinders = []
+    for one in features.cylinders:
+        line, axis = line_through(pose.apply(one.point), rotate(pose.rotation, one.axis)), rotate(pose.rotation, one.axis)
+        shift, sign = dot(pose.apply(one.point), line.axis), math.copysign(1.0, dot(axis, line.axis))
+        lower, upper = sorted((shift + sign * one.lower, shift + sign * one.upper))
+        cylinders.append(Cylinder(
+            point=line.point, axis=line.axis, radius=one.radius, lower=lower, upper=upper, sweep=one.sweep, hollow=one.hollow,
+            through=one.through,
+        ))
+    planes = tuple(
+        PlanarFace(
+            normal=rotate(pose.rotation, one.normal), centre=pose.apply(one.centre), area=one.area,
+            loops=tuple(tuple(map(pose.apply, loop)) for loop in one.loops),
+        )
+        for one in features.planes
+    )
+    return Features(cylinders=tuple(cylinders), planes=planes)
+
+
+def line_through(point: Vector, axis: Vector) -> ContactAxis:
+    """Return the line through a point in the direction of a unit vector."""
+    x, y, z = (round(value, 12) + 0.0 for value in axis)
+    if next(value for value in (z, y, x) if value) < 0.0:
+        x, y, z = -x + 0.0, -y + 0.0, -z + 0.0
+    return ContactAxis(point=added(point, (x, y, z), -dot(point, (x, y, z))), axis=(x, y, z))
+
+
+def contact(first: Features, other: Features) -> Contact:
+    """Return the places at which two placed parts touch."""
+    return Contact(shafts=tuple(_shafts(first, other)), faces=tuple(_faces(first, other)), holes=tuple(_holes(first, other)))
+
+
+def _shafts(first: Features, other: Features) -> Iterator[ShaftContact]:
+    for one in first.cylinders:
+        for two in other.cylinders:
+            shaft, hole = (two, one) if one.hollow else (one, two)
+            if one.hollow == two.hollow or hole.sweep < math.pi + 0.1 or shaft.sweep < math.pi / 2.0:
+                continue
+            lower, upper = max(one.lower, two.lower), min(one.upper, two.upper)
+            fits = -TOUCHING <= hole.radius - shaft.radius <= CLEARANCE and upper - lower >= SHORTEST
+            line = ContactAxis(point=hole.point, axis=hole.axis)
+            if fits and line.same(ContactAxis(point=shaft.point, axis=shaft.axis)):
+                yield ShaftContact(line=line, radius=shaft.radius, lower=lower, upper=upper, first_is_shaft=not one.hollow)
+
+
+def _holes(first: Features, other: Features) -> Iterator[tuple[ContactAxis, float]]:
+    for one in first.cylinders:
+        for two in other.cylinders:
+            line, apart = ContactAxis(point=one.point, axis=one.axis), max(one.lower, two.lower) - min(one.upper, two.upper)
+            equal = abs(one.radius - two.radius) < 2.0 * CLEARANCE and line.same(ContactAxis(point=two.point, axis=two.axis))
+            if one.hollow and two.hollow and equal and apart < SHORTEST:
+                yield line, one.radius
+
+
+def _faces(first: Features, other: Features) -> Iterator[FaceContact]:
+    for one in first.planes:
+        for two in other.planes:
+            opposed = dot(one.normal, two.normal) < PARALLEL - 1.0
+            if opposed and abs(dot(one.normal, two.centre) - dot(one.normal, one.centre)) < TOUCHING:
+                corners = _common_area(one, two)
+                if corners:
+                    yield FaceContact(normal=one.normal, corners=corners)
+
+
+def _common_area(one: PlanarFace, two: PlanarFace) -> tuple[Vector, ...]:
+    """Return the corners of the intersection of two coplanar faces, or an empty tuple if its area is too small."""
+    from manifold3d import CrossSection, FillRule
+
+    plane = along(one.normal, one.centre)
+    back = plane.inverse()
+    sections = []
+    for face in (one, two):
+        loops = [[back.apply(point)[:2] for point in loop] for loop in face.loops if len(loop) > 2]
+        sections.append(CrossSection([[(1e3 * x, 1e3 * y) for x, y in loop] for loop in loops], FillRule.EvenOdd))
+    common = sections[0] ^ sections[1]
+    if common.area() * 1e-6 < SMALLEST:
+        return ()
+    return tuple(plane.apply((float(x) / 1e3, float(y) / 1e3, 0.0)) for polygon in common.to_polygons() for x, y in polygon)

@@ -1,0 +1,296 @@
+"""Propose joints between the components of a document from the places at which their parts touch.
+
+A shaft in a hole can turn if no other contact prevents the rotation. A part between faces on all sides can slide. Parts with other contacts
+are rigidly connected. A round part that only touches parts around its own axis is a pin or a bearing: the joint connects the parts that it
+holds together. A proposal has a doubt if the geometry also fits another connection, such as a screw.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
+from typing import Literal
+
+from msgspec.structs import replace
+
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.numeric import dist, hypot
+from thingc.base.pose import Pose, Vector, along, cross, dot, rotate
+from thingc.tools.joints.contacts import Contact, ContactAxis, ShaftContact
+
+FASTENERS = re.compile(r"screw|bolt|nut(?![a-z])|washer|rivet|dowel|standoff|spacer|(?<![a-z])(iso|din|m)_?\d", re.IGNORECASE)
+"""Names of parts that fasten other parts rigidly."""
+_ROUND = 0.02
+"""Largest relative difference of the two moments of inertia across the axis of a round part."""
+Pair = tuple[str, str]
+
+
+class ComponentBody(FrozenStruct):
+    """A component: its name, the names of its parts, its mass [kg], and the axes about which it is round."""
+
+    name: str
+    words: tuple[str, ...]
+    mass: float
+    round_about: tuple[ContactAxis, ...] = ()
+
+    @property
+    def fastens(self) -> bool:
+        """Whether the name of the component is the name of a fastener."""
+        return any(FASTENERS.search(word) for word in (self.name, *self.words))
+
+
+class JointProposal(FrozenStruct):
+    """A proposed joint between two components. The motion is about or along `line`, in the frame of the robot.
+
+    `doubt` is the reason for which the joint must be accepted by name, or None. `travel` [m] is the largest plausible travel of a slide.
+    """
+
+    name: str
+    kind: Literal["revolute", "prismatic"]
+    parent: str
+    child: str
+    line: ContactAxis
+    doubt: str | None
+    travel: float = 0.0
+
+
+class JointSearch:
+    """Finds joints between components. `contacts` maps pairs of components, in document order, to their contacts.
+
+    `rigid` contains pairs of components that the document attaches to each other, and `joined` pairs that it connects by joints.
+    """
+
+    def __init__(
+        self, bodies: Sequence[ComponentBody], contacts: Mapping[Pair, Contact], rigid: Sequence[Pair] = (), joined: Sequence[Pair] = (),
+    ) -> None:
+        self.bodies = {body.name: body for body in bodies}
+        self.order = list(self.bodies)
+        self.contacts = {pair: one for pair, one in contacts.items() if one != Contact() and pair not in joined}
+        self.rigid = [*rigid]
+        self.joined = [*joined]
+        self.released: dict[Pair, set[Pair]] = {}
+
+    def proposals(self) -> tuple[list[JointProposal], list[list[str]]]:
+        """Return the proposals, and the groups of components that are rigidly connected if the proposals without doubt are accepted."""
+        found = [*self._turning(), *self._sliding(), *self._bolt_circles()]
+        found = list({(frozenset((one.parent, one.child)), one.kind): one for one in reversed(found)}.values())[::-1]
+        while True:
+            groups = self.groups([one for one in found if one.doubt is None])
+            of = {name: number for number, group in enumerate(groups) for name in group}
+            between = [tuple(sorted((of[one.parent], of[one.child]))) for one in found]
+            kept = [ends for one, ends in zip(found, between, strict=True) if one.doubt is None]
+            checked = [
+                replace(one, doubt="other contacts connect the same parts rigidly") if one.doubt is None and ends[0] == ends[1]
+                else replace(one, doubt="another joint connects the same parts") if one.doubt is None and kept.count(ends) > 1 else one
+                for one, ends in zip(found, between, strict=True)
+            ]
+            if checked == found:
+                return self._named(found), groups
+            found = checked
+
+    def groups(self, accepted: Sequence[JointProposal]) -> list[list[str]]:
+        """Return the groups of components that are rigidly connected, except by the accepted joints."""
+        pairs = [self._pair(one.parent, one.child) for one in accepted]
+        free = {*pairs}.union(*(self.released.get(pair, set()) for pair in pairs))
+        group = {name: name for name in self.order}
+
+        def root(name: str) -> str:
+            while group[name] != name:
+                name = group[name]
+            return name
+
+        for one, other in (*self.rigid, *(pair for pair in self.contacts if pair not in free)):
+            first, second = sorted((root(one), root(other)), key=self.order.index)
+            group[second] = first
+        members: dict[str, list[str]] = {}
+        for name in self.order:
+            members.setdefault(root(name), []).append(name)
+        return list(members.values())
+
+    def _pair(self, one: str, other: str) -> Pair:
+        first, second = sorted((one, other), key=self.order.index)
+        return first, second
+
+    def _named(self, found: Sequence[JointProposal]) -> list[JointProposal]:
+        """Give every proposal a name that is unique."""
+        names: list[str] = []
+        for one in found:
+            name, number = f"{one.parent}_to_{one.child}", 1
+            while name in names:
+                number += 1
+                name = f"{one.parent}_to_{one.child}_{number}"
+            names.append(name)
+        return [replace(one, name=name) for one, name in zip(found, names, strict=True)]
+
+    # --- joints that turn ---------------------------------------------------------------------------------------------
+
+    def _turning(self) -> Iterator[JointProposal]:
+        """Yield the proposed revolute joints."""
+        turns = {pair: line for pair, one in self.contacts.items() if (line := turning_about(one)) is not None}
+        found: list[JointProposal] = []
+        for line, members in self._clusters(turns):
+            pins = [name for name in members if self._is_pin(name, line)]
+            others = [name for name in members if name not in pins]
+            by_mass = sorted(pins, key=lambda name: -self.bodies[name].mass)
+            while len(others) < 2 and by_mass:
+                others.append(by_mass.pop(0))
+            others.sort(key=self.order.index)
+            pins = [name for name in pins if name not in others]
+            doubt = self._doubt(line, others, pins, members)
+            for other in others[1:]:
+                direct = self.contacts.get(self._pair(others[0], other), Contact())
+                if _turns_or_rests(direct, line) and self._pair(others[0], other) not in self.joined:
+                    found.append(JointProposal(name="", kind="revolute", parent=others[0], child=other, line=line, doubt=doubt))
+            self.released |= {self._pair(others[0], other): self._held(others, pins) for other in others[1:]}
+        pairs = [(one.parent, one.child) for one in found]
+        yield from (one for one, pair in zip(found, pairs, strict=True) if pairs.count(pair) == 1)
+
+    def _clusters(self, turns: Mapping[Pair, ContactAxis]) -> Iterator[tuple[ContactAxis, list[str]]]:
+        """Yield each axis with the components that are connected by shafts and holes, or round parts, about this axis."""
+        rest = dict(turns)
+        while rest:
+            pair, line = next(iter(rest.items()))
+            members = [*pair]
+            for name in members:
+                for one in [one for one in rest if name in one and rest[one].same(line)]:
+                    members += [other for other in one if other not in members]
+            rest = {one: of for one, of in rest.items() if not (of.same(line) and one[0] in members)}
+            yield line, sorted(members, key=self.order.index)
+
+    def _is_pin(self, name: str, line: ContactAxis) -> bool:
+        """Return whether a component is round about an axis, and all its contacts allow a rotation about this axis."""
+        touching = [one for pair, one in self.contacts.items() if name in pair]
+        is_round = any(axis.same(line) for axis in self.bodies[name].round_about)
+        return is_round and all(_turns_or_rests(one, line) for one in touching) and not any(name in pair for pair in self.rigid)
+
+    def _doubt(self, line: ContactAxis, others: Sequence[str], pins: Sequence[str], members: Sequence[str]) -> str | None:
+        """Return the reason why a revolute joint is not the only possible connection, or None."""
+        fastener = next((name for name in members if self.bodies[name].fastens), None)
+        if fastener is not None:
+            return f"`{fastener}` may fasten the parts"
+        if len(others) > 2:
+            return f"{len(others)} parts share the axis"
+        inside = [one for pair, one in self.contacts.items() if pair[0] in members and pair[1] in members]
+        if not any(line.parallel(face.normal) for one in inside for face in one.faces):
+            return "the parts can also slide along the axis"
+        loose = next((name for name in others if self._is_pin(name, line) and self._is_shaft(name, line)), None)
+        if loose is not None and not pins and len(self.order) > 2:
+            return f"`{loose}` may be a pin that is fixed in its hole"
+        return None
+
+    def _is_shaft(self, name: str, line: ContactAxis) -> bool:
+        """Return whether a component is the shaft in a contact about an axis."""
+        return any(
+            one.first_is_shaft == (pair[0] == name)
+            for pair, touching in self.contacts.items() if name in pair for one in touching.shafts if one.line.same(line)
+        )
+
+    def _held(self, others: Sequence[str], pins: Sequence[str]) -> set[Pair]:
+        """Return the pairs that can turn if each pin is connected to only one of the parts that it holds together."""
+        held = {pin: [name for name in others if self._pair(pin, name) in self.contacts] for pin in pins}
+        free = {self._pair(pin, name) for pin, names in held.items() for name in names[1:]}
+        return free | {self._pair(one, two) for one, two in combinations(pins, 2) if held[one] and held[two] and held[one] != held[two]}
+
+    # --- joints that slide, and bolt circles ---------------------------------------------------------------------------
+
+    def _sliding(self) -> Iterator[JointProposal]:
+        """Yield the proposed prismatic joints: parts between faces around one direction, and parts on two parallel rods."""
+        for (parent, child), one in self.contacts.items():
+            lines = distinct_lines(one.shafts)
+            normals = [face.normal for face in one.faces]
+            doubt = None
+            if len(lines) > 1 and not normals and all(lines[0].parallel(line.axis) for line in lines):
+                line, doubt = lines[0], "the rods may be fixed in their holes"
+                reach = [value for shaft in one.shafts for value in (shaft.lower, shaft.upper)]
+            else:
+                axis = None if lines else _enclosed_direction(normals)
+                if axis is None:
+                    continue
+                centre = one.faces[0].corners[0]
+                line = ContactAxis(point=centre, axis=axis)
+                reach = [dot(corner, axis) for face in one.faces for corner in face.corners]
+            fastener = next((name for name in (parent, child) if self.bodies[name].fastens), None)
+            if fastener is not None:
+                doubt = f"`{fastener}` may fasten the parts"
+            yield JointProposal(
+                name="", kind="prismatic", parent=parent, child=child, line=line, doubt=doubt, travel=(max(reach) - min(reach)) / 2.0,
+            )
+
+    def _bolt_circles(self) -> Iterator[JointProposal]:
+        """Yield revolute joints about the centres of bolt circles, such as those of horns of servos."""
+        for (parent, child), one in self.contacts.items():
+            if not one.faces or not all(dist(one.faces[0].normal, face.normal) < 1e-6 for face in one.faces):
+                continue
+            centre = _circle_centre([line for line, _ in one.holes if line.parallel(one.faces[0].normal)])
+            if centre is not None:
+                doubt = "a bolt circle also fits a rigid connection"
+                yield JointProposal(name="", kind="revolute", parent=parent, child=child, line=centre, doubt=doubt)
+
+
+def distinct_lines(shafts: Sequence[ShaftContact]) -> list[ContactAxis]:
+    """Return the different axes of shafts in holes."""
+    lines: list[ContactAxis] = []
+    for shaft in shafts:
+        if not any(line.same(shaft.line) for line in lines):
+            lines.append(shaft.line)
+    return lines
+
+
+def turning_about(one: Contact) -> ContactAxis | None:
+    """Return the axis about which two parts can turn, or None if their contacts do not have exactly one such axis."""
+    lines = distinct_lines(one.shafts)
+    return lines[0] if len(lines) == 1 and all(lines[0].parallel(face.normal) for face in one.faces) else None
+
+
+def _turns_or_rests(one: Contact, line: ContactAxis) -> bool:
+    return all(line.same(shaft.line) for shaft in one.shafts) and all(line.parallel(face.normal) for face in one.faces)
+
+
+def _enclosed_direction(normals: Sequence[Vector]) -> Vector | None:
+    """Return the direction in which a part can slide between faces, or None if the faces do not enclose the part around one direction."""
+    first = normals[0] if normals else None
+    other = next((one for one in normals if first is not None and abs(dot(first, one)) < 0.999), None)
+    if first is None or other is None:
+        return None
+    x, y, z = cross(first, other)
+    size = hypot(x, y, z)
+    axis = (x / size, y / size, z / size)
+    if any(abs(dot(axis, one)) > 1e-6 for one in normals):
+        return None
+    around = along(axis, (0.0, 0.0, 0.0)).inverse()
+    angles = sorted(math.atan2(v[1], v[0]) for v in (rotate(around.rotation, one) for one in normals))
+    gaps = [after - before for before, after in zip(angles, [*angles[1:], angles[0] + 2.0 * math.pi], strict=True)]
+    return axis if max(gaps) < math.pi - 1e-3 else None
+
+
+def _circle_centre(lines: Sequence[ContactAxis]) -> ContactAxis | None:
+    """Return the axis of a bolt circle, on which at least three parallel lines are evenly far from their centre."""
+    points = [line.point for number, line in enumerate(lines) if not any(line.same(other) for other in lines[:number])]
+    if len(points) < 3:
+        return None
+    x, y, z = (math.fsum(values) / len(points) for values in zip(*points, strict=True))
+    away = [dist(point, (x, y, z)) for point in points]
+    return ContactAxis(point=(x, y, z), axis=lines[0].axis) if max(away) - min(away) < 1e-5 else None
+
+
+def round_axes(inertia: Sequence[Sequence[float]], centre: Vector, lines: Sequence[ContactAxis], pose: Pose) -> tuple[ContactAxis, ...]:
+    """Return the axes of outer cylinders about which the mass of a part is distributed evenly.
+
+    The inertia is about the centre of mass, in the frame of the part; the axes are in the frame of the robot, in which the part has a pose.
+    """
+    found: list[ContactAxis] = []
+    for line in lines:
+        x, y, z = (rotate(pose.inverse().rotation, axis) for axis in zip(*along(line.axis, (0.0, 0.0, 0.0)).rotation, strict=True))
+
+        def product(one: Vector, other: Vector) -> float:
+            return math.fsum(one[i] * inertia[i][j] * other[j] for i in range(3) for j in range(3))
+
+        most = max(product(x, x), product(y, y), product(z, z))
+        uneven = (product(x, x) - product(y, y), product(x, y), product(x, z), product(y, z))
+        at = pose.apply(centre)
+        offset = dist(line.point, tuple(at[k] - dot(at, line.axis) * line.axis[k] for k in range(3)))
+        if max(map(abs, uneven)) <= _ROUND * most and offset < 1e-4 and not any(line.same(other) for other in found):
+            found.append(line)
+    return tuple(found)

@@ -1,0 +1,194 @@
+"""STEP assemblies come along as they are. The oracle is build123d, which made them: the places, volumes and boxes of all solids."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from build123d import Box, Color, Compound, Cylinder, Location, Plane, Pos, Rot, Solid, Vector, export_step, import_step, mirror
+from OCP.Interface import Interface_Static
+
+import thingc
+from thingc.base.pose import Pose
+from thingc.tools.cli.main import main
+
+Write = Callable[[Any, str], Path]
+
+
+BASE = Pose(translation=(-0.05, -0.03, -0.002))
+"""The place of the first part, whose frame is the frame of the document."""
+
+
+def solid(shape: Any, label: str, color: str | None = None, at: Location | None = None) -> Solid:
+    """A solid with a name and a colour at a place. Copies share the shape."""
+    one = copy.copy(shape if isinstance(shape, Solid) else shape.solid())
+    one = one if at is None else at * one
+    one.label = label
+    one.color = None if color is None else Color(color)
+    return one
+
+
+def wedge() -> Solid:
+    """A solid that is not its own mirror image: a block with a step and an off-centre hole."""
+    return (Box(30, 20, 10) + Pos(10, 4, 8) * Box(6, 5, 8) - Pos(-8, 3, 0) * Cylinder(2, 10)).solid()
+
+
+def robot() -> Compound:
+    """Nested assemblies, repeated parts, strange names, a turned copy with its own coordinates, and a mirror image."""
+    screw, block = (Cylinder(1.5, 12) + Pos(0, 0, 7) * Cylinder(3, 2)).solid(), wedge()
+    turned = Location(Vector(40, 10, 5), Vector(20, 30, 40)) * block
+    baked = Solid(turned.moved(Location()).wrapped)
+    hands = [Compound(label="Hand/links", children=[
+        solid(block, "Träger", "orange"), solid(screw, "M3x12", "gray", Location(Vector(3, 0, 12))),
+        solid(screw, "M3x12", "gray", Location(Vector(-3, 0, 12), Vector(90, 0, 0))),
+    ]) for _ in range(2)]
+    return Compound(label="my robot", children=[
+        solid(Box(100, 60, 4), "アーム", "steelblue"), Location(Vector(0, 0, 20)) * hands[0],
+        Location(Vector(50, 0, 20), Vector(0, 90, 30)) * hands[1],
+        solid(screw, "", "gray", Location(Vector(0, 20, 7))), solid(baked, "null", "orange"),
+        solid(mirror(block, Plane.YZ), "mirrored", "orange", Location(Vector(-60, 0, 0))),
+    ])
+
+
+def measured(shape: Compound) -> list[list[float]]:
+    """The volume, the centre and the box of each solid of an assembly [mm], sorted."""
+    rows = []
+    for one in shape.solids():
+        box = one.bounding_box()
+        rows.append([one.volume, *one.center(), *box.min, *box.max])
+    return sorted([round(value, 3) for value in row] for row in rows)
+
+
+def imported_rows(document: Path, into: Pose, store: str) -> list[list[float]]:
+    """The same of the occurrences of a document whose frame is at `into` in the source."""
+    rows = []
+    compiled = thingc.compile(str(document), store=store)
+    assembly = compiled.assembly
+    for one in assembly.occurrences:
+        pose, record = into @ assembly.rest[one.index], one.record
+        assert record is not None and record.brep is not None
+        shape = brep(record.brep, store)
+        box = (Location(transformation(pose)) * shape).bounding_box()
+        rows.append([1e9 * record.volume, *(1000 * value for value in pose.apply(record.centre)), *box.min, *box.max])
+    return sorted([round(value, 3) for value in row] for row in rows)
+
+
+def brep(sha256: str, store: str) -> Compound:
+    """The shape of a part in the store."""
+    from thingc.geometry.store.local import Store
+    from thingc.geometry.worker.kernel.step_assembly import load_shape
+
+    return Compound(load_shape(Store(store), sha256))
+
+
+def transformation(pose: Pose) -> Any:
+    from thingc.geometry.worker.kernel.convert import transformation as of_pose
+
+    return of_pose(pose)
+
+
+@pytest.fixture
+def run(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    """Run a command in the folder of the test, and return its exit code and its output."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+
+    def command(*words: str) -> tuple[int, str]:
+        code = main([*words])
+        out = capsys.readouterr()
+        return code, out.out + out.err
+
+    return command
+
+
+def test_an_assembly_comes_along(run: Any, tmp_path: Path, shared_store: str) -> None:
+    source = robot()
+    export_step(source, tmp_path / "robot.step")
+    code, said = run("import", "robot.step", "-o", "out")
+    assert code == 0, said
+    assert "4 documents" not in said and "2 documents, 9 components and 4 parts" in said
+    assert run("check", "out/my_robot.yaml")[0] == 0
+    text, record = (tmp_path / "out/my_robot.yaml").read_text(), json.loads((tmp_path / "out/import.json").read_text())
+    assert text.count("assembly: Hand_links.yaml") == 2 and "'アーム' in the source" in text and "'Hand/links' in the source" in text
+    assert (tmp_path / "out/Hand_links.yaml").read_text().count("file: parts/M3x12.step") == 2
+    assert {part["name"]: part["also"] for part in record["parts"]}["Träger"] == ["null"]
+    assert imported_rows(tmp_path / "out/my_robot.yaml", BASE, shared_store) == measured(import_step(tmp_path / "robot.step"))
+    assert measured(import_step(tmp_path / "robot.step")) == measured(source)
+    again = {path: path.read_bytes() for path in (tmp_path / "out").rglob("*.*")}
+    assert run("import", "robot.step", "-o", "two")[0] == 0
+    assert again == {tmp_path / "out" / path.relative_to(tmp_path / "two"): path.read_bytes() for path in (tmp_path / "two").rglob("*.*")}
+
+
+def test_the_unit_of_the_file(run: Any, tmp_path: Path, shared_store: str) -> None:
+    source = robot()
+    Interface_Static.SetCVal_s("write.step.unit", "INCH")
+    try:
+        export_step(source, tmp_path / "robot.step", write_pcurves=False)
+    finally:
+        Interface_Static.SetCVal_s("write.step.unit", "MM")
+    assert run("import", "robot.step", "-o", "out")[0] == 0
+    rows = imported_rows(tmp_path / "out/my_robot.yaml", BASE, shared_store)
+    assert np.allclose(rows, measured(source), atol=2e-3)
+
+
+def test_colours_reach_every_target(run: Any, tmp_path: Path) -> None:
+    colors = {"#4682b4": "steelblue", "#ffa500": "orange", "#808080": "gray"}
+    export_step(robot(), tmp_path / "robot.step")
+    assert run("import", "robot.step", "-o", "out")[0] == 0
+    code, said = run("build", "out/my_robot.yaml", "--emit", "mjcf,urdf,sdf,usd,glb,step", "-o", "build")
+    assert code == 0, said
+    wanted = {tuple(round(int(color[k : k + 2], 16) / 255, 2) for k in (1, 3, 5)) for color in colors}
+    for name in ("*.xml", "*.urdf", "*.sdf"):
+        text = "\n".join(path.read_text() for path in (tmp_path / "build").rglob(name))
+        values = [words.split()[:3] for words in re.findall(r'(?:rgba="|<diffuse>)([\d. ]+)', text)]
+        found = {tuple(round(float(value), 2) for value in words) for words in values}
+        assert wanted <= found, (name, found)
+    shape = import_step(next((tmp_path / "build").rglob("*.step")))
+    found = {tuple(round(value, 2) for value in tuple(one.color)[:3]) for one in shape.descendants if one.color is not None}
+    assert wanted <= found
+
+
+def test_solids_of_other_colours_become_a_nested_document(run: Any, tmp_path: Path) -> None:
+    shaft = solid(Pos(0, 0, 8) * Cylinder(2, 6), "shaft", "silver")
+    motor = Compound(label="motor", children=[solid(Box(10, 10, 10), "body", "black"), shaft])
+    whole = Compound(label="rig", children=[motor, solid(Pos(0, 0, -7) * Box(30, 30, 4), "plate", "red")])
+    export_step(whole, tmp_path / "rig.step")
+    assert run("import", "rig.step", "-o", "out")[0] == 0
+    record = json.loads((tmp_path / "out/import.json").read_text())
+    assert sorted(part["colors"][0] for part in record["parts"]) == ["#000000", "#c0c0c0", "#ff0000"]
+
+
+def test_mounts_at_features(run: Any, tmp_path: Path) -> None:
+    flange = Cylinder(20, 5) - Cylinder(4, 5)
+    for k in range(6):
+        flange -= Rot(0, 0, 60 * k) * Pos(14, 0, 0) * Cylinder(1.5, 5)
+    blind = Box(20, 20, 20) - Pos(0, 0, 7) * Cylinder(3, 6)
+    export_step(Compound(label="rig", children=[solid(flange, "flange"), solid(Pos(0, 0, 12.5) * blind, "blind")]), tmp_path / "rig.step")
+    assert run("import", "rig.step", "-o", "out")[0] == 0
+    mounts = {part["name"]: part["mounts"] for part in json.loads((tmp_path / "out/import.json").read_text())["parts"]}
+    assert mounts["flange"]["bolts_1"] == "bolt circle: 6 holes of 3 mm on 28 mm"
+    assert mounts["flange"]["hole_1"] == "through hole of 8 mm" and len(mounts["flange"]) == 4
+    assert [name for name in mounts["blind"] if not name.startswith("face")] == []
+    text = (tmp_path / "out/rig.yaml").read_text()
+    assert re.search(r"bolts_1: \{xyz: 0 0 2.5 mm\}", text) and run("check", "out/rig.yaml")[0] == 0
+
+
+@pytest.mark.parametrize(("content", "options", "code", "expected"), [
+    ("one", [], 1, "no assembly structure: it contains one part"), ("damaged", [], 1, "damaged, or is not STEP"),
+    ("empty", [], 1, "damaged, or is not STEP"), ("robot", ["--root", "x"], 2, "--root cannot be used with a STEP file"),
+    ("missing", [], 2, "cannot read `a.step`: no such file"),
+])
+def test_a_file_that_is_not_an_assembly(run: Any, tmp_path: Path, content: str, options: list[str], code: int, expected: str) -> None:
+    path = tmp_path / "a.step"
+    if content in ("one", "robot"):
+        export_step(solid(Box(1, 2, 3), "box"), path)
+    elif content != "missing":
+        path.write_text("ISO-10303-21;\nHEADER;\n" if content == "damaged" else "")
+    got, said = run("import", "a.step", "-o", "out", *options)
+    assert got == code and expected in said and said.count("error[") == 1 and not (tmp_path / "out").exists()
