@@ -94,7 +94,7 @@ LEAD = 0.05
 
 
 def motion(kind: str, *q: float) -> Array:
-    """What a kind of joint does, written by hand: every kind but `ball` has a line here."""
+    """What a kind of joint does, written by hand: every kind but `ball` and `free` has a line here."""
     by_hand: dict[str, Callable[..., Array]] = {
         "revolute": rz, "continuous": rz, "prismatic": lambda d: t(0, 0, d), "fixed": lambda *_: np.eye(4),
         "screw": lambda a: rz(a) @ t(0, 0, LEAD * a / (2 * np.pi)), "cylindrical": lambda a, d: rz(a) @ t(0, 0, d),

@@ -97,3 +97,25 @@ def test_a_ball_turns_by_a_rotation_vector_at_once(size: float) -> None:
         spin = ((ahead - behind) / 2e-6 @ inv(turn))[:3, :3]
         assert twist.angular == pytest.approx((spin[2, 1], spin[0, 2], spin[1, 0]), abs=1e-9)
         assert twist.velocity((0.1, 0.2, 0.3))[0] == pytest.approx(spin @ (0.1, 0.2, 0.3), abs=1e-9)
+
+
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("size", [0.0, 1e-3, 0.4, 3.0])
+def test_a_free_joint_slides_and_then_turns(size: float, back: bool) -> None:
+    """In a tree that crosses it from child to parent, the motion is the inverse."""
+    r = size * np.array([0.3, 0.2, -0.7, 0.48, -0.6, 0.64])
+    turn, slide = np.eye(4), np.eye(4)
+    turn[:3, :3], slide[:3, 3] = expm(np.cross(np.eye(3), r[3:])), r[:3]
+    twists = KINDS["free"].twists
+    twists = tuple(twist.reversed() for twist in twists[::-1]) if back else twists
+
+    def at(q: Array) -> Array:
+        return as_matrix(moved(twists, tuple(map(float, q[::-1] if back else q)), at_once=True))
+
+    assert at(r) == pytest.approx(inv(slide @ turn) if back else slide @ turn, abs=1e-14)
+    order = range(5, -1, -1) if back else range(6)
+    values = tuple(float(r[k]) for k in order)
+    for number, twist in velocities(twists, values, as_pose(at(r)), at_once=True):
+        step = np.eye(6)[order[number]] * 1e-6
+        rate = (at(r + step) - at(r - step)) / 2e-6 @ inv(at(r))
+        assert hat(twist) == pytest.approx(rate, abs=1e-8)

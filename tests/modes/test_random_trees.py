@@ -18,10 +18,12 @@ from thingc.modes import Mode, Modes, RobotState
 LINKS = 6
 JOINED = 3
 """The tree whose links 1 and 2 weigh nothing: three joints, of five coordinates, on one body."""
+FREE = 4
+"""The tree with free joints."""
 LEAD = 0.012
 OTHERS = ["continuous", "universal", "screw", "universal", "cylindrical", "planar", "revolute", "prismatic", "revolute"]
 COORDINATES = {"revolute": "t", "continuous": "t", "prismatic": "s", "screw": "t", "cylindrical": "ts", "universal": "tt", "planar": "sst",
-               "ball": "ttt"}
+               "ball": "ttt", "free": "sssttt"}
 
 
 @dataclass(frozen=True)
@@ -87,17 +89,17 @@ def motion(kind: str, q: Array) -> Array:
         return about("x", q[0]) @ about("y", q[1])
     if kind == "planar":
         return frame(still, (q[0], q[1], 0)) @ about("z", q[2])
-    assert kind == "ball"
-    return frame(Rotation.from_rotvec(q))
+    assert kind in ("ball", "free")
+    return frame(Rotation.from_rotvec(q[-3:]), q[:-3] if kind == "free" else (0.0, 0.0, 0.0))
 
 
 def random_tree(seed: int) -> tuple[str, list[Edge]]:
     """A document, and its joints."""
     rng = np.random.default_rng(seed)
     joined = seed == JOINED
-    kinds = [OTHERS[3 * seed], "ball", *OTHERS[3 * seed + 1 : 3 * seed + 3], "ball"] if not joined else [
+    kinds = [OTHERS[3 * seed], "ball", *OTHERS[3 * seed + 1 : 3 * seed + 3], "ball"] if seed < JOINED else [
         "universal", "prismatic", "cylindrical", "ball", "revolute",
-    ]
+    ] if joined else ["free", "revolute", "ball", "free", "universal"]
     text = [f"thingc: assembly/1\nname: tree_{seed}\ncomponents:"]
     edges: list[Edge] = []
     mounts: dict[int, list[str]] = {link: [] for link in range(LINKS)}
@@ -112,14 +114,14 @@ def random_tree(seed: int) -> tuple[str, list[Edge]]:
         kind, parent = kinds[child - 1], child - 1 if joined else int(rng.integers(child))
         (here, X_PA), (there, X_CB) = mount(parent), mount(child)
         units = COORDINATES[kind]
-        offset = np.zeros(3) if kind == "ball" else rng.uniform(-0.05, 0.05, len(units)).round(3)
+        offset = np.zeros(len(units)) if kind in ("ball", "free") else rng.uniform(-0.05, 0.05, len(units)).round(3)
         turning = [
-            name for edge in edges if edge.kind != "ball"
+            name for edge in edges if edge.kind not in ("ball", "free")
             for name, unit in zip(edge.coordinates, COORDINATES[edge.kind], strict=True)
             if unit == "t" and not (edge.follows is not None and name == edge.follower)
         ]
-        follows = turning[-1] if turning and kind != "ball" else None
-        axis = rng.uniform(-1, 1, 3).round(2) if kind not in ("ball", "universal", "planar") else None
+        follows = turning[-1] if turning and kind not in ("ball", "free") else None
+        axis = rng.uniform(-1, 1, 3).round(2) if kind not in ("ball", "free", "universal", "planar") else None
         turn, gap = (round(float(one), 2) for one in rng.uniform(-1, 1, 2))
         edge = Edge(f"j{child}", kind, parent, child, X_PA, X_CB, offset, follows, axis, turn, gap)
         edges.append(edge)
@@ -128,7 +130,7 @@ def random_tree(seed: int) -> tuple[str, list[Edge]]:
             written.append(f"axis: {axis.tolist()}")
         if kind == "ball":
             written.append("dynamics: {armature: 1e-5 kg*m^2}")
-        else:
+        elif kind != "free":
             values = [f"{value} {'rad' if unit == 't' else 'm'}" for value, unit in zip(offset, units, strict=True)]
             written.append(f"offset: {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}")
         if kind in ("revolute", "prismatic"):
@@ -158,7 +160,7 @@ def list_of(values: Array, unit: str) -> str:
     return "[" + ", ".join(f"{value} {unit}" for value in values) + "]"
 
 
-@pytest.fixture(scope="module", params=range(JOINED + 1))
+@pytest.fixture(scope="module", params=range(FREE + 1))
 def tree(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Built, list[Edge], int]:
     text, edges = random_tree(request.param)
     made = compiled(tmp_path_factory.mktemp("tree"), text)
@@ -203,7 +205,8 @@ def test_everything_is_where_the_formulas_say(tree: tuple[Built, list[Edge], int
         assert_said(mode, state, data)
         read = modes.read(name, data)
         assert read.q == pytest.approx(state.q, abs=1e-12) and read.v == pytest.approx(state.v, abs=1e-12)
-    assert {("ball", True), ("ball", False)} <= crossed
+    kind = "free" if seed == FREE else "ball"
+    assert {(kind, True), (kind, False)} <= crossed
 
 
 def test_velocities_are_what_moves(tree: tuple[Built, list[Edge], int]) -> None:
@@ -215,10 +218,10 @@ def test_velocities_are_what_moves(tree: tuple[Built, list[Edge], int]) -> None:
     def moved(t: float) -> dict[str, float]:
         there = {name: value + t * v[name] for name, value in q.items()}
         for edge in edges:
-            if edge.kind == "ball":  # its v is the child's angular velocity in its own axes
-                turn, rate = (np.array([values[name] for name in edge.coordinates]) for values in (q, v))
+            if edge.kind in ("ball", "free"):  # its v is the child's angular velocity in its own axes
+                turn, rate = (np.array([values[name] for name in edge.coordinates[-3:]]) for values in (q, v))
                 turned = (Rotation.from_rotvec(turn) * Rotation.from_rotvec(t * rate)).as_rotvec()
-                there |= dict(zip(edge.coordinates, map(float, turned), strict=True))
+                there |= dict(zip(edge.coordinates[-3:], map(float, turned), strict=True))
         return there
 
     for name, mode in Modes.parse(built.text("modes.json")).items():
@@ -244,12 +247,12 @@ def test_masses_and_gravity_with_a_link_held_are_equal_in_every_mode(tree: tuple
         there = at(built, held, state)
         columns: dict[str, list[Array]] = {"held": [], "loose": []}
         J = jacobian(data, held.root_link)
+        carried = np.array([loose.qvel(loose.state(q=q, base_pose=ELSEWHERE, base_twist=one)) for one in np.eye(6)]).T
         for path in paths:
             v = {path: 1.0} | {name: edge.ratio for name, edge in followers.items() if edge.follows == path}
-            columns["held"].append(held.qvel(held.state(q=q, v=v)))
-            alone = loose.qvel(loose.state(q=q, v=v))
-            alone[:6] = -np.linalg.solve(J[:, :6], J @ alone)  # so that the link stands still
-            columns["loose"].append(alone)
+            columns["held"].append(held.qvel(held.state(q=q, v=v, base_pose=state.base_pose)))
+            alone = loose.qvel(loose.state(q=q, v=v, base_pose=ELSEWHERE))
+            columns["loose"].append(alone - carried @ np.linalg.solve(J @ carried, J @ alone))  # so that the link stands still
         T, N = (np.array(columns[one]).T for one in ("held", "loose"))
         own = T.T @ mass_matrix(there) @ T
         assert own == pytest.approx(N.T @ M @ N, abs=1e-8 * np.abs(own).max())

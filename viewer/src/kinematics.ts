@@ -32,15 +32,21 @@ export function exponential([angular, linear, anchor]: Twist, q: number, target:
 
 const step = new Matrix4();
 
-/** Moves `pose` by coordinates, one after the other, or (`atOnce`) by the rotation vector of a ball. */
+function turns({ twist: [angular] }: Moving): boolean {
+  return angular.some((x) => x !== 0);
+}
+
+/** Moves `pose` by coordinates, one after the other. With `atOnce`, rotations are the rotation vector of a ball or a free joint. */
 export function move(pose: Matrix4, joints: Moving[], atOnce: boolean, q: Coordinates): Matrix4 {
   if (!atOnce) {
     for (const joint of joints) pose.multiply(exponential(joint.twist, q[joint.path], step));
     return pose;
   }
-  const vector = turned(joints, q), angle = vector.length();
-  if (angle === 0) return pose;
-  return pose.multiply(exponential([vector.divideScalar(angle).toArray(), [0, 0, 0], joints[0].twist[2]], angle, step));
+  const rotations = joints.filter(turns), slides = joints.filter((joint) => !turns(joint));
+  if (joints[0] === slides[0]) move(pose, slides, false, q);
+  const vector = turned(rotations, q), angle = vector.length();
+  if (angle !== 0) pose.multiply(exponential([vector.divideScalar(angle).toArray(), [0, 0, 0], rotations[0].twist[2]], angle, step));
+  return joints[0] === slides[0] ? pose : move(pose, slides, false, q);
 }
 
 /** The rotation vector of a ball, in the frame of its twists. */
@@ -116,7 +122,8 @@ export class Tree {
     if (known === undefined) return null;
     const { parent, offset, joints, at, atOnce } = known;
     const frame = parent === null ? offset.clone() : new Matrix4().multiplyMatrices(placed[parent], offset);
-    move(frame, atOnce ? joints : joints.slice(0, at), atOnce, q);
+    const until = atOnce && turns(joints[at]) ? joints.map(turns).lastIndexOf(true) + 1 : at;
+    move(frame, joints.slice(0, until), atOnce, q);
     return { frame, twist: joints[at].twist };
   }
 

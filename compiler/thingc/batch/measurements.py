@@ -163,7 +163,7 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
     distances: Results = {}
     for mate in assembly.mates:
         before = placed.get(assembly.link_of[mate.parent])
-        if mate.name is None or before is None or before is mate:
+        if mate.name is None or mate.keep or before is None or before is mate:
             continue
         here = within[mate.parent].apply(mate.X_PJ.translation)
         there = within[before.child].apply(before.X_JC.inverse().translation)

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 class Addresses:
     """Maps the joint coordinates of a mode to the arrays `qpos` and `qvel` of a MuJoCo model.
 
-    The argument `joints` contains, for each joint of the MuJoCo model, its first index in `qpos` and its first index in `qvel`.
+    Free joints are read and written by the module `free_joints`. The argument `joints` contains, for each joint of the MuJoCo model, its
+    first index in `qpos` and its first index in `qvel`.
 
     Attributes:
         to_read: An array (3, k) with a column for each coordinate that does not belong to a ball joint: the index in `Mode.coordinates`,
@@ -28,13 +29,13 @@ class Addresses:
 
     def __init__(self, mode: Mode, joints: Mapping[str, Sequence[int]]) -> None:
         rows = kinematics(mode).rows.tolist()
-        plain = [(row, joint) for row, joint in zip(rows, mode.joints, strict=True) if joint.ball is None]
+        plain = [(row, joint) for row, joint in zip(rows, mode.joints, strict=True) if joint.ball is None and joint.kind != "free"]
         self.to_read = _indices([(row, *joints[joint.in_data]) for row, joint in plain])
         self.to_write = _indices([(row, *joints[name]) for row, joint in plain for name in joint.in_model])
         self.ratio = np.array([ratio for _, joint in plain for ratio in joint.in_model.values()])
         self._balls: list[tuple[Ball, list[int], slice, slice]] = []
         for joint in mode.joints:
-            if joint.ball is not None and joint.first:
+            if joint.kind == "ball" and joint.ball is not None and joint.first:
                 (at, moving), own = joints[joint.in_data], [mode.coordinates.index(name) for name in joint.ball.coordinates]
                 self._balls.append((joint.ball, own, slice(at, at + 4), slice(moving, moving + 3)))
         self._count = len(mode.coordinates)

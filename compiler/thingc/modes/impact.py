@@ -58,7 +58,7 @@ def stop(mode: Mode, state: State[Any], inertias: Inertias, xp: Any, **newton: i
     kin = kinematics(mode)
     q = state.q[kin.rows]
     frames = kin.frames(state.base, q, xp)
-    poses, jacobians = frames[kin.of_link], kin.jacobians(frames, xp)
+    poses, jacobians = kin.poses(frames), kin.jacobians(frames, xp)
     M = kin.mass_matrix(frames, jacobians, inertias, xp)
     u = xp.concatenate([state.twist, state.v[kin.rows]])
     coupling = kin.coupling(q, xp)

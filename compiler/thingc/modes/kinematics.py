@@ -14,7 +14,9 @@ import numpy as np
 from thingc.modes.frames import Array, cross, cross_matrix, generators, inverse, moved_twist, rotation
 
 if TYPE_CHECKING:
-    from thingc.modes.tree import Inertias, Mode
+    from collections.abc import Sequence
+
+    from thingc.modes.tree import Inertias, Link, Mode
 
 
 class Kinematics:
@@ -24,7 +26,7 @@ class Kinematics:
         rows: The index of each coordinate of the tree in `Mode.coordinates` (m,).
         gathered: For each element of `Mode.coordinates`, its index in an array of the tree's coordinates, followed by the previous values
             of all coordinates.
-        of_link: The index of the frame of each link (n,).
+        of_link: The index of the frame that moves each link (n,).
         number: The index of each link by name.
     """
 
@@ -39,25 +41,39 @@ class Kinematics:
         self._before: list[int] = []
         self._mask = np.zeros((len(links), 6 + count))
         self._mask[:, :6] = 1.0
+        self._place = np.tile(np.eye(4), (len(links), 1, 1))  # the pose of each link in the frame that moves it
+        self._fixed = any(link.fixed_to is not None for link in links)
         for k, joint in enumerate(joints):
+            self._fix(links, joint.parent)
             self._before.append(int(self.of_link[joint.parent]) if joint.first else k)
             self.of_link[joint.child] = k + 1
             if joint.first:
                 self._mask[joint.child] = self._mask[joint.parent]
             self._mask[joint.child, 6 + k] = 1.0
+        for number in range(len(links)):
+            self._fix(links, number)
         moves = [np.zeros((3, 4, 4)) if joint.ball else generators(joint.twist) for joint in joints]
-        X_PJ, X_JL = (np.array([getattr(joint, name) for joint in joints]).reshape(-1, 1, 4, 4) for name in ("X_PJ", "X_JL"))
+        self._X_PJ = [self._place[joint.parent] @ joint.X_PJ if joint.first else joint.X_PJ for joint in joints]
+        X_PJ, X_JL = (np.array(poses).reshape(-1, 1, 4, 4) for poses in (self._X_PJ, [joint.X_JL for joint in joints]))
         self._motion = np.moveaxis(X_PJ @ np.array([[np.eye(4), *own] for own in moves]).reshape(-1, 4, 4, 4) @ X_JL, 0, 1)
         self._offset = np.array([joint.offset for joint in joints])
         self._balls = [
-            (np.arange(count).reshape(-1, 1, 1) == k, [column[name] for name in joint.ball.coordinates], joint)
+            (np.arange(count).reshape(-1, 1, 1) == k, [column[name] for name in joint.ball.coordinates], joint, self._X_PJ[k])
             for k, joint in enumerate(joints) if joint.ball is not None and joint.name == joint.ball.coordinates[0]
         ]
         # The axes of a reversed ball are fixed in the frame before it. The axes of other joints are fixed in the frame after it.
         self._carrier = np.array([self._before[k] if joint.reversed else k + 1 for k, joint in enumerate(joints)], dtype=int)
-        axes = [moved_twist(joint.X_PJ if joint.reversed else inverse(joint.X_JL), joint.twist) for joint in joints]
+        axes = [moved_twist(X if joint.reversed else inverse(joint.X_JL), joint.twist) for X, joint in zip(self._X_PJ, joints, strict=True)]
         self._axes = np.array(axes).reshape(-1, 2, 3)
         self._leaders(mode, column)
+
+    def _fix(self, links: Sequence[Link], number: int) -> None:
+        """Place a link without joints in the frame of its parent. For any other link, do nothing."""
+        parent = links[number].fixed_to
+        if parent is not None:
+            self._fix(links, parent)
+            self.of_link[number], self._mask[number] = self.of_link[parent], self._mask[parent]
+            self._place[number] = self._place[parent] @ inverse(links[parent].X_root_link) @ links[number].X_root_link
 
     def _leaders(self, mode: Mode, column: dict[str, int]) -> None:
         """For the method `coupling`, find the coordinate that each mimic joint follows, directly or through other mimic joints."""
@@ -82,16 +98,21 @@ class Kinematics:
         still, turn, versine, slide = self._motion
         angle = (q + self._offset)[:, None, None]
         motions = still + xp.sin(angle) * turn + xp.sin(angle / 2.0) ** 2 * versine + angle * slide
-        for here, rows, joint in self._balls:
+        for here, rows, joint, X_PJ in self._balls:
             vector = xp.stack([q[row] for row in rows])
             turned = rotation(-vector if joint.reversed else vector, xp)
             whole = xp.concatenate([xp.concatenate([turned, np.zeros((3, 1))], axis=1), np.eye(4)[3:]])
-            motions = xp.where(here, joint.X_PJ @ whole @ joint.X_JL, motions)
+            motions = xp.where(here, X_PJ @ whole @ joint.X_JL, motions)
         found = [base]
         for k, before in enumerate(self._before):
             found.append(found[before] @ motions[k])
         frames: Array = xp.asarray(found)
         return frames
+
+    def poses(self, frames: Array) -> Array:
+        """Return the poses (n, 4, 4) of all links in the world. `frames` contains the poses of all frames."""
+        poses: Array = frames[self.of_link] @ self._place if self._fixed else frames[self.of_link]
+        return poses
 
     def axes(self, frames: Array) -> tuple[Array, Array]:
         """Return the angular velocity (m, 3) and the linear velocity (m, 3) that each coordinate causes per unit of its velocity.
@@ -109,7 +130,7 @@ class Kinematics:
         The velocity `u` (6 + m,) is the twist of the base, followed by the velocities of the coordinates. A twist is the velocity of the
         origin of the link in world axes, followed by the angular velocity in the axes of the link.
         """
-        X, spins = frames[self.of_link], self.axes(frames)
+        X, spins = self.poses(frames), self.axes(frames)
         root, path = frames[0], self._mask[:, 6:]
         spin = root[:3, :3] @ u[3:6] + path @ (spins[0] * u[6:, None])
         linear = u[:3] + path @ (spins[1] * u[6:, None]) + cross(spin, X[:, :3, 3] - root[:3, 3])
@@ -127,7 +148,7 @@ class Kinematics:
             xp.concatenate([np.zeros((3, 3)), frames[0, :3, :3], spin.T], axis=1),
         ]
         at_root, angular = (one * self._mask[:, None] for one in moved)
-        away = frames[self.of_link, :3, 3] - frames[0, :3, 3]
+        away = self.poses(frames)[:, :3, 3] - frames[0, :3, 3]
         jacobians: Array = xp.concatenate([at_root - cross_matrix(away) @ angular, angular], axis=1)
         return jacobians
 
@@ -137,7 +158,7 @@ class Kinematics:
         The matrix is `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, where J is the Jacobian of the centre of mass
         of a link.
         """
-        R, angular = frames[self.of_link, :3, :3], jacobians[:, 3:]
+        R, angular = self.poses(frames)[:, :3, :3], jacobians[:, 3:]
         linear = jacobians[:, :3] - cross_matrix((R @ inertias.centre[:, :, None])[:, :, 0]) @ angular
         forces = [inertias.mass[:, None, None] * linear, R @ inertias.inertia @ R.swapaxes(1, 2) @ angular]
         size = jacobians.shape[2]

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from thingc.modes import free_joints
 from thingc.modes.addresses import Addresses
 from thingc.modes.errors import ModesError, WrongData
 from thingc.modes.frames import Array, pose, quaternion_of, rotation_of
@@ -124,7 +125,7 @@ def check(mode: Mode, model: Any) -> None:
         "planar" if "root_0" in joints else free)
     trees = all(
         joint.in_data in joints and model.jnt_bodyid[joints[joint.in_data]] == body_of[mode.links[joint.child].name]
-        and body_of[mode.links[joint.parent].name] in (
+        and (0 if joint.kind == "free" else body_of[mode.links[joint.parent].name]) in (
             _link_above(model, body_of[mode.links[joint.child].name], links), body_of[mode.links[joint.child].name],
         )
         for joint in mode.joints
@@ -171,6 +172,7 @@ def read_state(mode: Mode, found: ModelMap, data: Any) -> State[Array]:
     else:
         X = bolted(mode, data)
     q, v = found.addresses.read(qpos, qvel)
+    free_joints.read(mode, State(X, twist, q, v), qpos, qvel, found.joints)
     for name, values in (("base_pose", X), ("base_twist", twist), ("q", q), ("v", v)):
         if not np.isfinite(values).all():
             raise ModesError(f"`{name}` has numbers that are not finite")
@@ -191,6 +193,7 @@ def write_state(mode: Mode, state: State[Array], found: ModelMap, data: Any) -> 
     elif mode.base == "held":
         data.mocap_pos[found.mocap], data.mocap_quat[found.mocap] = position, quaternion
     found.addresses.write(state.q, state.v, qpos, qvel)
+    free_joints.write(mode, state, qpos, qvel, found.joints)
 
 
 def carry(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> tuple[str, ...]:
@@ -219,8 +222,8 @@ def _warm_start(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], sourc
     for joint in new.joints:
         for name in joint.in_model:
             first = there.joints[name][1]
-            if joint.ball is not None:
-                started[first : first + 3] = 0.0
+            if joint.ball is not None or joint.kind == "free":
+                started[first : first + 6 if joint.kind == "free" else first + 3] = 0.0
             else:
                 started[first] = accelerations[here.joints[name][1]] if joint.name in names else 0.0
 

@@ -60,10 +60,12 @@ def _coordinates(described: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _mode(name: str, described: Mapping[str, Any], order: tuple[str, ...]) -> Mode:
+    index = {str(link["name"]): number for number, link in enumerate(described["links"])}
     links = tuple(
         Link(
             name=str(link["name"]), X_root_link=_array(link["X_root_link"], 4, 4), mass=float(link["mass"]),
             centre=_array(link["centre"], 3), inertia=_array(link["inertia"], 3, 3),
+            fixed_to=index[link["fixed_to"]] if "fixed_to" in link else None,
         )
         for link in described["links"]
     )
@@ -76,7 +78,6 @@ def _mode(name: str, described: Mapping[str, Any], order: tuple[str, ...]) -> Mo
             part = None
         case _:
             raise ModesError(f"mode `{name}` has a base that this version of thingc does not support (`{base}`): build the robot again")
-    index = {link.name: number for number, link in enumerate(links)}
     return Mode(
         name=name,
         root=str(described["root"]),
@@ -121,9 +122,9 @@ def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[
     coordinates = described["coordinates"][::-1] if back else described["coordinates"]
     last = len(coordinates) - 1
     ball = None
-    if described["kind"] == "ball":
+    if described["kind"] in ("ball", "free"):
         ball = Ball(
-            name=str(described["name"]), coordinates=tuple(str(one["name"]) for one in described["coordinates"]), reversed=back,
+            name=str(described["name"]), coordinates=tuple(str(one["name"]) for one in described["coordinates"][-3:]), reversed=back,
             R=_kept(-after[:3, :3].T if back else after[:3, :3].T),
         )
     for number, one in enumerate(coordinates):
@@ -147,7 +148,7 @@ def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[
             in_model=MappingProxyType({str(name): float(ratio) for name, ratio in one["in_model"].items()}),
             qpos=tuple(int(address) for address in one["qpos"]),
             dof=tuple(int(address) for address in one["dof"]),
-            ball=ball,
+            ball=ball if any(one["angular"]) else None,
         )
 
 

@@ -36,8 +36,9 @@ def find_displaced(mode: Mode, model: Any, body_of: Mapping[str, int]) -> tuple[
 
 def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[tuple[str, float]]:
     root = body_of[mode.root_link]
-    X = {root: np.eye(4)}
-    for body in range(root + 1, model.nbody):
+    free = [mode.links[joint.child] for joint in mode.joints if joint.kind == "free"]
+    X = {root: np.eye(4), **{body_of[link.name]: link.X_root_link for link in free}}
+    for body in range(1, model.nbody):
         parent = int(model.body_parentid[body])
         if parent in X:
             X[body] = X[parent] @ pose(rotation_of(model.body_quat[body]), model.body_pos[body])
@@ -47,6 +48,8 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
         yield f"link `{link.name}`", _apart(link.X_root_link, X[body_of[link.name]])
     motions = _motions(mode)
     for column, joint in enumerate(mode.joints):
+        if joint.kind == "free":
+            continue
         here = mode.links[joint.child].X_root_link[:3, 3]
         found = np.sum([ratio * _motion(model, name, X, here, joint) for name, ratio in joint.in_model.items()], axis=0)
         yield f"joint `{joint.name}`", float(np.abs(found - motions[joint.child, :, column]).max())

@@ -180,7 +180,7 @@ def _stopped(
     if mode.holds:
         kin = kinematics(mode)
         frames = kin.frames(state.base, state.q[kin.rows], np)
-        poses, twists = frames[kin.of_link], kin.twists(frames, np.concatenate([state.twist, state.v[kin.rows]]), np)
+        poses, twists = kin.poses(frames), kin.twists(frames, np.concatenate([state.twist, state.v[kin.rows]]), np)
         for hold in mode.holds:
             twist = twists[hold.link]
             removed.append(at_point(hold, poses[hold.link], twist) if hold.turns else twist)

@@ -23,7 +23,7 @@ def change_root(state: State[Any], old: Mode, new: Mode, xp: Any, **newton: int)
     kin = kinematics(old)
     frames = kin.frames(state.base, state.q[kin.rows], xp)
     twists = kin.twists(frames, xp.concatenate([state.twist, state.v[kin.rows]]), xp)
-    poses = frames[kin.of_link]
+    poses = kin.poses(frames)
     q, v = state.q, state.v
     cuts = [cut for cut in old.cuts if cut.coordinates]
     if cuts:
@@ -67,7 +67,7 @@ def put_base(state: State[Any], mode: Mode, place: Array | None, xp: Any) -> tup
     placed = [(0, state.base, there)]
     if mode.base == "fixed" and mode.holds:
         kin = kinematics(mode)
-        poses = kin.frames(state.base, state.q[kin.rows], xp)[kin.of_link]
+        poses = kin.poses(kin.frames(state.base, state.q[kin.rows], xp))
         for hold in mode.holds:
             X = poses[hold.link]
             X_WM = pose(X[:3, :3] @ hold.X_LM[:3, :3], hold.X_WM[:3, 3], xp) if hold.turns else hold.X_WM

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
+from thingc.modes import free_joints
 from thingc.modes.addresses import Addresses
 from thingc.modes.errors import ModesError
 from thingc.modes.frames import Array, quaternion_of, rotation, rotation_of, rotation_vector
@@ -21,7 +22,7 @@ from thingc.modes.state import RobotState, State
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Ball(OneLineRepr):
-    """A ball joint in the kinematic tree of a mode.
+    """A ball joint, or the rotations of a free joint, in the kinematic tree of a mode.
 
     `name` is the name of the joint in the MuJoCo model, and `coordinates` lists the names of the three coordinates in document order. If
     `reversed` is true, the tree traverses the joint from child to parent. The matrix `R` (3, 3) rotates the coordinates to the axes of the
@@ -72,7 +73,8 @@ class Link(OneLineRepr):
     """A rigid body of the robot, with its mass properties and its pose at q = 0.
 
     `X_root_link` (4, 4) is the pose of the link relative to the root link when all joint coordinates are 0. `mass` [kg], the centre of mass
-    `centre` (3,) [m] and `inertia` (3, 3) [kg m^2] about the centre of mass are given in the frame of the link.
+    `centre` (3,) [m] and `inertia` (3, 3) [kg m^2] about the centre of mass are given in the frame of the link. `fixed_to` is the index of
+    the parent of a link without joints in `Mode.links`.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Link(OneLineRepr):
     mass: float
     centre: Array
     inertia: Array
+    fixed_to: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -257,7 +260,7 @@ class Mode(OneLineRepr):
     def poses(self, state: RobotState) -> dict[str, Array]:
         """Return a mapping from the name of each link to the pose (4, 4) of its frame in the world. The root link is the first key."""
         kin, frames, _ = self._moving(state)
-        return dict(zip(kin.number, frames[kin.of_link], strict=True))
+        return dict(zip(kin.number, kin.poses(frames), strict=True))
 
     def twists(self, state: RobotState) -> dict[str, Array]:
         """Return a mapping from the name of each link to its twist (6,)."""
@@ -348,4 +351,6 @@ class Mode(OneLineRepr):
         )
         addresses = {name: one for joint in self.joints for name, *one in zip(joint.in_model, joint.qpos, joint.dof)}
         Addresses(self, addresses).write(own.q, own.v, qpos, qvel)
+        first = {joint.in_data: (joint.qpos[0], joint.dof[0]) for joint in self.joints}
+        free_joints.write(self, own, qpos, qvel, first)
         return qpos, qvel

@@ -108,6 +108,7 @@ class Joints(TypedDict, Generic[By]):
     universal: Written[By]
     screw: Written[By]
     ball: Written[By]
+    free: Written[By]
 
 
 class OfJoints(TypedDict):
@@ -456,12 +457,12 @@ def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["p
     return joint.kind.name if joint.kind.name in ("ball", "universal") else drive.kind
 
 
-def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball"]:
+def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball", "free"]:
     """Return the name of the table cell for a joint, from its coordinates and its motion. Raises `ValueError` if the joint is fixed."""
     if not kind.moves:
         raise ValueError("a fixed joint does not move")
     if kind.at_once:
-        return "ball"
+        return "free" if kind.free else "ball"
     if kind.leads:
         return "screw"
     if kind.twists == KINDS["universal"].twists:

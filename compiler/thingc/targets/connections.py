@@ -46,13 +46,14 @@ class Connection(FrozenStruct):
 
 def connections(robot: Robot, loops: LoopKinds[Literal["joint"]], *, closed: bool = True) -> Iterator[Connection]:
     """Yield the connections between the bodies of a mode. The joints of the tree come first, in the order of the bodies. The closed loops
-    and holds that the format supports come last.
+    and holds that the format supports come last. Free joints are omitted.
     """
     for index, body in enumerate(robot.bodies):
-        path, origin, moves = BASE, robot.mode.origin, body.joints or robot.moves
-        if body.joints:
-            path, origin = robot.assembly.mates[moves[0].mate].name or moves[0].path, moves[0].origin
-        if body.parent is not None or robot.base != "free":
+        path, origin, moves = BASE, robot.mode.origin, robot.moves
+        if body.mate is not None:
+            mate = robot.assembly.mates[body.mate]
+            path, origin, moves = mate.name or path, mate.origin, body.joints
+        if body.parent is not None and not body.free or body.parent is None and robot.base != "free":
             yield Connection(
                 parent=body.parent, child=index, path=path, X_0=body.X_PL, X_1=NO_POSE, origin=origin, coordinates=moves,
                 twists=tuple(joint.twist for joint in moves), joints=body.joints,

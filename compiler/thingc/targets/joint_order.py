@@ -143,6 +143,8 @@ def _isaac(robot: Robot) -> list[tuple[str, str | None]] | None:
     for link in waiting:
         for joint, child in children.get(link, ()):
             waiting.append(child)
+            if joint.type == "Fixed":
+                continue
             name = _usd_name(joint)
             if joint.single is not None:
                 order.append((name, _key(joint.single)))

@@ -7,8 +7,8 @@ document, C its child link, and J the frame of the parent mount. The pose of C i
 
 A twist describes the motion per unit of q. The twist rotates about the vector `angular` through the origin of J, and moves along the vector
 `linear`. A ball joint has exponential coordinates: its factor is `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`, and its q is a rotation
-vector. If C is the parent in the tree of the mode (`reversed`), use the inverse of this pose. These values do not depend on the root of the
-mode.
+vector. A free joint has three translations, and then the factor of a ball joint. If C is the parent in the tree of the mode (`reversed`),
+use the inverse of this pose. These values do not depend on the root of the mode.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from thingc.targets.json_writer import JsonFragment, fragment
 from thingc.targets.mjcf import tendons
 from thingc.targets.mjcf.closures import anchor_name
 from thingc.targets.mjcf.compat import separator
-from thingc.targets.mjcf.lowering import is_ball, lowered, sizes
+from thingc.targets.mjcf.lowering import lowered, sizes
 from thingc.targets.request import EmitRequest
 
 VERSION = 2
@@ -69,14 +69,15 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
     rotates about its origin.
 
     The key `links` lists the links in the order of the bodies of the model, with the root link first. `X_root_link` is the pose of a link
-    in the frame of the root link at q = 0. The mass properties `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] are
-    expressed in the frame of the link.
+    in the frame of the root link at q = 0. `fixed_to` is the parent link of a link without joints. The mass properties `mass` [kg],
+    `centre` [m] and `inertia` [kg m^2, about the centre] are expressed in the frame of the link.
 
     The key `joints` lists the joints in the order of the model. `parent` and `child` are the links in the tree of this mode. If `reversed`
     is true, parent and child are swapped in the document. `coordinates` are in the order of the document. `in_model` contains the names of
     the MuJoCo joints of a coordinate, each with its motion per unit of q. `qpos` and `dof` are the addresses of these joints in
     `MjData.qpos` and `MjData.qvel`. The entries of a free base come first: 7 in `qpos` and 6 in `qvel`. Each coordinate of a ball joint has
-    the addresses of the whole joint, which are a quaternion and an angular velocity.
+    the addresses of the whole joint, which are a quaternion and an angular velocity. Each coordinate of a free joint has the addresses of
+    the pose and the twist of the child in the world.
 
     The key `holds` contains additional mounts that are held to the world, by path. `link` is the link of the mount, and `anchor` is the
     mocap body that holds the mount. `carries` is `force` if only the origin of the mount is held, so that the mount can rotate. If the
@@ -131,7 +132,8 @@ def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]
     for name, body in zip(names, robot.bodies, strict=True):
         at_zero.append(NO_POSE if body.parent is None else at_zero[body.parent] @ body.X_PL)
         own = robot.assembly.links[body.link].properties
-        links.append(memo(("modes.json", robot.mode.name, "link", name), _link, name, at_zero[-1], own))
+        fixed_to = None if body.parent is None or body.joints else names[body.parent]
+        links.append(memo(("modes.json", robot.mode.name, "link", name), _link, name, at_zero[-1], own, fixed_to))
     return links
 
 
@@ -153,8 +155,10 @@ def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> l
     return joints
 
 
-def _link(name: str, pose: Pose, own: MassProperties) -> JsonFragment:
-    return fragment({"name": name, "X_root_link": pose.rows(), "mass": own.mass, "centre": own.centre, "inertia": own.inertia}, LISTED)
+def _link(name: str, pose: Pose, own: MassProperties, fixed_to: str | None) -> JsonFragment:
+    fixed = {} if fixed_to is None else {"fixed_to": fixed_to}
+    mass = {"mass": own.mass, "centre": own.centre, "inertia": own.inertia}
+    return fragment({"name": name, "X_root_link": pose.rows(), **fixed, **mass}, LISTED)
 
 
 def _joint_json(
@@ -169,9 +173,9 @@ def _joint_json(
     (parent_part, child_part), (parent, child), (qpos, dof) = parts, links, addresses
     in_model: dict[str, tuple[dict[str, float], list[int], list[int]]] = {}
     for joint in crossed:
-        if is_ball(crossed):
-            whole = (mate.name or joint.path).replace("/", separator)
-            in_model[joint.path] = {whole: 1.0}, list(range(qpos, qpos + 4)), list(range(dof, dof + 3))
+        if joint.kind.at_once:
+            whole, (count, speeds) = (mate.name or joint.path).replace("/", separator), sizes(crossed)
+            in_model[joint.path] = {whole: 1.0}, list(range(qpos, qpos + count)), list(range(dof, dof + speeds))
             continue
         names = {one.name.replace("/", separator): one.ratio for one in lowered(joint)}
         in_model[joint.path] = names, list(range(qpos, qpos + len(names))), list(range(dof, dof + len(names)))

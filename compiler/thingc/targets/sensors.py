@@ -27,12 +27,12 @@ def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
     index = body_of(robot, sensor)
     body = robot.bodies[index]
     at = None if sensor.at is None else (sensor.at.occurrence, sensor.at.mount)
-    if not body.joints:
+    if body.mate is None:
         root = robot.mode.root
         if (root.occurrence, root.mount) == at:
             return None
         return f"between its link and the world at `{root.path}`"
-    mate = robot.assembly.mates[body.joints[0].mate]
+    mate = robot.assembly.mates[body.mate]
     if at in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount)):
         return None
     if not any(other.parent == index for other in robot.bodies):

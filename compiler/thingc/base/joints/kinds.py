@@ -14,7 +14,7 @@ from thingc.base.joints.twist import Twist, X, Y, Z
 from thingc.base.pose import Vector
 from thingc.base.units import Dimension
 
-JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw"]
+JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw", "free"]
 """Values of a joint's `type:`, the names of all kinds (`KINDS`)."""
 
 Limits = Literal["required", "optional", "none", "cone"]
@@ -29,8 +29,9 @@ class JointKind(FrozenStruct):
     `exp(twist_0 q_0) exp(twist_1 q_1) ...`. `limits` specifies whether `limit.lower` and `limit.upper` of each coordinate are required,
     optional or invalid. If `leads` is true, the document must specify the lead, which is the advance per turn.
 
-    If `at_once` is true, the coordinates are the components of a rotation vector (exponential coordinates). The axes of rotation pass
-    through the origin of the mount, and the pose is `exp(twist_0 q_0 + twist_1 q_1 + ...)`.
+    If `at_once` is true, the coordinates of rotations are the components of a rotation vector (exponential coordinates). The axes of
+    rotation pass through the origin of the mount, and the pose is `exp(twist_0 q_0 + twist_1 q_1 + ...)`. A free joint translates before
+    it rotates.
     """
 
     name: JointType
@@ -61,6 +62,16 @@ class JointKind(FrozenStruct):
     def moves(self) -> bool:
         """Whether the joint has at least one coordinate. A joint without coordinates connects its two components rigidly into one link."""
         return bool(self.twists)
+
+    @property
+    def words(self) -> str:
+        """The kind in a sentence such as `joint x is revolute`."""
+        return "a ball" if self.name == "ball" else self.name
+
+    @property
+    def free(self) -> bool:
+        """Whether the joint does not constrain the motion of its child."""
+        return len(self.twists) == 6
 
     @property
     def may_stop(self) -> bool:
@@ -101,6 +112,11 @@ KINDS: Mapping[str, JointKind] = {kind.name: kind for kind in (
     JointKind(name="planar", twists=(Twist(linear=X), Twist(linear=Y), Twist(angular=Z)), limits="optional"),
     # Rotation about the parent mount's z with a translation along it by `lead` per turn. q is the angle.
     JointKind(name="screw", twists=(Twist(angular=Z),), limits="optional", leads=True),
+    # Any motion: translations along the parent mount's x, y and z, then any rotation about the moved origin.
+    JointKind(
+        name="free", limits="none", at_once=True,
+        twists=(Twist(linear=X), Twist(linear=Y), Twist(linear=Z), Twist(angular=X), Twist(angular=Y), Twist(angular=Z)),
+    ),
 )}
 """All kinds, keyed by `type:`, in the order of `JointType`."""
 

@@ -139,17 +139,21 @@ _PLAIN = {X: turned_x, Y: turned_y, Z: turned_z}
 def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = False) -> Pose:
     """Return the pose of a frame after the motions of several twists. `q` contains one joint coordinate [rad or m] for each twist.
 
-    The twists are applied in sequence, each in the frame that the preceding twists have moved. With `at_once`, the coordinates `q` are the
-    components of a rotation vector (exponential coordinates), and the axes of all twists pass through a common point.
+    The twists are applied in sequence, each in the frame that the preceding twists have moved. With `at_once`, the coordinates of rotations
+    are the components of a rotation vector (exponential coordinates), and their axes pass through a common point.
     """
-    if at_once:
-        vector = rotation_vector(twists, q)
-        angle = hypot(*vector)
-        if angle == 0.0:
-            return NO_POSE
-        x, y, z = vector
-        return Twist(angular=(x / angle, y / angle, z / angle), anchor=twists[0].anchor).exponential(angle)
     pose = NO_POSE
+    if at_once:
+        for part, values in _parts(twists, q):
+            vector = rotation_vector(part, values)
+            angle = hypot(*vector)
+            if not part[0].turns:
+                pose = pose @ moved(part, values)
+            elif angle != 0.0:
+                x, y, z = vector
+                turned = Twist(angular=(x / angle, y / angle, z / angle), anchor=part[0].anchor).exponential(angle)
+                pose = turned if pose is NO_POSE else pose @ turned
+        return pose
     for number, (twist, value) in enumerate(zip(twists, q, strict=True)):
         pose = pose @ twist.exponential(value) if number else twist.exponential(value)
     return pose
@@ -162,14 +166,27 @@ def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, a
     contains exponential coordinates, and the angular part of a yielded twist is not a unit vector.
     """
     if at_once:
-        turned = rotation_vector(twists, q)
-        for number in range(len(twists) - 1, -1, -1):
-            yield number, Twist(_right_jacobian(turned, twists[number].angular), NONE, twists[number].anchor).seen_from(pose)
+        number = len(twists)
+        for part, values in reversed(_parts(twists, q)):
+            turned = rotation_vector(part, values)
+            for twist in reversed(part):
+                number -= 1
+                if twist.turns:
+                    twist = Twist(_right_jacobian(turned, twist.angular), NONE, twist.anchor)
+                yield number, twist.seen_from(pose)
+            if number:
+                pose = pose @ moved(part, values, at_once=True).inverse()
         return
     for number in range(len(twists) - 1, -1, -1):
         yield number, twists[number].seen_from(pose)
         if number:
             pose = pose @ twists[number].exponential(-q[number])
+
+
+def _parts(twists: tuple[Twist, ...], q: tuple[float, ...]) -> list[tuple[tuple[Twist, ...], tuple[float, ...]]]:
+    """Split twists and their coordinates into translations and rotations, which follow each other in the joint."""
+    first = len([twist for twist in twists if twist.turns == twists[0].turns])
+    return [(twists[part], q[part]) for part in (slice(None, first), slice(first, None)) if twists[part]]
 
 
 def within_turn(vector: Vector) -> Vector:

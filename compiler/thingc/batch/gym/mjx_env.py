@@ -279,7 +279,7 @@ class _World:
                 "use `at` to keep the numbers constant that move links, joints or mounts",
             )
         lacks = "a planar or ball base" if mode.part is not None else "holds besides its root" if mode.holds else (
-            "ball joints" if any(joint.ball is not None for joint in mode.joints) else
+            "ball joints or free joints" if any(joint.ball is not None for joint in mode.joints) else
             "actuators with activations" if self.family.mj_model.na else "")
         if lacks:
             raise FamilyError(f"mode `{mode.name}` has {lacks}, which switches in MJX do not support", "use `make_vec_env`")

@@ -30,12 +30,14 @@ def _joints(episode: Episode) -> Array:
 
     The order of the joints is the same in every mode. The values of joints that the mode cuts are 0.
     """
-    from thingc.modes.mjdata import map_model
+    from thingc.modes.mjdata import map_model, read_state
 
     if episode.robot is None:
         raise FamilyError("expected `modes` for the observation `joints`", "use `qpos` and `qvel` in one mode")
     own = episode.simulations[episode.mode]
-    return np.concatenate(map_model(episode.robot[own.name], own.model).addresses.read(own.data.qpos, own.data.qvel))
+    mode = episode.robot[own.name]
+    state = read_state(mode, map_model(mode, own.model), own.data)
+    return np.concatenate([state.q, state.v])
 
 
 def _gravity(episode: Episode) -> Array:

@@ -159,8 +159,8 @@ class NameReader:
                 yield from self.in_section(base, "sensor", text.partition(":")[0])
             case "material":
                 yield from self.material(base, text)
-            case "parameter of a nested assembly":
-                yield from self.in_section(self.nested(base, str(path[1])), "parameter", text)
+            case "parameter of a nested assembly" | "mode of a nested assembly":
+                yield from self.in_section(self.nested(base, str(path[1])), what.partition(" ")[0], text)
             case "parameter of a part":
                 if (thing := self.thing(base, str(path[1]))) is not None:
                     yield 0, len(text), part_name(thing.parameter(text)), "used"

@@ -49,6 +49,7 @@ from thingc.documents.spec.name_types import (
     MaterialField,
     MaterialsDocument,
     MountField,
+    NestedMode,
     NestedParameter,
     NewComponent,
     NewExport,
@@ -232,7 +233,9 @@ def _component_rules(schema: dict[str, Any]) -> None:
         for key, of in (("params", "part"), ("parameters", "assembly"))
     } | {
         "unit": {"required": ["file"]}, "faces": {"required": ["file"]}, "shapes": {"required": ["link"]},
+        "mode": {"required": ["assembly", "at"]},
         **{key: {"not": {"required": ["link"]}} for key in OF_PARTS},
+        "keep": {"anyOf": [{"properties": {"keep": {"const": False}}}, {"required": ["attach"]}, {"required": ["at"]}]},
         "mirror": {"not": {"required": ["frame"]}},
     }
     for branch in schema["properties"]["attach"]["anyOf"]:
@@ -271,6 +274,10 @@ class ComponentSpec(ComponentDefaults):
     """The rigid mate that places the component: `{my_mount: other.mount}`, or the long form with all keys."""
     at: AtSpec | None = Field(default=None, examples=[{"in": "bracket.board", "xyz": "0 0 4 mm"}])
     """Placement by a pose in another frame."""
+    mode: NestedMode | None = Field(default=None, examples=["bench"])
+    """A mode of the nested assembly: its root is placed `at` the pose and moves as the base of the mode."""
+    keep: bool = False
+    """Whether the component starts a separate link, which a fixed joint connects to its neighbour; only with `attach` or `at`."""
     mounts: dict[NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
     """Mounts that this document adds to the component, by name."""
     mirror: Literal["x", "y", "z"] | None = None
@@ -321,6 +328,10 @@ class ComponentSpec(ComponentDefaults):
             raise rule("`mirror` cannot be used with `frame`: a frame is its own mirror image", "remove `mirror`", "mirror")
         if self.attach is not None and self.at is not None:
             raise rule("a component cannot have both `attach` and `at`", "remove `attach` or `at`", "at")
+        if self.mode is not None and self.assembly is None:
+            raise rule("`mode` can only be used with `assembly`", "remove `mode`", "mode")
+        if self.keep and self.attach is None and self.at is None:
+            raise rule("`keep` can only be used with `attach` or `at`", "set `keep: true` of a `fixed` joint, or remove `keep`", "keep")
         if isinstance(self.attach, dict) and len(self.attach) != 1:
             raise rule(f"`attach` must contain one mate `{{my_mount: other.mount}}`, found {len(self.attach)}",
                         "use only one mate, which places the component completely" if self.attach
@@ -415,6 +426,8 @@ class JointSpec(JointDefaults):
     """The joint that this joint mimics: q = multiplier * q(joint) + offset."""
     loop: bool = False
     """Whether the joint closes a loop instead of placing the child."""
+    keep: bool = False
+    """For a `fixed` joint: whether its two sides remain separate links."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}])
     """Repeats the entry as `name_0`, `name_1` and so on."""
     allow: Allow = allow()
@@ -431,10 +444,12 @@ class DefaultsSpec(Model):
 
 
 class TurnSpec(Model):
-    """The orientation of a ball joint in a pose."""
+    """The orientation of a ball joint in a pose, or the pose of a free joint."""
 
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "not": {"required": ["rpy", "quat"]}})
 
+    xyz: Vector3Length | None = None
+    """The position of a free joint, in the parent mount's axes."""
     rpy: Vector3Angle | None = None
     """Extrinsic roll, pitch, yaw in the parent mount's axes, as in URDF."""
     quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(default=None, examples=[[0.966, 0.259, 0, 0]])
@@ -442,7 +457,7 @@ class TurnSpec(Model):
 
     @model_validator(mode="after")
     def _one(self) -> TurnSpec:
-        if (self.rpy is None) == (self.quat is None):
+        if (self.rpy is None) == (self.quat is None) and not (self.rpy is None and self.xyz is not None):
             raise rule("the rotation of a ball must be either `rpy` or `quat`", "write, for example, `{rpy: 0 20 0 deg}`")
         return self
 

@@ -19,10 +19,6 @@ from thingc.base.units import shortened
 from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, repeats, sensors
 from thingc.documents.spec.annotation_types import model_keys, one_of
 
-FREE = "define a floating robot as a mode: `modes: {adrift: {root: COMPONENT, base: free}}`"
-FLOATING = frozenset({"floating", "float", "free", "freejoint", "6dof", "floating_base"})
-"""Joint types of other formats that mean a free base of a mode in thingc."""
-
 WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     assembly.LimitSpec: ("lower", "upper"), modes.WorldAtSpec: ("xyz",), modes.HoldSpec: ("xyz",), assembly.MountSpec: ("xyz",),
     assembly.MimicSpec: ("joint",), repeats.RepeatSpec: ("count",), assembly.AtSpec: ("in",), modes.ModeSpec: ("root",),
@@ -62,9 +58,7 @@ def choice_hint(word: str, choices: list[str]) -> Hint | None:
     """Return a hint for a value of another format that was written in place of one of the choices, or None."""
     plain = word.lower().replace("-", "_").replace(" ", "_")
     names = [one for one in keywords()[1].get(plain, ()) if one in choices]
-    if names:
-        return Suggestion(f"use {one_of(names)}", (word, names[0]) if len(names) == 1 else None)
-    return FREE if plain in FLOATING and "revolute" in choices else None
+    return Suggestion(f"use {one_of(names)}", (word, names[0]) if len(names) == 1 else None) if names else None
 
 
 def written_whole(model: type[BaseModel], texts: list[str], value: object) -> str | None:

@@ -22,8 +22,9 @@ Declared = Literal[
 """
 ReferenceKind = Literal[
     "assembly document", "choice", "component", "coordinate", "coordinate or tendon", "expression", "joint", "joint or nested assembly",
-    "material", "materials document", "mode", "modes", "mount", "mount of its own", "mount or export", "parameter of a nested assembly",
-    "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule", "sensor", "setting", "tendon",
+    "material", "materials document", "mode", "mode of a nested assembly", "modes", "mount", "mount of its own", "mount or export",
+    "parameter of a nested assembly", "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule",
+    "sensor", "setting", "tendon",
 ]
 """Kinds of references in documents.
 
@@ -76,6 +77,7 @@ MaterialField = Annotated[str, RefersTo("material")]
 MaterialsDocument = Annotated[str, RefersTo("materials document")]
 ModeField = Annotated[Name, RefersTo("mode")]
 MountField = Annotated[ReferenceField, RefersTo("mount")]
+NestedMode = Annotated[Name, RefersTo("mode of a nested assembly")]
 NestedParameter = Annotated[str, RefersTo("parameter of a nested assembly")]
 OwnComponentKey = Annotated[str, RefersTo("component")]
 OwnExportKey = Annotated[str, RefersTo("mount or export")]

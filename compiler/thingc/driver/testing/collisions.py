@@ -9,7 +9,7 @@ import numpy as np
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
-from thingc.model.assembly.types import Assembly
+from thingc.model.assembly.links import joined_links
 from thingc.model.robot.types import Keyframe
 from thingc.model.solids.overlaps import Overlaps, contact_places, reason_to_skip
 from thingc.model.solids.shapes import Solid, Solids
@@ -57,7 +57,7 @@ class Collisions:
         self.assembly, self.overlaps = request.assembly, Overlaps(request.store, request.workspace.mesh.linear, request.memo)
         self._report, shapes = request.report, Solids(request.store)
         self._solids = {one.index: solid for one in self.assembly.occurrences if (solid := shapes.solid(one)) is not None}
-        near, link_of = set(_neighbours(self.assembly)), self.assembly.link_of
+        near, link_of = {_ordered(*pair) for pair in joined_links(self.assembly)}, self.assembly.link_of
         indices = sorted(self._solids)
         self.pairs: list[tuple[int, int]] = []
         self.close: set[tuple[int, int]] = set()
@@ -154,8 +154,3 @@ def _ordered(a: int, b: int) -> tuple[int, int]:
     return (a, b) if a < b else (b, a)
 
 
-def _neighbours(assembly: Assembly) -> Iterator[tuple[int, int]]:
-    """Yield each pair of links that a joint connects, including joints that close loops."""
-    for mate in assembly.mates:
-        if mate.joints or mate.loop is not None:
-            yield _ordered(assembly.link_of[mate.parent], assembly.link_of[mate.child])

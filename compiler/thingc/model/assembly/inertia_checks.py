@@ -10,6 +10,7 @@ from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, moments_fault, p
 from thingc.base.joints.kinds import stays
 from thingc.base.safe_text import quoted
 from thingc.base.source import Span
+from thingc.model.assembly.links import rigid_groups
 from thingc.model.assembly.mass import stated_inertia
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Connected, Occurrence
@@ -49,18 +50,23 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
     """Report each link that can move in a mode but does not have a valid mass and inertia.
 
     The root of a mode with a `fixed` or `held` base does not move. All other links move. A massless intermediate link (`between` two
-    joints) needs a mass only in modes in which it is the root. A link is skipped if one of its occurrences is in `faulty`, because its
-    error has been reported. Links of a definition that is used several times are reported once.
+    joints) needs a mass only in modes in which it is the root. A link without inertia can be fixed to a heavier link. A link is skipped if
+    one of its occurrences is in `faulty`, because its error has been reported. Links of a definition that is used several times are
+    reported once.
     """
     said: set[Span] = set()
     modes, link_of = robot.modes, robot.link_of
-    still = [link_of[mode.root.occurrence] if stays(mode.base) else None for mode in modes]
-    common = set(still)
+    groups = rigid_groups(len(robot.links), link_of, robot.mates)
+    still = [groups[link_of[mode.root.occurrence]] if stays(mode.base) else () for mode in modes]
+    common = set.intersection(*map(set, still)) if still else set()
     skip = {link_of[occurrence] for occurrence in faulty}
     for link in robot.links:
-        if link.index in skip or common == {link.index} or not modes or not said.isdisjoint(link.origin[:1]):
+        if link.index in skip or link.index in common or not modes or not said.isdisjoint(link.origin[:1]):
             continue
-        moving = (mode for mode, held in zip(modes, still) if held != link.index)
+        heaviest = max((robot.links[one] for one in groups[link.index]), key=lambda one: one.properties.mass)
+        if heaviest.properties.mass > link.properties.mass and link.properties.inertia == ZERO:
+            continue
+        moving = (mode for mode, held in zip(modes, still) if link.index not in held)
         mode = next((one.name for one in moving if link.index not in robot.between or link_of[one.root.occurrence] == link.index), None)
         if mode is None:
             continue
@@ -73,10 +79,10 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         members = [robot.occurrences[k] for k in link.members]
         named = _format_members(members)
         if mass > 0.0 and light is not None and fault is None:
-            heaviest = max(members, key=lambda one: one.properties.mass)
+            main = max(members, key=lambda one: one.properties.mass)
             findings.error(
-                Code.TOO_LIGHT, f"link `{link.name}` moves in mode `{mode}`, but is too light for MuJoCo: {light} ({_measured(heaviest)})",
-                link.origin, path=link.name, help=_cause(heaviest),
+                Code.TOO_LIGHT, f"link `{link.name}` moves in mode `{mode}`, but is too light for MuJoCo: {light} ({_measured(main)})",
+                link.origin, path=link.name, help=_cause(main),
             )
         elif fault is None:
             findings.error(

@@ -86,8 +86,8 @@ def across(mate: Mate, q: Mapping[str, float]) -> Pose:
 
 
 def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:
-    """Yield the three coordinates of every ball joint. `joints` contains the coordinates of all joints of the robot."""
-    for _, own in groupby((joint for joint in joints if joint.kind.at_once), key=lambda joint: joint.name.joint):
+    """Yield the three rotations of every ball joint and free joint. `joints` contains the coordinates of all joints of the robot."""
+    for _, own in groupby((joint for joint in joints if joint.kind.at_once and joint.twist.turns), key=lambda joint: joint.name.joint):
         yield tuple(own)
 
 
@@ -156,8 +156,8 @@ def forward_kinematics(
 ) -> dict[int, Pose]:
     """Return the poses of all occurrences that are connected to the occurrence `start`, whose pose is `base`.
 
-    `q` maps joint paths to positions [rad or m]. Positions that are missing in `q` are 0. If `rigid` is True, the search skips mates with a
-    joint. The results are in the same reference frame as `base`. The time is linear in the number of connected occurrences.
+    `q` maps joint paths to positions [rad or m]. Positions that are missing in `q` are 0. If `rigid` is True, the search remains in the
+    link of `start`. The results are in the same reference frame as `base`. The time is linear in the number of connected occurrences.
     """
     at = {start: base}
     waiting = [start]
@@ -166,7 +166,7 @@ def forward_kinematics(
         for number in neighbours[here]:
             mate = mates[number]
             there = mate.child if mate.parent == here else mate.parent
-            if there in at or (rigid and mate.joints):
+            if there in at or (rigid and mate.separates):
                 continue
             step = across(mate, q)
             at[there] = at[here] @ (step if mate.parent == here else step.inverse())

@@ -20,12 +20,12 @@ from thingc.model.assembly.types import Adhesion, Assembly, Link, LinkedMode, Ma
 def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
     """Find the sets of rigidly connected occurrences, which are the links of the robot. For each occurrence, return the index of its link.
 
-    Links are numbered by their first occurrence in document order. The method is union-find with path halving over the mates without a
-    joint.
+    Links are numbered by their first occurrence in document order. The method is union-find with path halving over the mates that do not
+    separate links.
     """
     sets = DisjointSets(count)
     for mate in mates:
-        if not mate.joints and mate.loop is None:
+        if not mate.separates:
             sets.join(mate.parent, mate.child)
     numbers: dict[int, int] = {}
     return tuple(numbers.setdefault(sets.representative(k), len(numbers)) for k in range(count))
@@ -53,7 +53,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
         members[number].append(occurrence)
     namings = _namings(tree, link_of, findings)
     neighbours = neighbourhood(len(occurrences), mates)
-    rigid = tuple((m.parent, m.child, m.X_PJ, m.X_JC) for m in mates if not m.joints and m.loop is None)
+    rigid = tuple((m.parent, m.child, m.X_PJ, m.X_JC) for m in mates if not m.separates)
     links: list[Link] = []
     taken: dict[str, Link] = {}
     for index, inside in enumerate(members):
@@ -139,7 +139,7 @@ def links_between(
     """Return the indices of massless intermediate links.
 
     Intermediate links do not have mass, geometry, holds, feet or magnets. An intermediate link has exactly two joints, which are neither
-    ball joints nor part of a loop.
+    fixed joints nor ball joints nor part of a loop.
     """
     ends: dict[int, list[Mate]] = {link.index: [] for link in links if link.properties.mass == 0.0 and link.properties.inertia == ZERO}
     busy = [mount.occurrence for mount in adhesions]
@@ -149,32 +149,48 @@ def links_between(
         if one.drawn or one.touching or one.index in busy:
             ends.pop(link_of[one.index], None)
     for mate in mates:
-        if mate.joints or mate.loop is not None:
+        if mate.separates:
             for link in (link_of[mate.parent], link_of[mate.child]):
                 if link in ends:
                     ends[link].append(mate)
-    ends = {link: joints for link, joints in ends.items() if len(joints) == 2}
+    ends = {link: joints for link, joints in ends.items() if len(joints) == 2 and not any(mate.keep for mate in joints)}
     looping = on_loops(len(occurrences), mates) if ends else frozenset()
     return frozenset(link for link, joints in ends.items() if not any(
         joint.kind.at_once or joint.path in looping for mate in joints for joint in mate.joints
     ))
 
 
-def neighbouring_links(assembly: Assembly, root: int) -> Iterator[tuple[int, int]]:
-    """For each joint, yield the two links that the joint connects.
+def rigid_groups(count: int, link_of: Sequence[int], mates: Sequence[Mate]) -> tuple[tuple[int, ...], ...]:
+    """For each of `count` links, return the links that do not move relative to it, including the link itself.
 
-    A massless intermediate link is replaced by the next link, unless it is the `root`.
+    A group has several links only if a mate with `keep` connects them.
     """
-    ends = [
-        (assembly.link_of[mate.parent], assembly.link_of[mate.child]) for mate in assembly.mates if mate.joints or mate.loop is not None
-    ]
+    sets = DisjointSets(count)
+    for mate in mates:
+        if mate.keep:
+            sets.join(link_of[mate.parent], link_of[mate.child])
+    members: dict[int, list[int]] = {}
+    for link in range(count):
+        members.setdefault(sets.representative(link), []).append(link)
+    return tuple(tuple(members[sets.representative(link)]) for link in range(count))
+
+
+def joined_links(assembly: Assembly, root: int | None = None) -> Iterator[tuple[int, int]]:
+    """Yield each pair of links that a joint connects. Free joints do not connect links.
+
+    All links of a rigid group count as the link with the joint. If `root` is given, a massless intermediate link is replaced by the next
+    link, unless it is the `root`.
+    """
+    groups = rigid_groups(len(assembly.links), assembly.link_of, assembly.mates)
+    ends = [(assembly.link_of[mate.parent], assembly.link_of[mate.child]) for mate in assembly.mates if mate.separates and not mate.free]
     at: dict[int, list[tuple[int, int]]] = {}
     for pair in ends:
         for link in pair:
             at.setdefault(link, []).append(pair)
-    between = assembly.between - {root}
+    between = frozenset() if root is None else assembly.between - {root}
     for pair in ends:
-        yield _beyond(between, at, pair[0], pair), _beyond(between, at, pair[1], pair)
+        for one in groups[_beyond(between, at, pair[0], pair)]:
+            yield from ((one, other) for other in groups[_beyond(between, at, pair[1], pair)] if other != one)
 
 
 def _beyond(between: Collection[int], at: dict[int, list[tuple[int, int]]], link: int, pair: tuple[int, int]) -> int:

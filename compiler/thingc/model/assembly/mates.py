@@ -16,16 +16,21 @@ from thingc.base.diagnostics import Code, noted
 from thingc.base.graphs import MAX_CIRCLE, find_cycles
 from thingc.base.joints.twist import Twist
 from thingc.base.memo import Memo
-from thingc.base.pose import IDENTITY, MATE, Pose, shifted, turned_x
+from thingc.base.pose import IDENTITY, MATE, NO_POSE, Pose, shifted, turned_x
 from thingc.base.source import Origin
 from thingc.model.assembly.drives import joint_edge, stated_edge
 from thingc.model.assembly.instance_tree import FoundMount, Instance, Tree, unplaced
+from thingc.model.assembly.kinematics import on_loops
+from thingc.model.assembly.links import rigid_groups
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import JointEdge, Link, Mate
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 UPSIDE_DOWN = turned_x(math.pi)
 """The rotation from a mount to the frame in which a mirrored joint moves. The rotation is its own inverse."""
+
+FIXED = "_fixed"
+"""Suffix of the name of the fixed joint of a component with `keep`. A component can have the same name as a joint."""
 
 
 def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
@@ -61,8 +66,8 @@ def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, 
 def _attached(tree: Tree, instance: Instance, attach: Attach, memo: Memo) -> Iterator[Mate]:
     child, parent = tree.find(instance, attach.mount), tree.find(instance, attach.to)
     if child is not None and parent is not None:
-        place = ("mate", instance.within(attach.mount.text))
-        yield memo(place, _mated, parent, child, attach, (), attach.origin + instance.origin, "")
+        place, path = ("mate", instance.within(attach.mount.text)), instance.within(f"{attach.mount.path[0]}{FIXED}")
+        yield memo(place, _mated, parent, child, attach, (), attach.origin + instance.origin, path)
 
 
 def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Memo) -> Iterator[Mate]:
@@ -70,7 +75,8 @@ def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Me
     child, parent = tree.find(instance, mine), tree.find(instance, at.to)
     if child is not None and parent is not None:
         place = ("mate", instance.within(component.name))
-        yield memo(place, _laid_on, parent, child, at.pose, at.origin + instance.origin)
+        path = instance.within(f"{component.name}{FIXED}") if at.keep else None
+        yield memo(place, _laid_on, parent, child, at.pose, at.origin + instance.origin, path)
 
 
 def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findings: LinkReport, memo: Memo) -> Iterator[Mate]:
@@ -92,7 +98,7 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
         )
         return
     edges = tuple(joint_edge(tree, instance, one, one.twist, findings) for one in coordinates if one.twist is not None)
-    path = instance.within(joint.name.joint)
+    path = instance.within(joint.name.joint.replace(".", "/"))
     origin = joint.origin + instance.origin
     yield memo(("joint", path), _mated, parent, child, joint, edges, origin, path)
 
@@ -117,9 +123,17 @@ def loops_in(tree: Tree) -> Iterator[Joint]:
 
 
 def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: LinkReport) -> None:
-    """Report each joint that closes a loop although both of its mounts are on the same link."""
+    """Report each joint that closes a loop although its mounts do not move relative to each other, and each free joint in a loop."""
+    looping = on_loops(len(link_of), mates)
     for mate in mates:
-        if mate.loop is not None and link_of[mate.parent] == link_of[mate.child]:
+        if mate.free and mate.joints[0].path in looping:
+            findings.error(
+                Code.LOOP, f"joint `{mate.name}` is free, but in a loop, which would constrain it", mate.origin, path=mate.name,
+                help="remove the joint with `loop: true`, or use another `type`",
+            )
+    groups = rigid_groups(len(links), link_of, mates)
+    for mate in mates:
+        if mate.loop is not None and link_of[mate.child] in groups[link_of[mate.parent]]:
             name = links[link_of[mate.parent]].name
             findings.error(
                 Code.LOOP, f"joint `{mate.loop}` does not close a loop: both of its mounts are on link `{name}`", mate.origin,
@@ -131,6 +145,8 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
 def _mated(parent: FoundMount, child: FoundMount, said: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
     axis = said.axis if isinstance(said, Joint) else None
     before, after = parent.pose, child.pose.inverse() if axis is not None else MATE @ child.pose.inverse()
+    if isinstance(said, Joint) and said.pose != NO_POSE:
+        before = before @ said.pose
     if said.turn != 0.0:
         before = before @ Twist(angular=axis or IDENTITY[2]).exponential(said.turn)
     if said.gap != 0.0:
@@ -139,14 +155,15 @@ def _mated(parent: FoundMount, child: FoundMount, said: Attach | Joint, joints: 
         before, after = before @ UPSIDE_DOWN, UPSIDE_DOWN @ after
     return Mate(
         parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount, X_PJ=before, X_JC=after,
-        joints=joints, origin=origin, name=path if joints else None, loop=path if isinstance(said, Joint) and said.loop else None,
+        joints=joints, origin=origin, name=path if joints or said.keep else None,
+        loop=path if isinstance(said, Joint) and said.loop else None, keep=said.keep,
     )
 
 
-def _laid_on(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin) -> Mate:
+def _laid_on(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin, path: str | None) -> Mate:
     return Mate(
         parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount="origin",
-        X_PJ=parent.pose @ pose, X_JC=child.pose.inverse(), joints=(), origin=origin,
+        X_PJ=parent.pose @ pose, X_JC=child.pose.inverse(), joints=(), origin=origin, name=path, keep=path is not None,
     )
 
 

@@ -231,7 +231,8 @@ class Mate(OneLineRepr, FrozenStruct):
     With the coordinates in `joints`, the pose of the child in the frame of the parent is `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @
     exp(twist_1 (q_1 + offset_1)) ... @ X_JC`. A mate without joints is rigid. `name` is the path of the joint, or None for a rigid mate.
     `parent_mount` and `child_mount` are the names of the mated mounts (`origin` for `at`). `loop` is the path of a joint that closes a
-    loop. A mate with a `loop` does not place its child component.
+    loop. A mate with a `loop` does not place its child component. The sides of a rigid mate with `keep` are separate links, between which
+    `name` is a fixed joint.
     """
 
     parent: int
@@ -244,10 +245,21 @@ class Mate(OneLineRepr, FrozenStruct):
     origin: Origin
     name: JointPath | None = None
     loop: JointPath | None = None
+    keep: bool = False
+
+    @property
+    def separates(self) -> bool:
+        """Whether the two sides of the mate are different links."""
+        return bool(self.joints) or self.loop is not None or self.keep
+
+    @property
+    def free(self) -> bool:
+        """Whether the joint of the mate does not constrain the motion of the child."""
+        return bool(self.joints) and self.joints[0].kind.free
 
 
 class Link(OneLineRepr, FrozenStruct):
-    """A set of rigidly connected occurrences, which are one body in every simulator.
+    """A set of rigidly connected occurrences, which are one body in every simulator. A mate with `keep` separates two links.
 
     `frame` is the index of the occurrence whose frame is also the frame of the link. `poses[k]` is the pose of `members[k]` in the link's
     frame. `properties` contains the total mass properties in the frame of the link.

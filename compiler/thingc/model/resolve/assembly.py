@@ -22,6 +22,7 @@ from thingc.model.resolve.materials import in_scope, unreadable
 from thingc.model.resolve.mimics import mimics
 from thingc.model.resolve.modes import modes, simulation, step_origin
 from thingc.model.resolve.names import names
+from thingc.model.resolve.nested_modes import place_in_modes
 from thingc.model.resolve.parameters import canonical, check_bounds, declared, worked_out
 from thingc.model.resolve.placement import Places, check, own_placements
 from thingc.model.resolve.poses import poses
@@ -113,6 +114,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
     places: Places = {}
     placements = own_placements(context, table, places)
     unsure = joints(table, moving, places)
+    place_in_modes(table, placements, places)
     mimics(table, moving)
     transmissions(table, geared, [item.name for item in moving if item.spec.drive is not None])
     check(table, places, unsure=unsure)

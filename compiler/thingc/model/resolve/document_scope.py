@@ -25,7 +25,7 @@ from thingc.geometry.store.file_digests import digest_of
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.scope import NOTHING, Scope
-from thingc.model.resolve.types import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference, Tendon
+from thingc.model.resolve.types import AssemblyDefinition, Component, ExtraMount, Joint, Material, Mode, NamedPose, Reference, Tendon
 
 Named = TypeVar("Named", Component, Joint)
 Answer = TypeVar("Answer")
@@ -73,7 +73,7 @@ class DocumentScope:
     prefixes (`leg_`) of repeats that could not be unrolled. `occurrences` is the number of parts, links and frames in the document and its
     nested documents. `base` is the name of the base component. `loose` contains the valid references of elements that were omitted because
     of another, invalid reference. `coupled` contains the drives of differentials. `images` contains the mirror images of the definition,
-    keyed by axis.
+    keyed by axis. `by_mode` contains the modes in which nested assemblies are placed, by component.
     """
 
     document: Document
@@ -97,6 +97,7 @@ class DocumentScope:
     occurrences: int = 0
     definition: AssemblyDefinition | None = None
     images: dict[str, AssemblyDefinition] = field(default_factory=dict)
+    by_mode: dict[str, Mode] = field(default_factory=dict)
 
     @property
     def doubts(self) -> InvalidEntries:
@@ -227,7 +228,7 @@ class ResolveRun:
                 (name, joint and (joint.kind.name, joint.drive is not None, joint.mimic is not None, joint.loop))
                 for name, joint in table.joints.items()
             ],
-            dict(table.exports), list(table.poses), table.base,
+            dict(table.exports), list(table.poses), table.base, table.by_mode,
         )
 
     def sound(self, place: Hashable, inputs: tuple[object, ...], make: Callable[[], Answer]) -> Answer:

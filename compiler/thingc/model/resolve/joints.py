@@ -15,7 +15,7 @@ from thingc.base.joints.kinds import KINDS, JointKind
 from thingc.base.joints.twist import SLIDE, TURN, Twist, dimensions_of
 from thingc.base.numeric import hypot
 from thingc.base.pose import IDENTITY, Vector
-from thingc.base.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
+from thingc.base.source import Path, ScalarNode
 from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 from thingc.documents.spec.assembly import JointSpec
 from thingc.documents.spec.drives import DriveKind, DriveSpec
@@ -23,6 +23,7 @@ from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.model.resolve.document_scope import DocumentScope
+from thingc.model.resolve.joint_nodes import nodes_of
 from thingc.model.resolve.placement import Places
 from thingc.model.resolve.repeats import Unrolled
 from thingc.model.resolve.scope import DefaultLayers, Scope
@@ -134,6 +135,12 @@ def _coordinates(
     elif item.spec.reverse:
         message = f"joint `{item.name}` is {kind.name} and cannot have `reverse`"
         scope.error(Code.JOINT_FIELD, message, (*path, "reverse"), key=True, help="remove `reverse`")
+    if item.spec.keep and (kind.moves or item.spec.loop):
+        why = f"is {kind.name}" if kind.moves else "closes a loop"
+        message = f"joint `{item.name}` {why} and cannot have `keep`: its sides are always separate links"
+        scope.error(Code.JOINT_FIELD, message, (*path, "keep"), key=True, help="remove `keep`")
+    if kind.free:
+        return _free(table, item, kind, (parent, child), layers)
     if kind.at_once:
         return _ball(table, item, kind, (parent, child), layers)
     for key in ("limit", "dynamics", "drive", "offset", "mimic"):
@@ -154,6 +161,21 @@ def _coordinates(
     each: Sequence[tuple[int | None, Twist | None]] = [*enumerate(twists)] if count > 1 else [(None, next(iter(twists), None))]
     own = (_resolve_joint(table, item, kind, twist, (parent, child), layers, number) for number, twist in each)
     return tuple(replace(joint, axis=axis, reverse=item.spec.reverse) for joint in own)
+
+
+def _free(
+    table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: DefaultLayers,
+) -> tuple[Joint, ...]:
+    """Resolve the coordinates of a free joint, which has no limits, dynamics and drives."""
+    for key in ("limit", "dynamics", "drive", "offset", "loop"):
+        if getattr(item.spec, key):
+            item.scope.error(
+                Code.JOINT_FIELD, f"joint `{item.name}` is free and cannot have `{key}`", (*item.path, key), key=True,
+                help=f"remove `{key}`: a free joint does not constrain its child", notes=item.scope.beside(
+                    "the type of the joint is set here", (*item.path, "type"), (*item.path, key)),
+            )
+    one = _resolve_joint(table, item, kind, None, mounts, layers, None)
+    return tuple(replace(one, name=CoordinateName(item.name).numbered(k), twist=twist) for k, twist in enumerate(kind.twists))
 
 
 def _ball(
@@ -251,7 +273,7 @@ def _resolve_joint(
     turn, gap = layers.pick("turn"), layers.pick("gap")
     offset = 0.0
     limit, dynamics, drive = NO_LIMIT, NO_DYNAMICS, None
-    nodes = _nodes(table, layers, number)
+    nodes = nodes_of(table, layers, number)
     if kind.at_once:
         pass  # read the values of a ball joint once for all coordinates
     elif twist is None:
@@ -273,7 +295,7 @@ def _resolve_joint(
         name=name, kind=kind, twist=twist, parent=mounts[0], child=mounts[1], limit=limit, dynamics=dynamics,
         turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
         gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0, offset=offset, drive=drive, mimic=None,
-        origin=scope.origin(path, key=True), loop=spec.loop, spans={key: node.span for key, node in nodes.items()},
+        origin=scope.origin(path, key=True), loop=spec.loop, keep=spec.keep, spans={key: node.span for key, node in nodes.items()},
         written={key: node.text for key, node in nodes.items() if isinstance(node, ScalarNode)},
     )
 
@@ -333,30 +355,6 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
         )
         return None
     return lead
-
-
-def _nodes(table: DocumentScope, layers: DefaultLayers, number: int | None) -> dict[str, Node]:
-    """Return the nodes of the values of a joint or coordinate, keyed by path (`limit.lower`).
-
-    If the joint does not specify a value, the node of the default value is returned.
-    """
-    nodes: dict[str, Node] = {}
-    for _, base in reversed(layers.items):
-        _collect(node_at(table.document.tree, base), "", nodes, number)
-    return nodes
-
-
-def _collect(node: Node | None, prefix: str, nodes: dict[str, Node], number: int | None) -> None:
-    if isinstance(node, MappingNode):
-        for key, child in node.entries.items():
-            own: Node | None = child
-            if number is not None and isinstance(child, SequenceNode) and key != "axis":
-                own = child.items[number] if number < len(child.items) else None
-            elif number is not None and isinstance(child, MappingNode) and all(word.isdigit() for word in child.entries):
-                own = child.entries.get(str(number))
-            if own is not None:
-                nodes[prefix + key] = own
-                _collect(own, f"{prefix}{key}.", nodes, number)
 
 
 def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate: Dimension, layers: DefaultLayers) -> Limit:

@@ -40,7 +40,7 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
         return None  # a list of mimics for a joint with one coordinate has already been reported
     coordinate = joint.twist.coordinate if joint.twist is not None else None
     if joint.kind.at_once:
-        scope.error(Code.MIMIC, f"joint `{joint.name.joint}` is a ball: it cannot mimic", path, key=True, help="remove `mimic`")
+        scope.error(Code.MIMIC, f"joint `{joint.name.joint}` is {joint.kind.words}: it cannot mimic", path, key=True, help="remove `mimic`")
         return None
     if coordinate is None:
         scope.error(
@@ -134,8 +134,8 @@ def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, 
         return None
     if other.kind.at_once:
         scope.error(
-            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`: `{name.joint}` is a ball, whose rotation is not a single number",
-            place, notes=[Note(message=f"`{name.joint}` is defined here", span=other.origin[0])],
+            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`: `{name.joint}` is {other.kind.words}, whose rotation is not a single "
+            "number", place, notes=[Note(message=f"`{name.joint}` is defined here", span=other.origin[0])],
         )
         return None
     if other.twist is None:

@@ -102,11 +102,11 @@ def _mirror_joint(joint: Joint) -> Joint:
     twist = joint.twist
     if joint.axis is not None:
         image = None if twist is None else replace(twist, angular=_turned(twist.angular), linear=AT_MOUNT.vector(twist.linear))
-        return replace(joint, axis=_turned(joint.axis), gap=-joint.gap, twist=image)
+        return replace(joint, axis=_turned(joint.axis), gap=-joint.gap, twist=image, pose=AT_MOUNT.frame(joint.pose))
     if twist is not None and any(twist.linear):
         x, y, z = twist.linear
         twist = replace(twist, linear=(-x + 0.0, -y + 0.0, -z + 0.0))
-    return replace(joint, turn=math.pi - joint.turn, twist=twist, mirrored=not joint.mirrored)
+    return replace(joint, turn=math.pi - joint.turn, twist=twist, mirrored=not joint.mirrored, pose=AT_MOUNT.frame(joint.pose))
 
 
 def _turned(axis: Vector) -> Vector:

@@ -167,6 +167,12 @@ def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
     return tuple(made)
 
 
+def nested_mode(table: DocumentScope, name: str) -> Mode | None:
+    """Return one mode of a nested document, or None if the mode is invalid."""
+    modes = table.spec.modes
+    return _mode(table, table.scope, name, _layers(table.scope, modes, name, _circular(table.scope, modes)))
+
+
 def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
     """Return the names of modes that extend themselves directly or indirectly. Each cycle is reported once."""
     circular: set[str] = set()
@@ -221,10 +227,13 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
     poses = _poses(table, scope, layers)
     actuators = _actuators(table, scope, layers)
     contacts = layers.sub("contacts")
-    exclude = _exclude(table, scope, contacts)
-    adhesion = _adhesion(table, scope, contacts)
+    exclude, adhesion = list(_exclude(table, scope, contacts)), list(_adhesion(table, scope, contacts))
+    for component, one in table.by_mode.items():
+        exclude += ((_below(component, a), _below(component, b)) for a, b in one.exclude)
+        adhesion += ((_below(component, mount), force) for mount, force in one.adhesion)
     stepped = layers.sub("simulation")
     held, cut = holds(table, scope, layers), cuts(table, scope, layers)
+    cut += tuple(replace(own, joint=f"{name}/{own.joint}") for name, one in table.by_mode.items() for own in one.cut)
     stands = standing(table, scope, name, layers, kind)
     if on_floor:
         _check_holds_on_floor(scope, name, layers, held)
@@ -242,9 +251,9 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
         return None
     return Mode(
         name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
-        poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=exclude,
-        adhesion=adhesion, simulation=simulation(scope, stepped), origin=scope.origin(("modes", name), key=True), holds=held, cut=cut,
-        on_floor=on_floor, standing=stands, step_origin=step_origin(scope, stepped), gravity_origin=gravity_origin,
+        poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=tuple(exclude),
+        adhesion=tuple(adhesion), simulation=simulation(scope, stepped), origin=scope.origin(("modes", name), key=True), holds=held,
+        cut=cut, on_floor=on_floor, standing=stands, step_origin=step_origin(scope, stepped), gravity_origin=gravity_origin,
         worked_out=any(scope.works_out(path) for _, path in layers.items), at_in=_at_in(table, scope, layers, kind),
     )
 
@@ -352,8 +361,22 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
     """Return the paths (with `/`) of the driven joints of the mode, in document order."""
     said = layers.pick("actuators")
     if said is None:
-        return None
+        return _actuators_of_nested(table)
     return driven(table, scope, [(pattern, (*said[1], index)) for index, pattern in enumerate(said[0])])
+
+
+def _actuators_of_nested(table: DocumentScope) -> tuple[str, ...] | None:
+    """Return the paths of the driven joints whose drives the modes of nested assemblies do not exclude, or None for all joints."""
+    chosen = {name: mode.actuators for name, mode in table.by_mode.items() if mode.actuators is not None}
+    if not chosen:
+        return None
+    paths = (name.path for name, joint in table.all_joints() if joint is not None and joint.drive is not None)
+    return tuple(path for path in paths if (own := chosen.get(path.partition("/")[0])) is None or path.partition("/")[2] in own)
+
+
+def _below(component: str, reference: Reference) -> Reference:
+    """Return a reference in a nested assembly as a reference in the enclosing document."""
+    return replace(reference, path=(component, *reference.path))
 
 
 def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:

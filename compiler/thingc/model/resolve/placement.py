@@ -29,7 +29,7 @@ def own_placements(context: ResolveRun, table: DocumentScope, places: Places) ->
             continue
         key = "attach" if node.spec.attach is not None else "at"
         place = ("placement", table.document.relative, *context.route, node.name)
-        stated = (context.values(node.scope, f"{key} {node.name}", getattr(node.spec, key)), there)
+        stated = (context.values(node.scope, f"{key} {node.name}", getattr(node.spec, key)), there, node.spec.keep)
         placement: Attach | At | None = context.sound(place, stated, partial(_attach if key == "attach" else _at, table, node))
         places.setdefault(node.name, []).append((f"`{key}`", node.scope.span((*node.path, key), key=True)))
         placements[node.name] = placement
@@ -70,7 +70,7 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
     if to.path[0] == node.name:
         scope.error(Code.PLACED_ON_ITSELF, f"`{node.name}` is attached to itself", to_path, help="use a mount of another component")
         return None
-    return Attach(mount=mine, to=to, turn=turn, gap=gap, origin=scope.origin(path, key=True))
+    return Attach(mount=mine, to=to, turn=turn, gap=gap, origin=scope.origin(path, key=True), keep=node.spec.keep)
 
 
 def _turned_around(table: DocumentScope, node: ComponentScope, name: str) -> bool:
@@ -94,7 +94,7 @@ def _at(table: DocumentScope, node: ComponentScope) -> At | None:
             Code.PLACED_ON_ITSELF, f"`{node.name}` is placed relative to itself", (*path, "in"), help="use a frame of another component",
         )
         return None
-    return At(to=to, pose=pose, origin=scope.origin(path, key=True))
+    return At(to=to, pose=pose, origin=scope.origin(path, key=True), keep=node.spec.keep)
 
 
 def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:

@@ -10,9 +10,9 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.pose import Pose, turn_of
+from thingc.base.pose import Pose, Quaternion, turn_of
 from thingc.base.source import Origin, Path
-from thingc.base.units import NUMBER
+from thingc.base.units import LENGTH, NUMBER
 from thingc.documents.spec.assembly import TurnSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
@@ -22,6 +22,8 @@ from thingc.model.resolve.scope import Scope, numbered
 from thingc.model.resolve.types import Joint, NamedPose
 
 Joints = dict[CoordinateName, Joint | None]
+_EXAMPLE = {False: "{rpy: 0 20 0 deg}", True: "{xyz: 0 0 100 mm}"}
+"""Example of a value in a pose, for ball joints and for free joints."""
 Settings = dict[str, tuple[float, Origin]]
 """Joint coordinates q and their locations in the document, keyed by joint path (with `/`)."""
 
@@ -33,7 +35,7 @@ def poses(table: DocumentScope, scope: Scope) -> None:
     joints: Joints = dict(table.all_joints())
     for name, entries in table.spec.poses.items():
         path: Path = ("poses", name)
-        layers: tuple[Settings, Settings, Settings] = ({}, {}, {})  # in this order: nested poses, patterns, exact names
+        layers: tuple[Settings, Settings, Settings] = (_starts(table), {}, {})  # in this order: nested poses, patterns, exact names
         for key, raw in entries.items():
             at = (*path, key)
             several = [one for one in joints if one.number is not None and one.joint == key]
@@ -58,6 +60,17 @@ def poses(table: DocumentScope, scope: Scope) -> None:
             name=name, values={joint: q for joint, (q, _) in in_order.items()},
             origins={joint: origin for joint, (_, origin) in in_order.items()}, origin=scope.origin(path, key=True),
         )
+
+
+def _starts(table: DocumentScope) -> Settings:
+    """Return the positions of joints in the start poses of the modes in which nested assemblies are placed."""
+    starts: Settings = {}
+    for component, mode in table.by_mode.items():
+        inner = table.nodes[component].table
+        pose = None if inner is None or mode.pose is None else inner.poses.get(mode.pose)
+        if pose is not None:
+            starts.update((f"{component}/{path}", (q, pose.origins[path])) for path, q in pose.values.items())
+    return starts
 
 
 def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, into: Settings) -> None:
@@ -87,27 +100,32 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
 
 
 def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, raw: Any, path: Path, into: Settings) -> None:
-    """Set the coordinates of a ball joint. The value in the document is the rotation of the child mount relative to q = 0."""
-    if not isinstance(raw, TurnSpec):
+    """Set the coordinates of a ball joint or free joint. The value in the document is the motion of the child mount from q = 0."""
+    free = ball.kind.free
+    if not isinstance(raw, TurnSpec) or (raw.xyz is not None and not free):
         scope.error(
-            Code.POSE, f"joint `{key}` is a ball: its value in a pose must be `rpy` or `quat`", path, key=True,
-            help=f"write, for example, `{key}: {{rpy: 0 20 0 deg}}`", notes=_joint_notes(key, ball),
+            Code.POSE, f"joint `{key}` is {ball.kind.words}: its value in a pose must be {'`xyz`, ' if free else ''}`rpy` or `quat`", path,
+            key=True, help=f"write, for example, `{key}: {_EXAMPLE[free]}`", notes=_joint_notes(key, ball),
         )
         return
-    if raw.rpy is not None:
+    place = scope.vector(raw.xyz, (*path, "xyz"), LENGTH, f"`xyz` of joint `{key}`") if raw.xyz is not None else (0.0, 0.0, 0.0)
+    if raw.rpy is None and raw.quat is None:
+        quaternion: Quaternion | None = (1.0, 0.0, 0.0, 0.0)
+    elif raw.rpy is not None:
         turned = scope.rotation(raw, path)
         quaternion = None if turned is None else Pose(rotation=turned).quaternion()
     else:
-        place, what = (*path, "quat"), f"`quat` of joint `{key}`"
-        w, x, y, z = (scope.number(one, (*place, number), NUMBER, what) for number, one in enumerate(raw.quat or ()))
+        at, what = (*path, "quat"), f"`quat` of joint `{key}`"
+        w, x, y, z = (scope.number(one, (*at, number), NUMBER, what) for number, one in enumerate(raw.quat or ()))
         quaternion = None if w is None or x is None or y is None or z is None else (w, x, y, z)
         if quaternion is not None and not any(quaternion):
             scope.error(
-                Code.POSE, f"{what} is zero, which is not a rotation", place, help="write w, x, y, z; the identity is `[1, 0, 0, 0]`",
+                Code.POSE, f"{what} is zero, which is not a rotation", at, help="write w, x, y, z; the identity is `[1, 0, 0, 0]`",
             )
             return
-    if quaternion is not None:
-        into.update((name.path, (q, scope.origin(path))) for name, q in zip(names, turn_of(quaternion), strict=True))
+    if quaternion is not None and place is not None:
+        values = (*(place if free else ()), *turn_of(quaternion))
+        into.update((name.path, (q, scope.origin(path))) for name, q in zip(names, values, strict=True))
 
 
 def _stand_ins(known: Joints, origin: Origin) -> Settings:
@@ -136,8 +154,8 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
             continue
         if joint.kind.at_once:
             scope.error(
-                Code.POSE, f"joint `{name.joint}` is a ball: a pose cannot set a single coordinate", path, key=True,
-                help=f"write, for example, `{name.joint}: {{rpy: 0 20 0 deg}}`", notes=_joint_notes(name.joint, joint),
+                Code.POSE, f"joint `{name.joint}` is {joint.kind.words}: a pose cannot set a single coordinate", path, key=True,
+                help=f"write, for example, `{name.joint}: {_EXAMPLE[joint.kind.free]}`", notes=_joint_notes(name.joint, joint),
             )
             continue
         coordinate = joint.twist.coordinate if joint.twist is not None else None
@@ -176,10 +194,6 @@ def _movable(joint: Joint | None) -> bool:
     return joint is not None and joint.mimic is None and joint.twist is not None and not joint.kind.at_once
 
 
-def _is_ball(joint: Joint | None) -> bool:
-    return joint is not None and joint.kind.at_once
-
-
 def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
     fitting = [name for name in known if fnmatchcase(name, key)]
     movable = [name for name in fitting if _movable(known[name])]
@@ -190,8 +204,8 @@ def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: A
     elif fitting:
         scope.error(
             Code.NO_MATCH, f"pattern `{key}` matches no joint that a pose can set", path, key=True,
-            help=f"`{fitting[0].joint}` is a ball: write `{{rpy: 0 20 0 deg}}`" if _is_ball(known[fitting[0]])
-            else f"`{fitting[0]}` mimics another joint or does not move",
+            help=f"`{fitting[0].joint}` is {joint.kind.words}: write `{_EXAMPLE[joint.kind.free]}`"
+            if (joint := known[fitting[0]]) is not None and joint.kind.at_once else f"`{fitting[0]}` mimics another joint or does not move",
         )
     else:
         scope.error(

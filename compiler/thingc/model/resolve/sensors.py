@@ -181,11 +181,12 @@ class _Reader:
         table, scope = self.table, self.scope
         joints = dict(table.all_joints())
         moving = [one for one, joint in joints.items() if joint is not None and joint.twist is not None]
-        ball = any(one.joint == wanted.joint and joint is not None and joint.kind.at_once for one, joint in joints.items())
-        if ball and self.spec.type == "joint":
+        balls = (joint for one, joint in joints.items() if one.joint == wanted.joint and joint is not None and joint.kind.at_once)
+        ball = next(balls, None)
+        if ball is not None and self.spec.type == "joint":
             scope.error(
-                Code.JOINT_FIELD, f"joint `{wanted.joint}` is a ball: it has no single coordinate to measure", place, key=unnamed,
-                help="use a joint with one coordinate, or an `imu` on its child",
+                Code.JOINT_FIELD, f"joint `{wanted.joint}` is {ball.kind.words}: it has no single coordinate to measure", place,
+                key=unnamed, help="use a joint with one coordinate, or an `imu` on its child",
             )
             return None
         if wanted not in joints:

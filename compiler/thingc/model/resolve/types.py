@@ -13,7 +13,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.kinds import BaseType
 from thingc.base.joints.twist import Twist
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.base.pose import Pose, Vector
+from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin, Span
 from thingc.geometry.record import DriveType, PartDefinition, Value
@@ -170,6 +170,7 @@ class Attach(OneLineRepr, FrozenStruct):
     turn: float
     gap: float
     origin: Origin
+    keep: bool = False
 
 
 class At(OneLineRepr, FrozenStruct):
@@ -178,6 +179,7 @@ class At(OneLineRepr, FrozenStruct):
     to: Reference
     pose: Pose
     origin: Origin
+    keep: bool = False
 
 
 class Component(OneLineRepr, FrozenStruct):
@@ -254,7 +256,8 @@ class Joint(Coordinate):
     joint by path (`limit.lower`), and `written` contains these values. If the joint has an `axis` (a unit vector in the frame of the parent
     mount), the mounts coincide at q = 0 instead of facing each other. Without `axis`, a `mirrored` joint moves in a frame that is the frame
     of the parent mount after a rotation by pi about x. If `reverse` is True, `twist` is the reversed motion. `geared` is True if a
-    transmission drives the joint, alone or together with other joints.
+    transmission drives the joint, alone or together with other joints. If the joint is the base of a nested assembly, the frame at `pose`
+    in the parent mount replaces the frame of the parent mount.
     """
 
     twist: Twist | None
@@ -266,10 +269,12 @@ class Joint(Coordinate):
     spans: dict[str, Span]
     written: dict[str, str] = {}
     loop: bool = False
+    keep: bool = False
     mirrored: bool = False
     reverse: bool = False
     axis: Vector | None = None
     geared: bool = False
+    pose: Pose = NO_POSE
 
 
 class Wrap(OneLineRepr, FrozenStruct):

@@ -80,7 +80,7 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Repo
 
     A joint that is not on a loop, or whose loop is cut at another joint, is reported.
     """
-    joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None}
+    joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None and mate.joints}
     wrong = [one for one in mode.cut if joints.get(one.joint) in taken]
     for one in wrong:
         closed = closing(assembly, taken, joints[one.joint])

@@ -46,11 +46,12 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     """Return the indices of the mates that form the kinematic tree of a mode. For a robot without loops, the tree contains all joints.
 
     For a robot with loops, the result is Kruskal's maximum spanning tree with the weights `CutPriority`, which omits one joint of each
-    loop.
+    loop. Mates with `keep` are never omitted.
     """
     worth = dict(worths(assembly, mode))
     groups = DisjointSets(len(assembly.links))
-    ordered = sorted(worth, key=worth.__getitem__, reverse=True)
+    kept = (number for number, mate in enumerate(assembly.mates) if mate.keep)
+    ordered = (*kept, *sorted(worth, key=worth.__getitem__, reverse=True))
     return frozenset(number for number in ordered if groups.join(*_ends(assembly, assembly.mates[number])))
 
 

@@ -9,7 +9,7 @@ from thingc.base.memo import Memo
 from thingc.base.pose import Pose
 from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of
-from thingc.model.assembly.links import neighbouring_links
+from thingc.model.assembly.links import joined_links
 from thingc.model.assembly.types import Assembly, LinkedMode, LinkedMount
 from thingc.model.robot.loop_closure import closures_of, keyframes_of
 from thingc.model.robot.loop_cuts import spanning
@@ -83,11 +83,11 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
 def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
     """Return the pairs of bodies that do not collide.
 
-    Pairs of bodies that a joint connects come first, in the order of the joints. Loop closures are included. The pairs in the setting
-    `exclude` of the mode come last. The bodies of a pair are in link order, which is the same in every mode.
+    Pairs of bodies that a joint connects come first, in the order of the joints. Loop closures and fixed joints are included. The pairs in
+    the setting `exclude` of the mode come last. The bodies of a pair are in link order, which is the same in every mode.
     """
     pairs: dict[tuple[int, int], None] = {}
-    for one, other in (*neighbouring_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):
+    for one, other in (*joined_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):
         pairs[(min(one, other), max(one, other))] = None
     return tuple((body_of[one], body_of[other]) for one, other in pairs)
 

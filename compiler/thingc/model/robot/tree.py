@@ -25,11 +25,11 @@ def in_link(assembly: Assembly) -> tuple[Pose, ...]:
 
 
 def placing(assembly: Assembly) -> frozenset[int]:
-    """Return the indices of the mates with a joint that place components, without mates that close loops.
+    """Return the indices of the mates between links that place components, without mates that close loops.
 
     Such mates form the same tree in every mode.
     """
-    return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joints and mate.loop is None)
+    return frozenset(n for n, mate in enumerate(assembly.mates) if mate.separates and mate.loop is None)
 
 
 def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None) -> tuple[Body, ...]:
@@ -37,7 +37,8 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
 
     `at` is the pose of the link `start` in the world.
 
-    Children of a body are in the order of the links of the assembly.
+    Children of a body are in the order of the links of the assembly. Children with a free joint come after all other bodies, because they
+    are children of the world in MuJoCo models, and bodies have the order of these models.
     """
     placed, memo = in_link(assembly), memo or Memo()
     edges: list[list[tuple[int, int]]] = [[] for _ in assembly.links]
@@ -49,8 +50,9 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
     bodies: list[Body] = []
     met: set[int] = set()
     waiting: list[tuple[int, int | None, int]] = [(start, None, -1)]
-    while waiting:
-        link, parent, number = waiting.pop()
+    later: list[tuple[int, int | None, int]] = []
+    while waiting or later:
+        link, parent, number = (waiting or later).pop()
         if link in met:
             continue
         met.add(link)
@@ -60,7 +62,9 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
             mate = assembly.mates[number]
             bodies.append(_across(mate, number, parent, link, assembly.link_of[mate.parent] == link, placed, memo))
         here = len(bodies) - 1
-        waiting.extend((there, here, along) for there, along in sorted(edges[link], reverse=True) if there not in met)
+        for there, along in sorted(edges[link], reverse=True):
+            if there not in met:
+                (later if assembly.mates[along].free else waiting).append((there, here, along))
     return tuple(bodies)
 
 
@@ -103,7 +107,7 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection
     body_of = {body.link: index for index, body in enumerate(bodies)}
     closures: list[Closure] = []
     for number, mate in enumerate(assembly.mates):
-        if number in taken or not (mate.joints or mate.loop is not None):
+        if number in taken or not mate.separates:
             continue
         twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
         A = placed[mate.parent] @ mate.X_PJ
@@ -124,7 +128,7 @@ def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, pl
         reversed_,
     )
     pairs = zip(mate.joints[::-1] if reversed_ else mate.joints, seen, strict=True)
-    return Body(link=link, parent=parent, X_PL=at_zero, joints=tuple(
+    return Body(link=link, parent=parent, X_PL=at_zero, mate=number, joints=tuple(
         TreeJoint(**{**asdict(joint), "twist": twist}, reversed=reversed_, mate=number) for joint, twist in pairs
     ))
 

@@ -33,13 +33,15 @@ class Body(OneLineRepr, FrozenStruct):
     `parent` is the index of the parent in `Robot.bodies`, or None for the root, whose parent is the world. `X_PL` is the pose of the link
     in the frame of the parent at q = 0. For the root, `X_PL` is the pose in the world that the setting `at` of the mode determines. The
     body moves by its `joints` in sequence, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...`. For a ball joint, the coordinates are
-    exponential coordinates. The root does not have joints.
+    exponential coordinates. The root does not have joints. A body without joints that is not the root is
+    fixed to its parent. `mate` is the index of the mate between the body and its parent, or None for the root.
     """
 
     link: int
     parent: int | None
     X_PL: Pose
     joints: tuple[TreeJoint, ...]
+    mate: int | None = None
 
     @property
     def twists(self) -> tuple[Twist, ...]:
@@ -48,8 +50,13 @@ class Body(OneLineRepr, FrozenStruct):
 
     @property
     def at_once(self) -> bool:
-        """Whether the body moves relative to its parent by a ball joint, whose coordinates are exponential coordinates."""
+        """Whether the body moves relative to its parent by a ball joint or free joint, which have exponential coordinates."""
         return bool(self.joints) and self.joints[0].kind.at_once
+
+    @property
+    def free(self) -> bool:
+        """Whether the body moves relative to its parent by a free joint, so that the parent does not carry it."""
+        return bool(self.joints) and self.joints[0].kind.free
 
 
 class Site(OneLineRepr, FrozenStruct):

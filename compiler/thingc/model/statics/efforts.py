@@ -121,9 +121,9 @@ def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[
 
     `q` maps the paths of all joints to positions [rad or m], and `bodies` contains the poses of all bodies in the world. The gravity load
     of a joint is a moment about its axis: the sum over the weights of all bodies below the joint in the kinematic tree. Kinematic loops
-    count as open. Closed loops do no work along the motions that they allow, so the loads are also the generalized forces of a robot with
-    loops. A joint at which a loop was cut has only the load of its spring. For the moments of weights, see Featherstone, Rigid Body
-    Dynamics Algorithms, section 5.3 (inverse dynamics at rest). The time is linear in the number of bodies.
+    count as open. A free joint has no load. Closed loops do no work along the motions that they allow, so the loads are also the
+    generalized forces of a robot with loops. A joint at which a loop was cut has only the load of its spring. For the moments of weights,
+    see Featherstone, Rigid Body Dynamics Algorithms, section 5.3 (inverse dynamics at rest). The time is linear in the number of bodies.
     """
     count = len(robot.bodies)
     masses = [0.0] * count
@@ -135,13 +135,14 @@ def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[
         mass = masses[index] = masses[index] + own.mass
         mx, my, mz = moments[index]
         moment = moments[index] = (mx + own.mass * x, my + own.mass * y, mz + own.mass * z)
-        if body.parent is not None:
+        if body.parent is not None and not body.free:
             masses[body.parent] += mass
             px, py, pz = moments[body.parent]
             moments[body.parent] = (px + moment[0], py + moment[1], pz + moment[2])
     load_of: dict[str, float] = {}
     for index, body in enumerate(robot.bodies):
-        for joint, twist in in_world(body, bodies[index], q):
+        load_of.update((joint.path, 0.0) for joint in body.joints if body.free)
+        for joint, twist in in_world(body, bodies[index], q) if not body.free else ():
             p, s, m = twist.anchor, moments[index], masses[index]
             arm = (s[0] - m * p[0], s[1] - m * p[1], s[2] - m * p[2])
             weight = dot(twist.angular, cross(arm, robot.gravity)) + m * dot(twist.linear, robot.gravity)

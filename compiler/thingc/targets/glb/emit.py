@@ -46,7 +46,7 @@ _CHAIN: Supported[JointForm] = Supported("nodes", "a node for each coordinate")
 
 CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "joints": {
-        "single": _NODE, "several": _CHAIN, "universal": _CHAIN, "ball": Supported("node"),
+        "single": _NODE, "several": _CHAIN, "universal": _CHAIN, "ball": Supported("node"), "free": Supported("node"),
         "screw": Lossy("nodes", "omitted", ": glTF cannot couple the rotation and the translation of a node"),
     },
     "of_joints": {
@@ -150,7 +150,8 @@ def _called(surface: Surface) -> str:
 def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, float]) -> Iterator[_Node]:
     """Yield the glTF nodes for the joint coordinates of a body.
 
-    Each node is the parent of the next node. A ball joint has a single node. `pose` is the pose of the body if all coordinates are 0.
+    Each node is the parent of the next node. A ball joint or free joint has a single node. `pose` is the pose of the body if all
+    coordinates are 0.
     """
     if body.parent is None or not body.joints:
         return
@@ -160,7 +161,7 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
         case "node":
             values = tuple(q[joint.path] for joint in body.joints)
             name = f"{robot.assembly.mates[first.mate].name or first.path}:joint"
-            at = pose @ moved(body.twists, values, at_once=True) @ _axis(first.twist, at_once=True)
+            at = pose @ moved(body.twists, values, at_once=True) @ _axis(body.joints[-1].twist, at_once=True)
             yield _Node(name=name, parent=parent, pose=at, extras={"kind": first.kind.name, "q": list(values)})
         case "nodes":
             for joint in body.joints:

@@ -10,6 +10,7 @@ from thingc.base.memo import Memo
 from thingc.base.numeric import maximum, sum_of
 from thingc.base.pose import Pose
 from thingc.model.assembly.types import Link
+from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
@@ -165,24 +166,28 @@ class _Builder:
         self.grow(section, ("mesh",), elements.meshes, self.geometry.meshes)
 
     def worldbody(self) -> None:
-        """Add the kinematic tree of links, as nested `body` elements."""
+        """Add the kinematic tree of links, as nested `body` elements. Links with a free joint are children of the world."""
         world = self.root.add("worldbody")
         made: dict[int, Element] = {}
         taken = frozenset(shape.name for one in self.geometry.shapes for shape in (*one.visual, *one.collision) if shape.name is not None)
+        at_zero = self.free_poses(dict.fromkeys(self.joints, 0.0), self.robot.bodies[0].X_PL)
         for index, body in merged_joints.model_bodies(self.robot).items():
-            link = self.links[index]
-            attributes = {"name": link.name, **pose_attributes(body.X_PL)}
-            if body.parent is None:
+            link, parent = self.links[index], None if body.parent is None or body.free else made[body.parent]
+            attributes = {"name": link.name, **pose_attributes(at_zero.get(index, body.X_PL))}
+            if parent is None:
                 attributes["childclass"] = class_name(self.robot)
-                if self.robot.base == "held":
+                if body.parent is None and self.robot.base == "held":
                     attributes["mocap"] = "true"
-            element = (world if body.parent is None else made[body.parent]).add("body", attributes, link.origin)
+            element = (parent or world).add("body", attributes, link.origin)
             made[index] = element
             if link.properties.mass > 0.0:
                 self.grow(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
             if body.parent is None and self.robot.base == "free":
                 element.add("freejoint", {"name": self.assembly.free_joint}, self.robot.mode.origin)
             joints = self.robot.moves if body.parent is None else body.joints
+            if body.free:
+                element.add("freejoint", {"name": self.name_of(joints[0])}, joints[0].origin)
+                joints = ()
             if is_ball(joints):
                 place = ("joint", self.robot.mode.name, joints[0].path)
                 self.grow(element, place, elements.ball, self.name_of(joints[0]), joints[0])
@@ -202,6 +207,12 @@ class _Builder:
         # A body's sites, geoms and joints come before its child bodies.
         for element in made.values():
             element.children.sort(key=lambda child: child.tag == "body")
+
+    def free_poses(self, q: Mapping[str, float], base: Pose) -> dict[int, Pose]:
+        """Return the poses in the world of the bodies with free joints, by index. `base` is the pose of the root link."""
+        free = [index for index, body in enumerate(self.robot.bodies) if body.free]
+        placed = placed_bodies(self.robot.bodies, q, base) if free else ()
+        return {index: placed[index] for index in free}
 
     def contact(self) -> None:
         """Add the pairs of links between which contacts are excluded."""
@@ -268,7 +279,9 @@ class _Builder:
             base = frame.base or self.robot.bodies[0].X_PL
             turned = self.memo(("base", self.robot.mode.name, frame.name), Pose.quaternion, base)
             qpos = [*base.translation, *turned] if self.robot.base == "free" else [*base_positions(self.robot)]
-            qpos += [value for body in self.robot.bodies for value in positions(body, frame.q)]
+            poses = self.free_poses(frame.q, base)
+            for index, body in enumerate(self.robot.bodies):
+                qpos += positions(body, frame.q, poses.get(index, body.X_PL))
             ctrl = [self.position(path, frame.q) for path in self.driven]
             ctrl += tendons.controls(self.robot, frame.q)
             ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]

@@ -6,8 +6,8 @@ from typing import Literal
 
 from thingc.targets.capabilities import SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
-JointForm = Literal["each", "threaded", "ball"]
-"""How a joint is written: as a hinge or a slide for each coordinate, as a coupled hinge and slide, or as a ball."""
+JointForm = Literal["each", "threaded", "ball", "free"]
+"""How a joint is written: as a hinge or a slide for each coordinate, as a coupled hinge and slide, as a ball, or as a free joint."""
 
 DriveForm = Literal["joint", "ball"]
 """The element that an actuator drives. The element is either a joint, or a ball joint about one axis."""
@@ -26,6 +26,7 @@ _DRIVES: Supported[DriveForm] = Supported("joint")
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "joints": {
         "single": _EACH, "several": _EACH_OF_SEVERAL, "universal": _EACH_OF_SEVERAL, "ball": Supported("ball"),
+        "free": Supported("free", "a `freejoint` of a body in the world"),
         "screw": Lossy(
             "threaded", "approximated", ": a hinge and a slide in MuJoCo, coupled by an equality, which is slightly soft",
         ),

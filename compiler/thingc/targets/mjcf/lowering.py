@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import rotation_vector
-from thingc.base.pose import Vector, quaternion_of
+from thingc.base.pose import Pose, Vector, quaternion_of
 from thingc.model.robot.types import Body, Robot, TreeJoint
 from thingc.targets.capabilities import joint_cell
 from thingc.targets.mjcf.capabilities import CAPABILITIES
@@ -27,7 +27,7 @@ class MujocoJoint(FrozenStruct, kw_only=False):
 def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
     """Return the MuJoCo joints for a joint coordinate. The first of these joints has the name and the values of the coordinate.
 
-    The result is empty for a coordinate of a ball joint, because all coordinates of a ball joint become a single MuJoCo joint.
+    The result is empty for a coordinate of a ball joint or free joint, because all its coordinates become a single MuJoCo joint.
     """
     path, twist = joint.path, joint.twist
     form = CAPABILITIES["joints"][joint_cell(joint.kind)].by
@@ -36,7 +36,7 @@ def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
             return (MujocoJoint(path, twist.core, twist.axis),)
         case "threaded":
             return (MujocoJoint(path, twist.core, twist.axis), MujocoJoint(f"{path}:slide", "slide", twist.axis, twist.pitch))
-        case "ball":
+        case "ball" | "free":
             return ()
         case _:
             assert_never(form)
@@ -47,8 +47,13 @@ def is_ball(joints: Sequence[TreeJoint]) -> bool:
     return bool(joints) and CAPABILITIES["joints"][joint_cell(joints[0].kind)].by == "ball"
 
 
-def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
-    """Convert joint values [rad or m] to the `qpos` entries of the joints of a body. `q` contains the joint values, by path."""
+def positions(body: Body, q: Mapping[str, float], pose: Pose) -> tuple[float, ...]:
+    """Convert joint values [rad or m] to the `qpos` entries of the joints of a body. `q` contains the joint values, by path.
+
+    The entries of a free joint are the `pose` of the body in the world.
+    """
+    if body.free:
+        return (*pose.translation, *pose.quaternion())
     if is_ball(body.joints):
         return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
     return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint))
@@ -66,12 +71,14 @@ def in_body(body: Body, axis: Vector) -> Vector:
 
 def base_positions(robot: Robot) -> tuple[float, ...]:
     """Return the `qpos` of a planar or ball base in the pose of the mode."""
-    return positions(replace(robot.bodies[0], joints=robot.moves), {joint.path: 0.0 for joint in robot.moves})
+    return positions(replace(robot.bodies[0], joints=robot.moves), {joint.path: 0.0 for joint in robot.moves}, robot.bodies[0].X_PL)
 
 
 def sizes(joints: Sequence[TreeJoint]) -> tuple[int, int]:
     """Return the numbers of entries in `qpos` and in `qvel` that belong to the joints of a body."""
     if is_ball(joints):
         return 4, 3
+    if joints and joints[0].kind.free:
+        return 7, 6
     count = sum(len(lowered(joint)) for joint in joints)
     return count, count

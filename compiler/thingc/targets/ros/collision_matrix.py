@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.store.local import Store
+from thingc.model.assembly.links import joined_links
 from thingc.model.assembly.types import Assembly
 from thingc.targets.geometry import MeshAsset
 from thingc.targets.mjcf.accepted_models import mujoco_version
@@ -52,9 +53,7 @@ class CollisionMatrix(FrozenStruct):
 
 def adjacent(assembly: Assembly) -> frozenset[Pair]:
     """Return the pairs of links that are connected by a joint. Joints that close loops are also taken into account."""
-    joined = (mate for mate in assembly.mates if mate.joints or mate.loop is not None)
-    linked = ((assembly.links[assembly.link_of[end]] for end in (mate.parent, mate.child)) for mate in joined)
-    return frozenset(pair_of(*(safe(link.name) for link in links)) for links in linked)
+    return frozenset(pair_of(*(safe(assembly.links[link].name) for link in pair)) for pair in joined_links(assembly))
 
 
 def pair_of(one: str, other: str) -> Pair:
@@ -101,7 +100,7 @@ def meetings(
 def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
     """Return a copy of a URDF that contains only the collision shapes, and the names of their mesh files.
 
-    The masses and joint limits of this copy are arbitrary.
+    The masses and joint limits of this copy are arbitrary. Floating joints are fixed.
     """
     bare = Element(tag="robot", attributes=tree.attributes)
     compiler = {"fusestatic": "false", "strippath": "false", "meshdir": "", "boundmass": "1", "boundinertia": "1", "balanceinertia": "true"}
@@ -109,7 +108,8 @@ def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
     files: set[str] = set()
     for element in tree.children:
         if element.tag == "joint":
-            bare.children.append(Element(tag="joint", attributes=element.attributes, children=[
+            kind = {"type": "fixed"} if element.get("type") == "floating" else {}
+            bare.children.append(Element(tag="joint", attributes={**element.attributes, **kind}, children=[
                 child for child in element.children if child.tag in ("origin", "parent", "child", "axis", "limit", "mimic")
             ]))
         elif element.tag == "link":

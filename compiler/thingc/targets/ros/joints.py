@@ -46,14 +46,14 @@ class MovingJoint(FrozenStruct):
 def joints(robot: Robot) -> tuple[MovingJoint, ...]:
     """Return the movable joints in the URDF of a mode. The joints of a parent link come before the joints of its children.
 
-    The joints of a moving base come first.
+    The joints of a moving base come first. Floating joints are omitted, because joint states cannot contain them.
     """
     in_tree = {joint.path for body in robot.bodies for joint in body.joints}
     follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in in_tree)
     moving: list[MovingJoint] = []
     coupled = {path: _coupled(rows) for rows in differentials(robot).values() for path in rows[0].moves}
     for index, body in enumerate(robot.bodies):
-        for move in moves(_lead(robot, body), NO_POSE):
+        for move in moves(_lead(robot, body), NO_POSE) if not body.free else ():
             path = move.joint.path
             following = move.follows is not None or follows.get(path, (path,))[0] != path
             drive = None if following else move.joint.actuator if path in robot.present else coupled.get(path)
@@ -81,7 +81,7 @@ def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
     """
     at: dict[str, float] = {}
     for body in robot.bodies:
-        lead = _lead(robot, body)
+        lead = _lead(robot, body) if not body.free else ()
         if lead and lead[0].kind.at_once:
             turns = _turns(lead, tuple(q.get(joint.path, 0.0) for joint in lead))
             at |= {safe(joint.path): angle for joint, angle in zip(lead, turns, strict=True)}

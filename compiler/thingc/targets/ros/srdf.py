@@ -108,17 +108,21 @@ def _unchecked(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix
     """Yield the pairs of links that MoveIt does not need to check for collisions. Each pair has a reason in the terms of MoveIt's setup
     assistant.
 
-    The pairs are in the order of the links in the robot.
+    The pairs are in the order of the links in the robot. A link that a free joint separates from another link may touch it anywhere.
     """
     names, mode = [safe(link.name) for link in robot.assembly.links], robot.mode
     neighbours, own = adjacent(robot.assembly), {pair_of(names[one], names[other]) for one, other in mode.exclude}
+    carrier: list[int] = []
+    for index, body in enumerate(robot.bodies):
+        carrier.append(index if body.parent is None or body.free else carrier[body.parent])
+    with_link = {names[body.link]: number for body, number in zip(robot.bodies, carrier, strict=True)}
     for one, other in combinations([names[body.link] for body in robot.bodies if names[body.link] in touching], 2):
         pair = pair_of(one, other)
         if pair in neighbours:
             yield one, other, "Adjacent"
         elif pair in own:
             yield one, other, "User"
-        elif meetings is None:
+        elif meetings is None or with_link[one] != with_link[other]:
             continue
         elif pair in meetings.at[mode.name]:
             yield one, other, "Default"

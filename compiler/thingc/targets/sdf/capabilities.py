@@ -6,7 +6,7 @@ from typing import Literal
 
 from thingc.targets.capabilities import OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
-JointForm = Literal["each", "universal", "ball"]
+JointForm = Literal["each", "universal", "ball", "free"]
 """How a joint is written: as one SDF joint for each coordinate, as an SDF joint with two axes, or as an SDF joint without axes."""
 
 DriveForm = Literal["position controller", "velocity controller", "force"]
@@ -27,6 +27,7 @@ _SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "joints": {
         "single": _EACH, "several": _CHAIN, "universal": Supported("universal"), "screw": _EACH, "ball": Supported("ball"),
+        "free": Supported("free", "a link without a joint"),
     },
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": SAYS,

@@ -63,6 +63,8 @@ def chain(connection: Connection, q: Mapping[str, float]) -> tuple[SdfJoint, ...
         return (SdfJoint(path=path, type="ball" if connection.turns else "fixed", at=connection.X_1.translation),)
     twists = [twist.seen_from(connection.X_1) for twist in connection.twists]
     form = CAPABILITIES["joints"][joint_cell(joints[0].kind)].by
+    if form == "free":
+        return ()
     if form == "ball":
         return (SdfJoint(path=path, type="ball", at=twists[0].anchor),)
     axes: list[SdfAxis] = []

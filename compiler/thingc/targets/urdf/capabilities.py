@@ -6,7 +6,7 @@ from typing import Literal, Never
 
 from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
-JointForm = Literal["each", "threaded"]
+JointForm = Literal["each", "threaded", "floating"]
 """How a joint is written. A coordinate becomes a rotation or a slide, and a screw becomes a rotation and a slide that mimics the
 rotation.
 """
@@ -28,7 +28,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     "joints": {
         "single": _EACH, "several": _CHAIN, "universal": _CHAIN,
         "screw": Lossy("threaded", "approximated", ": a prismatic joint mimics the rotation, and moves freely without support for mimics"),
-        "ball": _BALL,
+        "ball": _BALL, "free": Supported("floating", "a `floating` joint"),
     },
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": OMITTED, "mimic": SAYS,

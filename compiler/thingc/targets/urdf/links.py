@@ -106,7 +106,7 @@ class _Builder:
             parent = (WORLD if self.robot.base != "free" else None) if body.parent is None else names[body.parent]
             X_PL = body.X_PL if body.parent is None else own[body.parent].inverse() @ body.X_PL
             if parent is not None:
-                self._lead(parent, names[index], tuple(moves(lead[index], X_PL)), X_PL)
+                self._lead(parent, names[index], tuple(moves(lead[index], X_PL)), X_PL, body)
             self._link(names[index], body, own[index].inverse())
             link = self._link_of(body)
             if own[index] != NO_POSE:
@@ -118,10 +118,12 @@ class _Builder:
         self.root.children += self.followers + self.frames + self.transmissions
         return self.root
 
-    def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose) -> None:
-        """Add the URDF joints between two links, and the intermediate links. If the base is fixed, a fixed joint is added."""
+    def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose, body: Body) -> None:
+        """Add the URDF joints between two links, and the intermediate links. If the body does not move, a fixed joint is added."""
         if not chain:
-            self.root.children.append(self._joint(BASE, "fixed", parent, child, X_PL, self.robot.mode.origin))
+            mate = None if body.mate is None else self.assembly.mates[body.mate]
+            path, origin = (BASE, self.robot.mode.origin) if mate is None else (mate.name or child, mate.origin)
+            self.root.children.append(self._joint(path, "fixed", parent, child, X_PL, origin))
             return
         for number_, move in enumerate(chain):
             last = number_ == len(chain) - 1
@@ -138,6 +140,9 @@ class _Builder:
         chains of mimic joints.
         """
         joint = move.joint
+        if move.type == "floating":
+            self.root.children.append(self._joint(move.path, "floating", parent, child, move.origin, joint.origin))
+            return
         leader, multiplier, offset = self.follows.get(joint.path, (joint.path, 1.0, 0.0))
         if move.follows is not None:
             multiplier, offset = multiplier * move.follows[1], offset * move.follows[1]

@@ -6,7 +6,7 @@ from typing import Literal, Never
 
 from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
 
-JointForm = Literal["single", "generic", "spherical"]
+JointForm = Literal["single", "generic", "spherical", "free"]
 """How a joint is written: as `PhysicsRevoluteJoint` or `PhysicsPrismaticJoint`, as `PhysicsJoint`, or as `PhysicsSphericalJoint`."""
 
 DriveForm = Literal["drive"]
@@ -27,7 +27,7 @@ _NONE = Omitted(": not supported by UsdPhysics")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
     "joints": {
-        "single": _SINGLE, "several": _GENERIC, "ball": Supported("spherical"),
+        "single": _SINGLE, "several": _GENERIC, "ball": Supported("spherical"), "free": Supported("free", "a rigid body without a joint"),
         "universal": Lossy("generic", "approximated", ": rotates about X before Y, as in Newton; UsdPhysics does not define the order"),
         "screw": Lossy("generic", "approximated", ": rotation and translation are independent"),
     },

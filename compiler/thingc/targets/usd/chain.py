@@ -88,6 +88,8 @@ def chain(connection: Connection) -> tuple[UsdJoint, ...]:
             return tuple(_generic(path, joints, twists))
         case "spherical":
             return (_spherical(path, joints, twists),)
+        case "free":
+            return ()
         case _:
             assert_never(form)
 

@@ -122,13 +122,14 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
         lines.append(f"mode {robot.mode.name}: root {data['root']}, base {robot.base}{stands}")
         for body in robot.bodies:
             name = assembly.links[body.link].name
-            if not body.joints or body.parent is None:
+            if body.parent is None or body.mate is None:
                 lines.append(f"  {name}")
                 continue
             parent = assembly.links[robot.bodies[body.parent].link].name
-            crossed = ", crossed from child to parent" if body.joints[0].reversed else ""
-            by = " ".join(joint.path for joint in body.joints)
-            how = "ball" if body.at_once else ", ".join(joint.twist.core for joint in body.joints)
+            mate = assembly.mates[body.mate]
+            crossed = ", crossed from child to parent" if assembly.link_of[mate.child] != body.link else ""
+            by = " ".join(joint.path for joint in body.joints) or mate.name
+            how = body.joints[0].kind.name if body.at_once else ", ".join(joint.twist.core for joint in body.joints) or "fixed"
             lines.append(f"  {name}  <- {by} ({how}{crossed}) on {parent}")
         lines += _loops(robot)
     return lines

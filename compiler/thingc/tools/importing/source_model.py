@@ -21,7 +21,7 @@ from thingc.base.pose import NO_POSE, Pose, Quaternion, Vector, rotate
 from thingc.base.sensor_kinds import SensorType
 from thingc.base.source import Span
 
-Kind = Literal["revolute", "continuous", "prismatic", "planar", "ball", "screw"]
+Kind = Literal["revolute", "continuous", "prismatic", "planar", "ball", "screw", "free"]
 SourceBase = Literal["fixed", "free", "held"]
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane", "mesh"]
 Sizes = Vector | tuple[float, float] | tuple[float]
@@ -231,7 +231,7 @@ class Attachment(SourceThing):
     """The attachment of the link `child` to the link `parent` by a sequence of joints.
 
     `pose` is the pose of the child with all joints at `start`. `name` is the name in the source, and `rpy` [rad] are the angles of the pose
-    in the source, if specified. If `floating` is true, the child can move freely. In this case, the parent must be the world.
+    in the source, if specified. If `floating` is true, the child can move freely, by a free joint unless the parent is the world.
     """
 
     parent: str

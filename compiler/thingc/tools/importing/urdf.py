@@ -249,11 +249,13 @@ class _Urdf:
         return self.values.word(end, "link")
 
     def _joint(self, element: SourceElement, name: str, kind: str) -> source_model.SourceJoint | None:
-        """Read a URDF joint. Return None for fixed and floating joints."""
+        """Read a URDF joint. Return None for a fixed joint."""
         moving: source_model.Kind
         match kind:
             case "revolute" | "continuous" | "prismatic" | "planar":
                 moving = kind
+            case "floating":
+                return source_model.SourceJoint(name=name, kind="free", axis=(0.0, 0.0, 1.0), where=element.where)
             case _:
                 return None
         axis = self.values.one(element, "axis")
@@ -326,24 +328,18 @@ class _Urdf:
             return source_model.SourceLimits(effort=effort, velocity=velocity)
         return source_model.SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
 
-    def _grounded(self, robot: source_model.SourceRobot) -> source_model.SourceRobot | None:
+    def _grounded(self, robot: source_model.SourceRobot) -> source_model.SourceRobot:
         """Remove an empty root link with only one child. The child must be floating, or a fixed child of a root link called `world`."""
         first = [one for one in robot.hangings if one.parent == robot.root]
         world = next(link for link in robot.links if link.name == robot.root)
-        bare = world.weight is None and not world.shapes and len(first) == 1 and not first[0].joints
+        bare = world.weight is None and not world.shapes and len(first) == 1 and (first[0].floating or not first[0].joints)
         if bare and (robot.root == WORLD or first[0].floating):
             robot = replace(
                 robot, root=first[0].child, base="free" if first[0].floating else "fixed", pose=first[0].pose,
                 links=tuple(link for link in robot.links if link is not world),
                 hangings=tuple(one for one in robot.hangings if one is not first[0]),
             )
-        floating = [one for one in robot.hangings if one.floating]
-        for one in floating:
-            self.report.add(
-                Code.SOURCE_VALUE, f"joint `{one.name}` is floating: only a massless link without other children may be its "
-                "parent", one.where, help="a document contains one robot with one base: split the file",
-            )
-        return None if floating else robot
+        return robot
 
 
 SECONDS = 60

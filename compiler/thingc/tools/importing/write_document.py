@@ -29,7 +29,7 @@ from thingc.tools.importing.update_import import PreviousImport
 _ALIGNED = 1e-12
 ROUNDED = 1e-15
 """Products of inertia below this fraction of the largest moment of inertia are rounding errors."""
-FACING = ("planar", "ball")
+FACING = ("planar", "ball", "free")
 """Kinds of joints that do not have a single axis, and whose mounts face each other."""
 FRICTION = ("slide", "torsion", "roll")
 SAY_THEIR_UNIT = (".dae", ".glb")

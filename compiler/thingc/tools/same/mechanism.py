@@ -90,8 +90,8 @@ def mechanism_of_assembly(assembly: Assembly) -> Mechanism:
         parent, child = assembly.link_of[mate.parent], assembly.link_of[mate.child]
         before, after = placed[mate.parent] @ mate.X_PJ, mate.X_JC @ placed[mate.child].inverse()
         if mate.joints:
-            builder.add(parent, child, before, after, [_of_edge(one) for one in mate.joints], ball=mate.joints[0].kind.at_once)
-        elif mate.loop is not None:
+            builder.add(parent, child, before, after, [_of_edge(one) for one in mate.joints], ball=mate.joints[0].kind.name == "ball")
+        elif mate.separates:
             builder.welds.append((parent, child, before @ after))
     return builder.built(assembly.name)
 
@@ -122,8 +122,11 @@ def mechanism_of_mode(name: str, mode: Mode) -> Mechanism:
                 ),
             ) for one in waiting]
             before, after = _pose(waiting[0].X_PJ), _pose(joint.X_JL)
-            builder.add(joint.parent, joint.child, before, after, coordinates, ball=joint.ball is not None)
+            builder.add(joint.parent, joint.child, before, after, coordinates, ball=joint.kind == "ball")
             waiting = []
+    for number, link in enumerate(mode.links):
+        if link.fixed_to is not None:
+            builder.welds.append((link.fixed_to, number, _pose(mode.links[link.fixed_to].X_root_link).inverse() @ _pose(link.X_root_link)))
     for cut in mode.cuts:
         before, after = _pose(cut.X_PA), _pose(cut.X_CB).inverse()
         coordinates = [
