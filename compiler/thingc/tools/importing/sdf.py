@@ -481,7 +481,8 @@ class _Sdf:
         if kind == "screw":
             help = "change the type of one joint of the loop"
             self.report.add(Code.SOURCE_TREE, f"all joints of the loop that joint `{one.name}` closes are screws", one.where, help=help)
-        assert kind not in ("planar", "free")
+        assert kind != "planar"
+        assert kind != "free"
         ends = ((one.parent, _clean(one.pose @ at)), (one.child, at))
         return source_model.SourceLoop(name=one.name, kind=kind, ends=ends, where=one.where)
 
