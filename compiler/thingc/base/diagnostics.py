@@ -141,6 +141,7 @@ class Code(DiagnosticCode):
     TOO_COSTLY = ("TC346", "check that exceeds its time or memory limit", "Make the documents smaller, or increase `--time-limit`.")
     HIDDEN = ("TC347", "module that hides a module with the same name", "Rename one of the two files.", Stage.CHECK)
     TEST = ("TC348", "test that cannot be run", "Correct the key that the message shows.")
+    CONTACTS = ("TC349", "invalid contact pair or contact group", "Correct the entry of `contacts` as the message describes.")
     LEAD = ("TC360", "invalid screw lead", "Write the distance per turn, such as `lead: 8 mm`, or a negative value for a left-hand thread.")
     COORDINATES = ("TC361", "wrong number of coordinates", "Write a list with one value for each coordinate of the joint.")
     MIRROR_AXES = ("TC362", "component mirrored along two axes", "Use the same mirror axis for the assembly and the component inside it.")
@@ -200,6 +201,7 @@ class Code(DiagnosticCode):
     MIRRORED_TURN = ("TC528", "mirrored part with a wrong rotation", "Add a `turn` so that the two sides are mirror images.", Stage.CHECK)
     HELD_OFF = ("TC527", "base held at an inactive magnet", "Use the mount of the active magnet as the root.", Stage.CHECK)
     NESTED_SIMULATION = ("TC532", "unused settings of a nested document", "Copy the settings into the enclosing document.", Stage.CHECK)
+    SHAPE_FAR = ("TC533", "collision shape far outside its part", "Correct the unit, the size or the pose of the shape.", Stage.CHECK)
     MIRRORED_BOUGHT = ("TC580", "mirror image of a bought part", "Remove `mirror`, or add the mirror image's order number.", Stage.CHECK)
     OWN_IMAGE = ("TC581", "part that is its own mirror image", "Remove `mirror`.", Stage.CHECK)
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------

@@ -297,7 +297,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
     from thingc.model.assembly.print_settings import likely_slicings, slicings_of
-    from thingc.model.assembly.shape_links import listed_meshes
+    from thingc.model.assembly.shape_links import listed_meshes, with_pieces
     from thingc.model.assembly.symmetric_parts import with_own_images
     from thingc.model.resolve.nested_assemblies import decomposed, part_definitions
     from thingc.model.resolve.resolver import resolve, resolve_materials
@@ -329,7 +329,8 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     environment.say_gaps(report)
     compilation = replace(compilation, decisions=parts.decisions, model=model, records=records)
     listed = listed_meshes(model, drawn=not environment.options.lock) if environment.options.code else {}
-    meshes = mesh_records(listed, environment.store, report, memo) if listed else {}
+    read_meshes = mesh_records(listed, environment.store, report, memo) if listed else {}
+    meshes = with_pieces(model, read_meshes, parts.decompose, report)
     linked = link(model, records, report, memo, meshes)
     if linked is None:
         return compilation

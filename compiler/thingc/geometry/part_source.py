@@ -14,7 +14,7 @@ from thingc.geometry.lock.json_format import BadLock
 from thingc.geometry.lock.lock import LOCK_FILE, REMAKE, lock_path, report_bad, top_of
 from thingc.geometry.part_requests import Likely
 from thingc.geometry.print_slices import Slicing
-from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.geometry.record import NO_PIECES, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, WantedPieces
 
 SHOWN = 8
 
@@ -50,12 +50,19 @@ class PartSource(Protocol):
         """Return the modules that hide other modules of the same name, among the modules on which the part `module:Class` depends."""
 
     def realize(
-        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None,
+        self, definitions: Sequence[PartDefinition], convex: WantedPieces = NO_PIECES, likely: Likely = None,
     ) -> Mapping[str, PartRecord | PartFailure]:
         """Build or load parts, and return the record or failure of each part definition by its text.
 
         Definitions without an available record are omitted. The function `likely` returns the expected slicings of the parts that must be
         built.
+        """
+
+    def decompose(self, meshes: Collection[tuple[str, int]]) -> Mapping[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
+        """Decompose meshes in the store into convex pieces, and return the pieces or the failure of each mesh.
+
+        A mesh is given by its digest and by the largest number of pieces (0 for any number). Meshes whose pieces are not available are
+        omitted.
         """
 
     def slice(

@@ -287,6 +287,12 @@ class PartWarning(OneLineRepr, FrozenStruct, array_like=True):
     asked: ImpureInputs | None = None
 
 
+WantedPieces = Mapping[str, tuple[int, ...]]
+"""The convex decompositions that are needed of each part, as their largest numbers of pieces, by definition text."""
+
+NO_PIECES: WantedPieces = {}
+
+
 class PartRecord(OneLineRepr, FrozenStruct):
     """All data about a part that the passes use. Lengths are in metres, in the part's own frame.
 
@@ -297,8 +303,8 @@ class PartRecord(OneLineRepr, FrozenStruct):
     `print` (binary STL, millimetres). The mesh `slicing` contains the triangles of `print` in 64-bit floats, so that results of slicing are
     smooth functions of parameters. The mesh `simulation` (OBJ, metres) exists if the definition limits the triangles for simulators. `fits`
     contains the smallest primitives that enclose the part, by shape. `pieces` contains the solids of the Thing's own `collision()`: a
-    primitive if the solid is exactly a primitive, otherwise an OBJ file. `convex` contains the OBJ files of the convex decomposition, if
-    requested.
+    primitive if the solid is exactly a primitive, otherwise an OBJ file. `convex` contains the OBJ files of the requested convex
+    decompositions, by the largest number of pieces (0 for any number).
 
     `up` is the Thing's preferred direction away from the print bed (a unit vector). `slices` contains the requested results of slicing.
     `apart` contains the volumes [m^3] of the bodies of a part that should be one solid, the largest volume first. `apart` is empty if the
@@ -331,7 +337,7 @@ class PartRecord(OneLineRepr, FrozenStruct):
     fits: dict[str, Primitive]
     meshes: dict[str, Mesh]
     pieces: tuple[Mesh | Primitive, ...]
-    convex: tuple[Mesh, ...]
+    convex: dict[int, tuple[Mesh, ...]]
     brep: str | None
     code: tuple[str, int] | None
     apart: tuple[float, ...] = ()

@@ -18,7 +18,7 @@ from thingc.geometry.key.build_key import BuildKey, record_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.key.result_cache import CANDIDATES, CachedResult, Results
-from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord
+from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord, WantedPieces
 from thingc.geometry.record_json import blobs_of
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.store.shared_store import CONVEX
@@ -121,36 +121,44 @@ class ConvexAnswers:
         self._versions = versions
 
     def add(
-        self, records: Records, convex: Collection[str], run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
+        self, records: Records, convex: WantedPieces, run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> None:
-        """Add convex pieces to the records whose definition texts are in `convex`.
+        """Add the convex pieces in `convex` to the records."""
+        meshes = {
+            text: [(record.simulated.sha256, most) for most in convex[text]] for text in sorted(convex)
+            if isinstance(record := records.get(text), PartRecord) and record.simulated is not None
+        }
+        made = self.pieces(dict.fromkeys(mesh for several in meshes.values() for mesh in several), run, timeout, broken)
+        for text, several in meshes.items():
+            for sha256, most in several:
+                answer, record = made[sha256, most], records[text]
+                if isinstance(answer, PartFailure):
+                    records[text] = replace(answer, subject=text)
+                elif isinstance(record, PartRecord):
+                    records[text] = replace(record, convex={**record.convex, most: answer})
+
+    def pieces(
+        self, wanted: Collection[tuple[str, int]], run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
+    ) -> dict[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
+        """Return the convex pieces of meshes, each with the largest number of pieces (0 for any number).
 
         The function `run` sends requests to the workers. The function `broken` converts a failed answer to a `PartFailure`.
         """
-        wanted: dict[str, list[str]] = {}
-        for text in sorted(convex):
-            record = records.get(text)
-            if isinstance(record, PartRecord) and record.simulated is not None:
-                wanted.setdefault(record.simulated.sha256, []).append(text)
         version = "".join(self._versions().values()) if wanted else ""
-        pieces: dict[str, tuple[Mesh, ...]] = {}
+        pieces: dict[tuple[str, int], tuple[Mesh, ...] | PartFailure] = {}
         requests = []
-        for mesh in wanted:
-            kept = convert(self._store.get_json(CONVEX, f"{version} {mesh}"), tuple[Mesh, ...] | None)
+        for mesh, most in wanted:
+            kept = convert(self._store.get_json(CONVEX, f"{version} {mesh} {most}"), tuple[Mesh, ...] | None)
             if kept is not None and all(self._store.has(piece.sha256, piece.size) for piece in kept):
-                pieces[mesh] = kept
+                pieces[mesh, most] = kept
             else:
-                requests.append({"op": "decompose", "mesh": mesh, "store": self._store.root, "timeout": timeout})
+                requests.append({"op": "decompose", "mesh": mesh, "most": most, "store": self._store.root, "timeout": timeout})
         for request, answer in run(requests, "decomposing"):
+            mesh, most = request["mesh"], request["most"]
             if "failed" in answer:
-                for text in wanted[request["mesh"]]:
-                    records[text] = broken(text, answer)
+                pieces[mesh, most] = broken(mesh, answer)
                 continue
             made = answer["answer"]["pieces"]
-            self._store.put_json(CONVEX, f"{version} {request['mesh']}", made)
-            pieces[request["mesh"]] = convert(made, tuple[Mesh, ...])
-        for mesh, convex_pieces in pieces.items():
-            for text in wanted[mesh]:
-                record = records[text]
-                if isinstance(record, PartRecord):
-                    records[text] = replace(record, convex=convex_pieces)
+            self._store.put_json(CONVEX, f"{version} {mesh} {most}", made)
+            pieces[mesh, most] = convert(made, tuple[Mesh, ...])
+        return pieces

@@ -67,7 +67,7 @@ def record_to_json(record: PartRecord, root: str) -> Any:
     """
     code = None if record.code is None else (shortened(record.code[0], root) or "", record.code[1])
     warnings = tuple(replace(warning, file=shortened(warning.file, root)) for warning in record.warnings)
-    plain = replace(record, code=code, warnings=warnings, convex=(), slices={})
+    plain = replace(record, code=code, warnings=warnings, convex={}, slices={})
     return {**to_builtins(plain, order="deterministic"), "mount_order": list(record.mounts)}
 
 

@@ -27,7 +27,18 @@ from thingc.geometry.lock.lock import LOCK_FILE, Lock
 from thingc.geometry.lock.reader import LockFallback
 from thingc.geometry.part_requests import Likely, PartRequest, PartRequests
 from thingc.geometry.print_slices import Slicing
-from thingc.geometry.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
+from thingc.geometry.record import (
+    NO_PIECES,
+    AssemblyFailed,
+    Mesh,
+    PartDefinition,
+    PartFailure,
+    PartRecord,
+    PartSchema,
+    Placed,
+    StoredFile,
+    WantedPieces,
+)
 from thingc.geometry.record_cache import ConvexAnswers, KeptRecords
 from thingc.geometry.record_json import from_json, record_from_json, with_left
 from thingc.geometry.store.build_locks import BuildLocks
@@ -275,12 +286,12 @@ class GeometryService:
     # --- realize -------------------------------------------------------------------------------------------------
 
     def realize(
-        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: Likely = None, *, locked: bool = True,
+        self, definitions: Sequence[PartDefinition], convex: WantedPieces = NO_PIECES, likely: Likely = None, *, locked: bool = True,
     ) -> dict[str, PartRecord | PartFailure]:
         """Build or load parts, and return the record or failure of each part definition by its text.
 
-        The records contain meshes unless `locked` is True. If the definition text of a record is in `convex`, the record also contains
-        convex pieces.
+        The records contain meshes unless `locked` is True. The records also contain the convex pieces in
+        `convex`.
         """
         self.decisions = {}
         self.wanted = tuple(definitions)
@@ -289,7 +300,7 @@ class GeometryService:
         unique = {definition.text: definition for definition in definitions}
         build_keys: dict[str, BuildKey] = {}
         for text, definition in unique.items():
-            recent = self._recent.get(definition, text in convex)
+            recent = self._recent.get(definition, convex.get(text, ()))
             if recent is not None and (locked or recent[0].meshes):
                 answers[text], reason = recent
                 self._decide(text, True, reason)
@@ -322,11 +333,15 @@ class GeometryService:
         )
         if build_keys:
             self._results.note_files({**self._parts.files(), **self._results.met})
-        new = {text: record for text, record in answers.items() if self._recent.get(unique[text], text in convex) is None}
+        new = {text: record for text, record in answers.items() if self._recent.get(unique[text], convex.get(text, ())) is None}
         self._convex.add(new, convex, self._run, self.timeout, self._broken)
         answers |= new
         self._recent.keep(unique, answers, convex, self.decisions)
         return {text: answers[text] for text in unique}
+
+    def decompose(self, meshes: Collection[tuple[str, int]]) -> Mapping[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
+        """Decompose meshes in the store into convex pieces, and return the pieces or the failure of each mesh."""
+        return self._convex.pieces(meshes, self._run, self.timeout, self._broken)
 
     def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
         """Return the requests that build parts, in the order in which workers process them.

@@ -172,6 +172,8 @@ class Modes(TypedDict):
     gravity: Plain
     poses: Plain
     exclude: Plain
+    pairs: Plain
+    groups: Plain
     timestep: Plain
     simulation: Plain
 
@@ -357,6 +359,8 @@ class _Lost:
             *self.of_base(robot),
             *self.stepping(mode.simulation),
             (modes["exclude"], "excluded contacts, except between links that a joint connects", bool(mode.exclude)),
+            (modes["pairs"], "the contact pairs", bool(mode.pairs)),
+            (modes["groups"], "the contact groups", bool(mode.groups)),
         )
         for cell, what, used in of_mode:
             if used:
@@ -419,7 +423,7 @@ class _Lost:
         for pose in assembly.poses:
             yield from self(self.says["modes"]["poses"], None, pose.name, "this pose", pose.origin)
         touching = [one.material for one in assembly.occurrences]
-        touching += [surface.material for one in assembly.occurrences if one.listed is not None for surface in one.touching]
+        touching += [surface.material for one in assembly.occurrences for surface in (one.touching if one.listed or one.contacts else ())]
         for material in {id(one): one for one in touching if one is not None}.values():
             if (material.slide, material.torsion) != (None, None):
                 yield from self(links["friction"], None, material.name, "the friction", material.origin)

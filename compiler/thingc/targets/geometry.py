@@ -25,9 +25,6 @@ from thingc.model.resolve.types import Material
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss, StoredArtifact
 
-PIECES = {"decompose": "convex"}
-"""Words in the file names of convex pieces, for the values of `collision` that use a different word."""
-
 ENDLESS = 100.0
 """Half of the side length [m] of a plane that replaces an infinite plane. Some formats do not support infinite planes."""
 
@@ -172,8 +169,8 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
     """
     return tuple(
         (
-            one.path, one.definition, one.record, one.listed, one.component.definition, one.overrides.collision, one.overrides.visual,
-            one.material, one.color, one.origin,
+            one.path, one.definition, one.record, one.listed, one.component.definition, one.overrides.collision, one.overrides.pieces,
+            one.contacts.get(""), one.overrides.visual, one.material, one.color, one.origin,
         )
         for one in assembly.occurrences
     )
@@ -223,29 +220,29 @@ class _Collector:
         touching: tuple[Shape, ...] = ()
         if occurrence.listed is not None:
             drawn = [self.shape(occurrence, surface, surface.name) for surface in occurrence.drawn]
-            felt = (surface for surface in occurrence.touching if self.takes(occurrence, surface.solid))
-            taken = [self.shape(occurrence, surface, surface.name) for surface in felt]
-            touching = tuple(shape for shape in taken if shape is not None)
-        elif record is not None and record.meshes and isinstance(definition, PartDefinition):
+            touching = self.collision(occurrence, "")
+        elif record is not None and isinstance(definition, PartDefinition):
             drawn = [self.shape(occurrence, surface, definition.stem) for surface in occurrence.drawn]
             touching = self.collision(occurrence, definition.stem)
         visual = tuple(shape for shape in drawn if shape is not None)
         return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=touching)
 
     def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
-        """Return the collision shapes that `collision:` selects for an occurrence.
+        """Return the collision shapes of an occurrence: the shapes that a document lists, or the shapes that `collision:` selects.
 
         The result contains one shape for each piece that can collide.
         """
         choice = occurrence.overrides.collision
-        if choice == "none":
-            return ()
         shapes: list[Shape] = []
         for index, piece in enumerate(occurrence.touching):
             if not self.takes(occurrence, piece.solid):
                 continue
-            suffix = f"_{choice}" if choice in ("hull", "mesh") else f"_{PIECES.get(choice, choice)}_{index}"
-            shape = self.shape(occurrence, piece, stem, suffix)
+            if piece.name:
+                shape = self.shape(occurrence, piece, piece.name)
+            elif choice == "decompose":
+                shape = self.shape(occurrence, piece, stem, f"_convex{occurrence.overrides.pieces or ''}_{index}")
+            else:
+                shape = self.shape(occurrence, piece, stem, f"_{choice}" if choice in ("hull", "mesh") else f"_{choice}_{index}")
             if shape is not None:
                 shapes.append(shape)
         return tuple(shapes)
@@ -262,13 +259,13 @@ class _Collector:
         name = stem + suffix
         owner = self.owners.setdefault(name.casefold(), occurrence)
         known = self.meshes.get(name)
-        listed = occurrence.listed is not None and known is not None and known.mesh == mesh  # a mesh file that several links list
+        listed = bool(surface.name) and known is not None and known.mesh == mesh  # a mesh file that several components list
         if owner.definition != occurrence.definition and not listed:
             report_same_file(occurrence, owner, f"{self.folder}/{stem}.obj", self.report)
             return None
         own = StoredArtifact(sha256=surface.own[0], size=surface.own[1]) if self.own and surface.own is not None else None
         self.meshes.setdefault(name, MeshAsset(
-            name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None else surface.volume,
+            name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None and not surface.name else surface.volume,
             origin=occurrence.origin, own=own, scale=surface.scale,
         ))
         return Shape(kind="mesh", mesh=name, pose=surface.pose, material=surface.material, color=surface.color, name=title)

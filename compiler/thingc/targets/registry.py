@@ -150,7 +150,8 @@ def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts
     artifacts: dict[str, Artifacts] = {}
     told: dict[Loss, None] = {}
     for target in targets:
-        made = emitter(target)(called(request) if target not in TARGETS or TARGETS[target].by_name else request)
+        given = request.in_target(target)
+        made = emitter(target)(called(given) if target not in TARGETS or TARGETS[target].by_name else given)
         if astray := _unstated(target, made.files):
             request.report.add(
                 Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, which is missing in `{module_of(target)}.WRITES`", None,

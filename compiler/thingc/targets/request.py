@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from msgspec import field
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
@@ -40,3 +41,12 @@ class EmitRequest(FrozenStruct, eq=False):
     """A cache of results for all modes. In a session, the cache is used for all requests."""
     made: dict[str, Any] = {}
     """Results of targets that other targets also use, by name."""
+
+    def in_target(self, target: str) -> EmitRequest:
+        """Return the request with the collision shapes that the document selects for a target. A ROS package contains a URDF file."""
+        assembly = self.assembly.in_target("urdf" if target == "ros" else target)
+        if assembly is self.assembly:
+            return self
+        robots = tuple(replace(robot, assembly=assembly) for robot in self.robots)
+        made: EmitRequest = self.made.setdefault(f"request for {target}", replace(self, assembly=assembly, robots=robots, made={}))
+        return made

@@ -16,7 +16,17 @@ from thingc.batch.plans.program import program_of
 from thingc.batch.plans.tape import Tape, Traced, value_of
 from thingc.geometry.part_source import PartSource
 from thingc.geometry.print_slices import Slicing
-from thingc.geometry.record import Mesh, MountExpectation, MountRecord, PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.geometry.record import (
+    NO_PIECES,
+    Mesh,
+    MountExpectation,
+    MountRecord,
+    PartDefinition,
+    PartFailure,
+    PartRecord,
+    PartSchema,
+    WantedPieces,
+)
 from thingc.targets.artifact import StoredArtifact
 
 KEPT = 512
@@ -55,7 +65,7 @@ class TracedParts:
         self._parts = parts
         self._allowed = allowed
         self.definitions: tuple[PartDefinition, ...] = ()
-        self.convex: Collection[str] = ()
+        self.convex: WantedPieces = NO_PIECES
         self.slicings: dict[str, Collection[Slicing]] = {}
         self.expected: list[str] = []
         self.before: Tape | None = None
@@ -65,7 +75,7 @@ class TracedParts:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._parts, name)
 
-    def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None, **named: Any) -> Any:
+    def realize(self, definitions: Sequence[PartDefinition], convex: WantedPieces = NO_PIECES, likely: object = None, **named: Any) -> Any:
         """Return the part records for the given definitions, in the same way as `PartSource`. Call this method only once.
 
         The argument `likely` is ignored, because it may contain traced numbers.
@@ -155,7 +165,7 @@ class Exchange:
         self._run = program_of(rehearsed.before, rehearsed.parameters).run
         self._schemas = parts.describe([one.reference for one in rehearsed.definitions if numbers_of(one)])
         self._definitions = rehearsed.definitions
-        self._convex = [one.text in rehearsed.convex for one in rehearsed.definitions]
+        self._convex = [rehearsed.convex.get(one.text, ()) for one in rehearsed.definitions]
         self._slicings = [rehearsed.slicings.get(one.text, ()) for one in rehearsed.definitions]
         self._expected = rehearsed.expected
         self._pattern = self._pattern_of(rehearsed.definitions)
@@ -245,7 +255,7 @@ class Exchange:
             (one.text, pieces, slicings) for definitions in many
             for one, pieces, slicings in zip(definitions, self._convex, self._slicings, strict=True)
         ]
-        records = self._parts.realize(list(asked.values()), convex=[text for text, pieces, _ in wanted if pieces])
+        records = self._parts.realize(list(asked.values()), convex={text: pieces for text, pieces, _ in wanted if pieces})
         made = [one for text, one in asked.items() if isinstance(record := records.get(text), PartRecord) and record.exact]
         texts = {one.text for one in made}
         return self._parts.slice(made, records, {text: slicings for text, _, slicings in wanted if text in texts and slicings})

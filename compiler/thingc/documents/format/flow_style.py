@@ -17,6 +17,7 @@ from thingc.base.units import UnitError, parse_quantity
 from thingc.documents.format.segments import Item, Segment, shifted
 from thingc.documents.spec.annotation_types import FieldType, branch_of, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec, AtSpec, ComponentSpec, JointSpec
+from thingc.documents.spec.link_shapes import ShapeSpec
 from thingc.documents.spec.modes import HoldSpec, ModeSpec, WorldAtSpec
 from thingc.documents.spec.validation import model_of
 
@@ -24,6 +25,10 @@ FIRST: dict[type[BaseModel], tuple[str, ...]] = {
     ComponentSpec: (
         "repeat", "part", "file", "unit", "assembly", "link", "frame", "params", "parameters", "material", "mass", "com", "inertia",
         "shapes", "attach", "at", "mounts", "mirror", "collision", "visual", "process", "bom",
+    ),
+    ShapeSpec: (
+        "mesh", "unit", "scale", "decompose", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane", "at", "for", "material",
+        "color",
     ),
     JointSpec: (
         "repeat", "type", "parent", "child", "axis", "loop", "turn", "gap", "offset", "limit", "dynamics", "mimic", "drive",

@@ -397,7 +397,8 @@ def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
     Each item contains the key (such as `file` or `mesh`), the reference, and its location.
     """
     components = [entries_of(one) for one in entries_of(tree.entries.get("components")).values()]
-    shapes = [entries_of(shape) for one in components for shape in _items(one.get("shapes"))]
+    listed = [entries for one in components for entries in (one, entries_of(one.get("collision")))]
+    shapes = [entries_of(shape) for one in listed for shape in _items(one.get("shapes"))]
     named = [
         *(("materials", one) for one in _items(tree.entries.get("materials"))), *(("file", one.get("file")) for one in components),
         *(("mesh", one.get("mesh")) for one in shapes), *(("assembly", one.get("assembly")) for one in components),

@@ -37,7 +37,7 @@ from thingc.documents.spec.fields import (
     raise_all,
     within,
 )
-from thingc.documents.spec.link_shapes import ShapeSpec
+from thingc.documents.spec.link_shapes import Collision, CollisionSpec, ShapeSpec
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
 from thingc.documents.spec.materials import MaterialSpec, ProcessSpec
 from thingc.documents.spec.modes import ModeSpec, SimulationSpec
@@ -187,9 +187,6 @@ class AttachSpec(Model):
     """A constant distance along the z axis of the mount `to`."""
 
 
-Collision = Literal["hull", "box", "cylinder", "capsule", "sphere", "decompose", "mesh", "part", "none"]
-
-
 class ComponentDefaults(Model):
     """Defaults for all components of this document (`defaults: component:`)."""
 
@@ -203,8 +200,10 @@ class ComponentDefaults(Model):
         default=None, examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}],
     )
     """The inertia about the centre of mass, in the axes of the component."""
-    collision: Collision | None = None
-    """The collision shape for simulators; default: `hull`."""
+    collision: Collision | CollisionSpec | None = Field(
+        default=None, examples=["box", {"decompose": {"pieces": 8}}, {"shapes": [{"box": "40 20 10 mm", "at": {"xyz": "0 0 5 mm"}}]}],
+    )
+    """The collision shape for simulators, or a list of shapes; default: `hull`."""
     visual: bool | None = None
     """Whether the component is drawn; default: true."""
     process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 4, "infill": "30 %"}])
@@ -317,13 +316,13 @@ class ComponentSpec(ComponentDefaults):
             raise rule("`shapes` can only be used with `link`", "move `shapes` to a separate component with `link: true`", "shapes")
         for key in OF_PARTS:
             if self.link is not None and getattr(self, key) is not None:
-                raise rule(
-                    f"`{key}` can only be used with `part` or `file`, not with `link`",
-                    "set `for` of each shape: `visual`, `collision` or `both`" if key in ("collision", "visual") else f"remove `{key}`",
-                    key,
-                )
+                help = "set `for` of each shape: `visual`, `collision` or `both`" if key in ("collision", "visual") else f"remove `{key}`"
+                help += ", and `decompose` of a mesh" if key == "collision" else ""
+                raise rule(f"`{key}` can only be used with `part` or `file`, not with `link`", help, key)
         if self.bom is not None and self.bom.as_ is not None and self.assembly is None:
             raise rule("`as: one` can only be used with `assembly`", "remove `as`", "bom")
+        if isinstance(self.collision, CollisionSpec) and self.frame is not None:
+            raise rule("`collision` with shapes cannot be used with `frame`", "write `link: true` and list the `shapes`", "collision")
         if self.mirror is not None and self.frame is not None:
             raise rule("`mirror` cannot be used with `frame`: a frame is its own mirror image", "remove `mirror`", "mirror")
         if self.attach is not None and self.at is not None:
@@ -441,6 +440,14 @@ class DefaultsSpec(Model):
     """Defaults of components."""
     joint: JointDefaults | None = Field(default=None, examples=[{"dynamics": {"damping": "0.02 N*m*s/rad"}}])
     """Defaults of joints."""
+
+    @model_validator(mode="after")
+    def _no_shapes(self) -> DefaultsSpec:
+        said = self.component.collision if self.component is not None else None
+        choices = (said, *said.targets.values()) if isinstance(said, CollisionSpec) else ()
+        if any(choice.shapes for choice in choices if not isinstance(choice, str)):
+            raise rule("`shapes` cannot be a default, because they are in the frame of one part", "list the shapes at the component")
+        return self
 
 
 class TurnSpec(Model):

@@ -25,7 +25,7 @@ WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
     mass.InertiaMatrix: ("ixx", "iyy", "izz"), drives.DriveSpec: ("kind",), drives.DynamicsSpec: ("damping",),
     materials.MaterialSpec: ("density",), materials.FrictionSpec: ("slide",), materials.ProcessSpec: ("kind",),
     sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",), link_shapes.RoundSpec: ("radius",),
-    link_shapes.LongSpec: ("radius", "length"),
+    link_shapes.LongSpec: ("radius", "length"), link_shapes.DecomposeSpec: ("pieces",),
 }
 """Models of mappings for which users often write a single value or a list of values, with the keys of these values."""
 

@@ -8,13 +8,16 @@ from pydantic import ConfigDict, Field, model_validator
 
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
 from thingc.documents.spec.base import Model, rule
-from thingc.documents.spec.fields import ColorField, LengthField, NumberField, Vector3Length
+from thingc.documents.spec.fields import ColorField, CountField, LengthField, NumberField, Vector3Length
 from thingc.documents.spec.materials import FrictionSpec
 from thingc.documents.spec.name_types import MaterialField
 from thingc.documents.spec.names import FileName
 from thingc.documents.spec.poses import PoseSpec
 
 ShapeKind = Literal["mesh", "box", "sphere", "cylinder", "capsule", "ellipsoid", "plane"]
+Collision = Literal["hull", "box", "cylinder", "capsule", "sphere", "decompose", "mesh", "part", "none"]
+"""Kinds of the collision shape of a part."""
+
 KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
 """Keys that determine the kind of a shape. Each shape must have exactly one of the keys."""
 
@@ -38,11 +41,18 @@ class LongSpec(Model):
 def _shape_rules(schema: dict[str, Any]) -> None:
     """Add the cross-field rules of `ShapeSpec` to its schema, so that editors can check them."""
     schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
-    schema["dependentSchemas"] = {key: {"required": ["mesh"]} for key in ("unit", "scale")}
+    schema["dependentSchemas"] = {key: {"required": ["mesh"]} for key in ("unit", "scale", "decompose")}
 
 
-class ShapeSpec(Model):
-    """A shape of a link, with exactly one of the keys `mesh`, `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`."""
+class DecomposeSpec(Model):
+    """The decomposition of a mesh into convex pieces."""
+
+    pieces: CountField | None = Field(default=None, examples=[8])
+    """The largest number of pieces; default: as many as the mesh needs."""
+
+
+class ContactShapeSpec(Model):
+    """A shape with exactly one of the keys `mesh`, `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`."""
 
     model_config = ConfigDict(json_schema_extra=_shape_rules)
 
@@ -54,6 +64,8 @@ class ShapeSpec(Model):
         default=None, examples=[[1, 1, -1], 0.5],
     )
     """Scale factors for a `mesh` along x, y and z, or a single factor. A negative factor mirrors the mesh."""
+    decompose: Literal[True] | DecomposeSpec | None = Field(default=None, examples=[True, {"pieces": 8}])
+    """Decomposes a `mesh` into convex pieces for collisions; default: the convex hull of the mesh."""
     box: Vector3Length | None = Field(default=None, examples=["380 90 110 mm"])
     """A box: its lengths along x, y and z."""
     sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "20 mm"}])
@@ -67,14 +79,9 @@ class ShapeSpec(Model):
     plane: Annotated[list[LengthField], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[0, 0], ["2 m", "1 m"]])
     """A plane: its lengths along x and y, 0 for an infinite length. The solid is below the plane, and z points out of the solid."""
     at: PoseSpec | None = Field(default=None, examples=[{"xyz": "0 0 40 mm", "rpy": "0 90 0 deg"}])
-    """The pose of the shape in the link's frame; default: the origin."""
-    for_: Literal["visual", "collision", "both"] = Field(
-        default="both", alias="for", description="Whether the shape is visual, for collision, or both; default: both.",
-    )
+    """The pose of the shape in the frame of the component; default: the origin."""
     material: MaterialField | None = Field(default=None, examples=["rubber"])
-    """The material of the shape; default: the material of the link."""
-    color: ColorField | None = None
-    """The colour of the shape; default: the colour of its material."""
+    """The material of the shape; default: the material of the component."""
     friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.6}])
     """The friction of the shape, which overrides the friction of its material."""
     name: FileName | None = Field(default=None, examples=["left-foot"])
@@ -86,7 +93,7 @@ class ShapeSpec(Model):
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
     @model_validator(mode="after")
-    def _one_kind(self) -> ShapeSpec:
+    def _one_kind(self) -> ContactShapeSpec:
         kinds = [f"`{kind}`" for kind in KINDS if getattr(self, kind) is not None]
         if len(kinds) != 1:
             these = "found " + " and ".join(kinds) if kinds else "found none"
@@ -94,9 +101,58 @@ class ShapeSpec(Model):
                 f"a shape must have exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}, {these}",
                 "write each shape as a separate item: `- {...}`" if kinds else "write, for example, `box: 40 40 20 mm`",
             )
-        for key in ("unit", "scale"):
+        for key in ("unit", "scale", "decompose"):
             if getattr(self, key) is not None and self.mesh is None:
-                raise rule(f"`{key}` can only be used with `mesh`", f"remove `{key}`: lengths of other shapes include their units", key)
+                why = "other shapes are convex" if key == "decompose" else "lengths of other shapes include their units"
+                raise rule(f"`{key}` can only be used with `mesh`", f"remove `{key}`: {why}", key)
         if self.unit is not None and self.mesh is not None and self.mesh.lower().endswith(SUFFIXES_WITH_UNIT):
             raise rule(f"`{self.mesh}` specifies its unit, as all COLLADA and glTF files do", "remove `unit`; `scale` is allowed", "unit")
         return self
+
+
+class ShapeSpec(ContactShapeSpec):
+    """A shape of a link, with exactly one of the keys `mesh`, `box`, `sphere`, `cylinder`, `capsule`, `ellipsoid`, `plane`."""
+
+    for_: Literal["visual", "collision", "both"] = Field(
+        default="both", alias="for", description="Whether the shape is visual, for collision, or both; default: both.",
+    )
+    color: ColorField | None = None
+    """The colour of the shape; default: the colour of its material."""
+
+    @model_validator(mode="after")
+    def _touches(self) -> ShapeSpec:
+        if self.decompose is not None and self.for_ == "visual":
+            raise rule("`decompose` can only be used with a shape for collisions", "remove `decompose`, or `for: visual`", "decompose")
+        return self
+
+
+class ChoiceSpec(Model):
+    """The collision shapes of a part in a format, with exactly one of the keys `shapes`, `decompose`."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    shapes: Annotated[list[ContactShapeSpec], Field(min_length=1)] | None = Field(default=None, examples=[[{"box": "40 20 10 mm"}]])
+    """The collision shapes, in the frame of the part."""
+    decompose: DecomposeSpec | None = Field(default=None, examples=[{"pieces": 8}])
+    """Decomposes the part into convex pieces."""
+
+    @model_validator(mode="after")
+    def _one_form(self) -> ChoiceSpec:
+        keys = [f"`{key}`" for key in ("kind", "shapes", "decompose") if getattr(self, key, None) is not None]
+        if len(keys) > 1 or not keys and not getattr(self, "targets", None):
+            raise rule(
+                f"`collision` must have exactly one of `shapes` and `decompose`, found {' and '.join(keys) or 'none'}",
+                "write, for example, `collision: {shapes: [{box: 40 20 10 mm}]}`",
+            )
+        return self
+
+
+class CollisionSpec(ChoiceSpec):
+    """The collision shapes of a part, in long form, with exactly one of the keys `kind`, `shapes`, `decompose`."""
+
+    kind: Collision | None = None
+    """The kind of collision shape; default with `targets`: `hull`."""
+    targets: dict[Literal["mjcf", "urdf", "sdf", "usd"], Collision | ChoiceSpec] = Field(
+        default={}, examples=[{"mjcf": {"decompose": {"pieces": 8}}, "urdf": "box"}],
+    )
+    """The collision shapes in single formats. A ROS package uses the shapes for `urdf`."""

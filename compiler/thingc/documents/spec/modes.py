@@ -9,7 +9,8 @@ from pydantic import Field, model_validator
 from thingc.base.joints.kinds import BaseType
 from thingc.documents.spec.allowances import Allow, allow
 from thingc.documents.spec.base import Model, rule
-from thingc.documents.spec.fields import ForceField, NumberField, TimeField, Vector3Acceleration
+from thingc.documents.spec.fields import ForceField, LengthField, Name, NumberField, TimeField, Vector3Acceleration
+from thingc.documents.spec.materials import FrictionSpec
 from thingc.documents.spec.name_types import ComponentField, JointPattern, ModeField, OwnPoseKey, PoseField, RootField, ShownMountField
 from thingc.documents.spec.poses import PoseSpec
 
@@ -37,6 +38,28 @@ class WorldAtSpec(PoseSpec):
     """With `floor`, the lowest point of the robot touches the plane z = 0 in the start pose of the mode."""
 
 
+class PairSpec(Model):
+    """A pair of components that always collide, with their own contact settings."""
+
+    between: Annotated[list[ComponentField], Field(min_length=2, max_length=2)] = Field(examples=[["finger_*", "ball"]])
+    """The two components; patterns are allowed."""
+    friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 1.5}])
+    """The friction of the pair; default: from the materials of the two components."""
+    margin: LengthField | None = Field(default=None, examples=["1 mm"])
+    """The distance between the shapes at which a contact begins; default: 0."""
+    gap: LengthField | None = Field(default=None, examples=["0.5 mm"])
+    """The part of the margin in which a contact is detected but transmits no force; default: 0."""
+
+
+class GroupSpec(Model):
+    """A group of components, and the groups with which they collide."""
+
+    components: Annotated[list[ComponentField], Field(min_length=1)] = Field(examples=[["finger_*", "palm"]])
+    """The components of the group; patterns are allowed."""
+    collide: list[Name] = Field(examples=[["others"], ["others", "fingers"]])
+    """The groups with which the group collides. `others` are the components without a group, the floor, and other objects in the scene."""
+
+
 class ContactsSpec(Model):
     """The contact settings of a mode."""
 
@@ -44,6 +67,10 @@ class ContactsSpec(Model):
         default=[], examples=[[["plate", "hand"], ["leg_*", "body"]]],
     )
     """Pairs of components whose contacts are ignored; patterns are allowed."""
+    pairs: list[PairSpec] = Field(default=[], examples=[[{"between": ["finger", "ball"], "friction": {"slide": 1.5}, "margin": "1 mm"}]])
+    """Pairs of components that always collide, with their own friction and margin."""
+    groups: dict[Name, GroupSpec] = Field(default={}, examples=[{"fingers": {"components": ["finger_*"], "collide": ["others"]}}])
+    """Groups of components that collide only with the listed groups."""
     adhesion: dict[ShownMountField, ForceField] = Field(default={}, examples=[{"front_foot.sole": "300 N"}])
     """Largest adhesion force of a mount on a surface, by mount."""
 

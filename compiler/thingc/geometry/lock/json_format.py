@@ -229,7 +229,7 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
             *(PartWarning(message=one) for one in _texts(table.get("warnings", []), f"{path}.warnings")),
             *(_question(one, f"{path}.asks") for one in sequence(table.get("asks", []), f"{path}.asks")),
         ),
-        fits={}, meshes={}, pieces=(), convex=(), brep=None, code=code,
+        fits={}, meshes={}, pieces=(), convex={}, brep=None, code=code,
         apart=tuple(number(one, f"{path}.apart") for one in sequence(table.get("apart", []), f"{path}.apart")),
         own_image="own_image" in table and _flag(table, "own_image", path),
         up=None if table.get("up") is None else _direction(table["up"], f"{path}.up"),

@@ -20,7 +20,7 @@ from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.lock.json_format import BadLock
 from thingc.geometry.lock.lock import LOCK_FILE, Lock, code_hash, lock_path
 from thingc.geometry.print_slices import Slicing
-from thingc.geometry.record import ActuatorRecord, PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.geometry.record import NO_PIECES, ActuatorRecord, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, WantedPieces
 from thingc.geometry.store.slice_cache import lacking
 
 MAX_READ = 200_000_000
@@ -131,7 +131,7 @@ class LockAnswers:
             inertia=((_SOME, 0.0, 0.0), (0.0, _SOME, 0.0), (0.0, 0.0, _SOME)), box=None,
             mounts={name: mount for record in relatives for name, mount in record.mounts.items()}, references=(), expectations=(),
             actuator=ActuatorRecord(kind="motor") if schema.actuator else None, mass=None, com=None, matrix=None, density=None, bom={},
-            warnings=(), fits={}, meshes={}, pieces=(), convex=(), brep=None, code=place, exact=False,
+            warnings=(), fits={}, meshes={}, pieces=(), convex={}, brep=None, code=place, exact=False,
         )
 
     def place(self, reference: str) -> tuple[str, int] | None:
@@ -256,7 +256,7 @@ class LockOnlyGeometry:
         return self._parts.hiding(reference)
 
     def realize(
-        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None,
+        self, definitions: Sequence[PartDefinition], convex: WantedPieces = NO_PIECES, likely: object = None,
     ) -> dict[str, PartRecord | PartFailure]:
         """Return the record or failure of each definition, by text.
 
@@ -278,6 +278,10 @@ class LockOnlyGeometry:
             if record is not None:
                 records[definition.text] = record
         return records
+
+    def decompose(self, meshes: Collection[tuple[str, int]]) -> Mapping[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
+        """Return no pieces, because a lock file does not contain meshes."""
+        return {}
 
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],

@@ -77,7 +77,8 @@ class MeshRecord(OneLineRepr, FrozenStruct):
 
     `mesh` is the whole mesh, as an OBJ file in the store. `pieces` contains the visual meshes, one for each colour. `matter` is the solid
     at density 1 (volume [m^3], centre, inertia [m^5]), or None for an open surface. `box` contains the smallest and the largest corner of
-    the bounding box [m]. `own` is the digest and the size of the original file in the store. `own` is None if MuJoCo cannot read this file
+    the bounding box [m]. `convex` contains the requested convex decompositions, by the largest number of pieces (see `PartRecord`).
+    `own` is the digest and the size of the original file in the store. `own` is None if MuJoCo cannot read this file
     unchanged.
     """
 
@@ -86,3 +87,4 @@ class MeshRecord(OneLineRepr, FrozenStruct):
     matter: MassProperties | None
     box: tuple[Vector, Vector]
     own: tuple[str, int] | None
+    convex: dict[int, tuple[Mesh, ...]] = {}

@@ -216,7 +216,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     if operation == "decompose":
         from thingc.geometry.worker.kernel.convex_decomposition import decompose
 
-        return {"pieces": decompose(request["mesh"], store)}
+        return {"pieces": decompose(request["mesh"], request["most"], store)}
     if operation == "slice":
         from thingc.geometry.print_slices import Slicing
         from thingc.geometry.worker.kernel.slicing import slice_stored

@@ -41,9 +41,9 @@ def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> N
 
     Parts whose geometry is unknown, for example because they were read from a lock file, are skipped.
     """
-    for one in occurrences:
+    for one in (occurrence.in_target(target) for occurrence in occurrences for target in occurrence.overrides.choices):
         choice = one.overrides.collision
-        if one.record is None or not one.record.meshes or choice == "none" or one.touching:
+        if one.record is None or not one.record.meshes or choice in ("none", "shapes") or one.touching:
             continue
         findings.error(
             Code.COLLISION_MISSING, f"`{one.path}` ({one.definition.label}) has `collision: {choice}`, but "
@@ -106,7 +106,7 @@ def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], f
     link_of = connected_components(len(occurrences), mates)
     links = links_of(tree, occurrences, mates, findings, memo)
     check_loops(mates, link_of, links, findings)
-    modes, adhesions = modes_of(tree, model, link_of, findings), adhesions_of(tree, model)
+    modes, adhesions = modes_of(tree, model, occurrences, link_of, findings), adhesions_of(tree, model)
     return Connected(
         occurrences=occurrences, mates=mates, links=links, link_of=link_of, exported=exported, modes=modes, adhesions=adhesions,
         sensors=sensors_of(tree, link_of), tendons=tendons_of(tree, link_of, findings),

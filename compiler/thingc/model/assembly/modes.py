@@ -11,6 +11,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot, isfinite, maximum
 from thingc.base.suggestions import did_you_mean
 from thingc.documents.checks import kinds
+from thingc.model.assembly.contacts import groups_of, pairs_of
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import balls, coordinates
 from thingc.model.assembly.report import LinkReport
@@ -26,6 +27,7 @@ from thingc.model.assembly.types import (
     LinkedTendon,
     LinkedTest,
     MountAt,
+    Occurrence,
 )
 from thingc.model.resolve.raw_protected import NAMING
 from thingc.model.resolve.types import AssemblyDefinition, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference, Test
@@ -56,13 +58,17 @@ def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
     return tuple(exported)
 
 
-def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedMode, ...]:
+def modes_of(
+    tree: Tree, model: AssemblyDefinition, occurrences: Sequence[Occurrence], link_of: Sequence[int], findings: LinkReport,
+) -> tuple[LinkedMode, ...]:
     """Return all modes with a valid root. References are resolved. Pairs in `exclude` whose components are on the same link are omitted."""
-    linked = (_mode(tree, mode, link_of, findings) for mode in model.modes)
+    linked = (_mode(tree, mode, occurrences, link_of, findings) for mode in model.modes)
     return tuple(mode for mode in linked if mode is not None)
 
 
-def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: LinkReport) -> LinkedMode | None:
+def _mode(
+    tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int], findings: LinkReport,
+) -> LinkedMode | None:
     root = mount_of(tree, tree.top, mode.root)
     pairs: dict[tuple[int, int], None] = {}
     for one, other in mode.exclude:
@@ -79,6 +85,7 @@ def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: LinkReport) 
         return None
     return LinkedMode(
         **{name: getattr(mode, name) for name in ModeSettings.__struct_fields__}, root=root, exclude=tuple(pairs), adhesion=adhesion,
+        pairs=pairs_of(tree, mode, occurrences, link_of, findings), groups=groups_of(tree, mode, findings),
         holds=tuple(_holds(tree, mode, findings)), feet=tuple(_feet(tree, mode, findings)),
     )
 

@@ -13,6 +13,7 @@ from thingc.base.source import Origin, line_of
 from thingc.base.suggestions import Hint, did_you_mean, nearest
 from thingc.geometry.print_slices import SliceFailure
 from thingc.geometry.record import FailureKind, ImpureInputs, PartDefinition, PartFailure, PartRecord, PartWarning
+from thingc.model.assembly.contacts import warn_far
 from thingc.model.assembly.hag import FRAME, Definition
 from thingc.model.assembly.mass import (
     NOTHING,
@@ -99,7 +100,8 @@ class PartInstances:
         """
         record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
         material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
-        files = mesh_files_of(component.definition)
+        choices = component.overrides.choices.values()
+        files = [file for listed in (component.definition, *(one.shapes for one in choices)) for file in mesh_files_of(listed)]
         inputs = (component, record, material, scope.materials_known, tuple(self._meshes.get(file) for file in files))
         instance: PartInstance | None = self._memo.last(("part instance", path), inputs)
         if instance is None:
@@ -190,6 +192,9 @@ class PartInstances:
         unknown = material is None and record is not None and record.material is not None
         if record is not None:
             self._warn_mirrored(component, record, material, scope, path, origin)
+        shapes = {name: one.shapes for name, one in component.overrides.choices.items() if one.shapes is not None}
+        for several in shapes.values():
+            warn_far(several, record, self._meshes, path, self._findings)
         weighed = self._weigh(component, record, material, unknown, scope, path, origin)
         sound = weighed is not None and self._physical(component, record, path, origin)
         return PartInstance(
@@ -199,6 +204,7 @@ class PartInstances:
             mass_source=weighed.source if weighed is not None else "derived", estimate=weighed.estimate if weighed is not None else None,
             mounts=self._mounts(component, record, path, origin), sound=sound,
             listed=listed(component.definition, material, self._meshes) if isinstance(component.definition, LinkDefinition) else None,
+            contacts={name: listed(several, material, self._meshes).touching for name, several in shapes.items()},
         )
 
     def _warn(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:

@@ -134,6 +134,7 @@ def _content(mode: LinkedMode) -> object:
     return (
         (mode.root.occurrence, mode.root.mount, mode.root.of_component), mode.base, mode.at, mode.on_floor, mode.gravity, mode.pose,
         mode.poses, mode.actuators,
+        frozenset((pair.one, pair.other, pair.friction, pair.margin, pair.gap) for pair in mode.pairs), mode.groups,
         frozenset(mode.exclude), frozenset(mode.adhesion.items()), frozenset(mode.simulation.items()),
         frozenset((hold.mount.occurrence, hold.mount.mount, hold.mount.of_component, hold.pose, hold.turns) for hold in mode.holds),
         frozenset((foot.mount.occurrence, foot.mount.mount, foot.friction) for foot in mode.feet),

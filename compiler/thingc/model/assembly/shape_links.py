@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 from msgspec.structs import replace
 
 from thingc.base import numeric
+from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties, total
 from thingc.base.pose import Vector
 from thingc.base.source import Origin
 from thingc.geometry.meshes.files import MeshFile, MeshRecord
+from thingc.geometry.record import Mesh, PartFailure
 from thingc.model.assembly.mass import NOTHING, MassResult, is_fully_stated, weigh_link
 from thingc.model.assembly.types import Listed, Surface
-from thingc.model.resolve.link_definition import LinkDefinition, LinkShape, mesh_files_of
+from thingc.model.resolve.link_definition import LinkDefinition, LinkShape
 from thingc.model.resolve.nested_assemblies import assemblies_of
-from thingc.model.resolve.types import AssemblyDefinition, Material, Overrides
+from thingc.model.resolve.types import AssemblyDefinition, Component, Material, Overrides
 
 Meshes = Mapping[MeshFile, MeshRecord]
 """Records of the mesh files that have been read, by file."""
+
+Decompose = Callable[[Collection[tuple[str, int]]], Mapping[tuple[str, int], tuple[Mesh, ...] | PartFailure]]
+"""Decomposes meshes into convex pieces: `PartSource.decompose`."""
 
 
 def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> Listed:
@@ -26,16 +31,16 @@ def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes
 
     `meshes` contains the records of mesh files. A shape whose mesh file has no record is omitted.
     """
-    boxes = [_box(shape, meshes) for shape in definition.shapes if isinstance(shape.solid, MeshFile) or shape.solid.shape != "plane"]
+    boxes = [box_of(shape, meshes) for shape in definition.shapes if isinstance(shape.solid, MeshFile) or shape.solid.shape != "plane"]
     return Listed(
         drawn=tuple(surface for shape in definition.shapes if shape.drawn for surface in _drawn(shape, material, meshes)),
         touching=tuple(surface for shape in definition.shapes if shape.touches for surface in _touching(shape, material, meshes)),
-        solids=tuple(surface for shape in solid_shapes(definition) for surface in _touching(shape, material, meshes)),
+        solids=tuple(surface for shape in solid_shapes(definition) for surface in _solid(shape, material, meshes)),
         box=_around([box for box in boxes if box is not None]) if None not in boxes else None,
     )
 
 
-def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
+def box_of(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
     """Return the bounding box of a shape in the frame of the link, as two corners [m].
 
     Return None if the mesh file of the shape has not been read.
@@ -62,6 +67,17 @@ def _drawn(shape: LinkShape, material: Material | None, meshes: Meshes) -> Itera
 
 
 def _touching(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
+    """Yield the collision shapes of a shape: a primitive, or a mesh file as a whole or in convex pieces."""
+    record = meshes.get(shape.solid) if isinstance(shape.solid, MeshFile) else None
+    pieces = () if record is None or shape.pieces is None else record.convex.get(shape.pieces, ())
+    for whole in _solid(shape, material, meshes):
+        for number, piece in enumerate(pieces):
+            yield replace(whole, solid=piece, own=None, scale=None, name=f"{whole.name}_convex{shape.pieces or ''}_{number}")
+        if not pieces:
+            yield whole
+
+
+def _solid(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
     own, solid = _rubbing(shape, shape.material or material), shape.solid
     if not isinstance(solid, MeshFile):
         yield Surface(solid=solid, material=own, color=None, title=shape.name)
@@ -162,7 +178,7 @@ def weight_of(definition: LinkDefinition, material: Material | None, meshes: Mes
 
 
 def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, tuple[Origin, bool]]:
-    """Return every mesh file of the links of the model.
+    """Return every mesh file that the links of the model and the collision shapes of its parts use.
 
     Each file is mapped to the location of its first use, and to whether the file must be read. A mesh file must be read if meshes are
     `drawn`, if the mass of a link depends on the file, or if a mode is `on_floor`.
@@ -172,11 +188,39 @@ def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, t
     for assembly in assemblies_of(model):
         for component in assembly.components:
             definition = component.definition
-            if not isinstance(definition, LinkDefinition) or not mesh_files_of(definition):
-                continue
-            wanted = every or not is_fully_stated(component.overrides)
-            for shape in definition.shapes:
+            weighed = isinstance(definition, LinkDefinition) and not is_fully_stated(component.overrides)
+            for shape in _shapes_of(component):
                 if isinstance(shape.solid, MeshFile):
                     origin, before = files.get(shape.solid, (shape.origin, False))
-                    files[shape.solid] = (origin, before or wanted)
+                    files[shape.solid] = (origin, before or every or weighed)
     return files
+
+
+def _shapes_of(component: Component) -> Iterator[LinkShape]:
+    """Yield the shapes that a document lists for a component: the shapes of a link, or the collision shapes of a part."""
+    for listed in (component.definition, *(choice.shapes for choice in component.overrides.choices.values())):
+        if isinstance(listed, LinkDefinition):
+            yield from listed.shapes
+
+
+def with_pieces(model: AssemblyDefinition, meshes: Meshes, decompose: Decompose, report: Report) -> Meshes:
+    """Return the records of mesh files with the convex pieces that the shapes of the model require.
+
+    If a mesh cannot be decomposed, report an error at its shape.
+    """
+    wanted: dict[tuple[str, int], tuple[MeshFile, Origin]] = {}
+    for assembly in assemblies_of(model):
+        for shape in (shape for component in assembly.components for shape in _shapes_of(component)):
+            if isinstance(shape.solid, MeshFile) and shape.pieces is not None and shape.solid in meshes:
+                wanted.setdefault((meshes[shape.solid].mesh.sha256, shape.pieces), (shape.solid, shape.origin))
+    found: dict[str, dict[int, tuple[Mesh, ...]]] = {}
+    for (mesh, most), pieces in (decompose(wanted) if wanted else {}).items():
+        if isinstance(pieces, PartFailure):
+            file, origin = wanted[mesh, most]
+            report.add(
+                Code.PART_INVALID, f"`{file.path}` cannot be decomposed into convex pieces: {pieces.message}", origin,
+                help="remove `decompose`, and list primitives or convex meshes instead",
+            )
+        else:
+            found.setdefault(mesh, {})[most] = pieces
+    return {file: replace(record, convex=found.get(record.mesh.sha256, {})) for file, record in meshes.items()}

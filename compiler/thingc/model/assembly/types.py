@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from msgspec.structs import asdict, replace
+
 from thingc.base.export_names import JointPath, LinkPath, SensorPath, SitePath, TendonPath
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties, total
@@ -25,6 +27,7 @@ from thingc.model.resolve.types import (
     ModeSettings,
     NamedPose,
     Overrides,
+    PairSettings,
     RawAttribute,
     RawElement,
     Reference,
@@ -78,7 +81,8 @@ class PartInstance(OneLineRepr, FrozenStruct):
 
     The mass `properties` and the `mounts` (including `origin`) are in the frame of the component. `mass_source` is `measured | vendor |
     stated | derived | estimated`. `estimate` is the method of estimation for a part with infill (`layers | skin`), otherwise None. `sound`
-    is False if the mass of the component is invalid, which is reported as an error. `color` is `#rrggbb`.
+    is False if the mass of the component is invalid, which is reported as an error. `color` is `#rrggbb`. `contacts` contains the collision
+    shapes that the document lists for a part, by format (an empty string for all formats).
     """
 
     component: Component
@@ -92,6 +96,7 @@ class PartInstance(OneLineRepr, FrozenStruct):
     mounts: dict[str, MountFrame]
     estimate: str | None = None
     listed: Listed | None = None
+    contacts: dict[str, tuple[Surface, ...]] = {}
     sound: bool = True
 
 
@@ -138,19 +143,21 @@ class Occurrence(PartInstance):
     def touching(self) -> tuple[Surface, ...]:
         """The collision shapes, in the occurrence's frame. For a part, the setting `collision` of the component selects the shape.
 
-        For a mesh file that a link lists, the collision shape is the convex hull of the mesh.
+        For a mesh file that a document lists, the collision shape is the convex hull of the mesh, or its convex pieces.
 
         The result is empty if `collision` is `none`, if there is no geometry, or if the part does not have the selected shape.
         """
         if self.listed is not None:
             return self.listed.touching
         record, choice = self.record, self.overrides.collision
-        if record is None or not record.meshes:
+        if choice == "shapes":
+            return self.contacts.get("", ())
+        if record is None or not record.meshes or choice == "none":
             return ()
         if choice == "part":
             return tuple(self._surface(piece) for piece in record.pieces)
         if choice == "decompose":
-            return tuple(self._surface(piece) for piece in record.convex)
+            return tuple(self._surface(piece) for piece in record.convex.get(self.overrides.pieces, ()))
         shape = record.simulated if choice == "mesh" else record.fits.get(choice) or record.meshes.get(choice)
         return () if shape is None else (self._surface(shape),)
 
@@ -158,6 +165,18 @@ class Occurrence(PartInstance):
     def collides(self) -> bool:
         """Whether the occurrence may collide. Only information that is available without meshes is used."""
         return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
+
+    def in_target(self, target: str) -> Occurrence:
+        """Return the occurrence with the collision shapes that the document selects for a format."""
+        choice = self.overrides.targets.get(target)
+        if choice is None:
+            return self
+        return replace(self, overrides=replace(self.overrides, targets={}, **asdict(choice)), contacts={"": self.contacts.get(target, ())})
+
+    @property
+    def has_contacts(self) -> bool:
+        """Whether the occurrence is a part or a link that may collide."""
+        return self.collides and (self.record is not None or self.listed is not None)
 
     @property
     def solids(self) -> tuple[Surface, ...]:
@@ -408,6 +427,21 @@ class LinkedTendon(OneLineRepr, FrozenStruct):
         return sum_of(factor * q[path] for path, factor in self.moves.items())
 
 
+class LinkedPair(PairSettings):
+    """A pair of occurrences, given by their indices, that always collide."""
+
+    one: int
+    other: int
+
+
+class LinkedGroup(OneLineRepr, FrozenStruct):
+    """A contact group with the indices of its occurrences (see `ContactGroup`)."""
+
+    name: str
+    members: tuple[int, ...]
+    collides: tuple[str, ...]
+
+
 class LinkedMode(ModeSettings):
     """A mode of the top document with resolved references.
 
@@ -419,6 +453,8 @@ class LinkedMode(ModeSettings):
     root: LinkedMount
     exclude: tuple[tuple[int, int], ...]
     adhesion: dict[SitePath, float]
+    pairs: tuple[LinkedPair, ...] = ()
+    groups: tuple[LinkedGroup, ...] = ()
     holds: tuple[LinkedHold, ...] = ()
     feet: tuple[Foot, ...] = ()
 
@@ -489,6 +525,12 @@ class Assembly(Connected):
     tests: tuple[LinkedTest, ...] = ()
     names: FileNames | None = None
     free_joint: JointPath = "root"
+
+    def in_target(self, target: str) -> Assembly:
+        """Return the assembly with the collision shapes that the document selects for a format."""
+        if not any(target in one.overrides.targets for one in self.occurrences):
+            return self
+        return replace(self, occurrences=tuple(one.in_target(target) for one in self.occurrences))
 
     @property
     def hag(self) -> Hag:

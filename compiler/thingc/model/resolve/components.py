@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, Note
 from thingc.base.source import Path
 from thingc.base.suggestions import Hint
@@ -21,7 +23,7 @@ from thingc.model.resolve.parameters import fitting
 from thingc.model.resolve.parts import of_code, of_file
 from thingc.model.resolve.repeats import MAX_OCCURRENCES, Unrolled
 from thingc.model.resolve.scope import DefaultLayers
-from thingc.model.resolve.shapes import of_link
+from thingc.model.resolve.shapes import of_collision, of_link
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Material
 
 MAX_NESTING = 120
@@ -85,6 +87,7 @@ def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nes
         said.refuse_on_assembly(node)
         node.table = _nested(context, table, node, spec.assembly, nest)
         node.definition = node.table.definition if node.table is not None else None
+    node.shapes = of_collision(context, table, node)
     if spec.mirror is not None and isinstance(node.definition, PartDefinition | LinkDefinition):
         node.definition = node.definition.mirrored(spec.mirror)
     elif spec.mirror is not None and node.table is not None and node.table.definition is not None:
@@ -175,8 +178,8 @@ def components(
         place = ("component", table.document.relative, *context.route, node.name)
         names = context.memo(("names", *place), names_in, node.spec, defaults)
         inputs = (
-            node.spec, defaults, tuple(node.scope.names.get(name) for name in names), node.definition, node.unsound, node.unplaced,
-            placements.get(node.name), table.materials, node.mounts, unreadable,
+            node.spec, defaults, tuple(node.scope.names.get(name) for name in names), node.definition, node.shapes, node.unsound,
+            node.unplaced, placements.get(node.name), table.materials, node.mounts, unreadable,
         )
         made.append(context.sound(place, inputs, partial(_component, node, table, placements.get(node.name), below, unreadable)))
     return tuple(made)
@@ -191,6 +194,9 @@ def _component(
     nested = node.spec.assembly is not None
     material: Material | None = None if nested else said.material(scope, layers, table.materials, unreadable=unreadable)
     over = said.NONE_SAID if nested else said.overrides(scope, layers)
+    if node.shapes:
+        targets = {name: replace(choice, shapes=node.shapes.get(name)) for name, choice in over.targets.items()}
+        over = replace(over, shapes=node.shapes.get(""), targets=targets)
     return Component(
         name=node.name, key=str(node.path[-1]), definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
         placement=None if node.unsound or node.unplaced else placement, material=material, overrides=over, mounts=node.mounts,

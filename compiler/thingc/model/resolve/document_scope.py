@@ -35,7 +35,8 @@ Answer = TypeVar("Answer")
 class ComponentScope:
     """A component of a document that is being resolved.
 
-    `table` contains the resolved elements of the nested document, or is None if the component is not a nested assembly. `unsound` is True
+    `table` contains the resolved elements of the nested document, or is None if the component is not a nested assembly. `shapes` contains
+    the collision shapes that the document lists for a part, by format. `unsound` is True
     if a value that later passes need is invalid, and `unplaced` is True if only the placement is invalid. `doubtful` is True if validation
     removed invalid entries. `chosen` contains the keys whose values come from `--set` options.
     """
@@ -46,6 +47,7 @@ class ComponentScope:
     scope: Scope
     definition: PartDefinition | LinkDefinition | AssemblyDefinition | None = None
     table: DocumentScope | None = None
+    shapes: dict[str, LinkDefinition] = field(default_factory=dict)
     mounts: dict[str, ExtraMount] = field(default_factory=dict)
     unsound: bool = False
     unplaced: bool = False

@@ -30,7 +30,8 @@ class LinkShape(OneLineRepr):
 
     If `drawn` is True, the shape is displayed. If `touches` is True, the shape can collide. `pose` is the pose of a mesh file. The pose of
     a primitive is part of the primitive. `material`, `color` (`#rrggbb`) and `friction` (sliding, torsional, rolling) override the values
-    of the link and its material. A value of None does not override. `name` is the name of the shape in output files.
+    of the link and its material. A value of None does not override. `name` is the name of the shape in output files. `pieces` is the
+    largest number of convex pieces into which a mesh file is decomposed for collisions: 0 for any number, None for its convex hull.
     """
 
     solid: Primitive | MeshFile
@@ -40,6 +41,7 @@ class LinkShape(OneLineRepr):
     material: Material | None = None
     color: str | None = None
     name: str | None = None
+    pieces: int | None = None
     friction: tuple[float | None, float | None, float | None] = (None, None, None)
     origin: Origin = field(default=(), compare=False)
 
@@ -55,7 +57,7 @@ class LinkShape(OneLineRepr):
         pose = self.pose if isinstance(solid, MeshFile) else solid.pose
         shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
         return (*shape, pose.rotation, pose.translation, self.drawn, self.touches, material, self.color, self.friction,
-                *([self.name] if self.name else []))
+                *([self.name] if self.name else []), *(["pieces", self.pieces] if self.pieces is not None else []))
 
     def mirrored(self, mirror: Mirror) -> LinkShape:
         """Return the mirror image of the shape.

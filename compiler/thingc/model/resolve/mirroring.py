@@ -72,17 +72,24 @@ def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) ->
     elif definition is not None:
         definition = _mirrored(definition, axis, met)
     return replace(
-        one, definition=definition, bom=bom, image_of=one, overrides=_overrides(one.overrides, mirror),
+        one, definition=definition, bom=bom, image_of=one, overrides=_overrides(one.overrides, axis),
         placement=_placement(one.placement) if one.placement is not None else None,
         mounts={name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in one.mounts.items()},
     )
 
 
-def _overrides(said: Overrides, mirror: Mirror) -> Overrides:
+def _overrides(said: Overrides, axis: str) -> Overrides:
+    mirror = Mirror(axis)
     return replace(
-        said, com=_stated(said.com, mirror.signs), up=None if said.up is None else mirror.vector(said.up),
+        said, shapes=_shapes(said.shapes, axis), com=_stated(said.com, mirror.signs),
+        up=None if said.up is None else mirror.vector(said.up),
+        targets={name: replace(choice, shapes=_shapes(choice.shapes, axis)) for name, choice in said.targets.items()},
         inertia=_stated(said.inertia, (1.0, 1.0, 1.0, *(mirror.signs[i] * mirror.signs[j] for i, j in ((0, 1), (0, 2), (1, 2))))),
     )
+
+
+def _shapes(shapes: LinkDefinition | None, axis: str) -> LinkDefinition | None:
+    return shapes and (shapes.plain or shapes.mirrored(axis))
 
 
 def _stated(value: StatedValue | None, signs: tuple[float, ...]) -> StatedValue | None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
-from itertools import product
 from typing import cast
 
 from msgspec.structs import replace
@@ -17,15 +16,15 @@ from thingc.base.graphs import MAX_CIRCLE, circle_words, find_cycles
 from thingc.base.joints.kinds import BaseType
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector
 from thingc.base.source import Origin, Path
-from thingc.base.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
+from thingc.base.units import ACCELERATION, LENGTH, NUMBER, TIME, Quantity
 from thingc.documents.spec.modes import HoldSpec, ModeSpec, StandingSpec, StandsOn
-from thingc.model.resolve import references
+from thingc.model.resolve import contacts, references
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.references import GLOB, report_unmatched, suggested
 from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.transmissions import coupled_drives, undriven_reported
-from thingc.model.resolve.types import Cut, Hold, Mode, Reference, Standing
+from thingc.model.resolve.types import OTHERS, Cut, Hold, Mode, Reference, Standing
 
 
 def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
@@ -136,8 +135,6 @@ def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) ->
 
 
 MAX_EXTENDED = 20
-MAX_EXCLUDED = 100_000
-
 GRAVITY: Mapping[StandsOn, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81, 0.0, 0.0), "ceiling": (0.0, 0.0, 9.81)}
 """Gravity [m/s^2] in the world frame, keyed by the surface that supports the robot."""
 
@@ -226,11 +223,19 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
     pose = _pose(table, scope, layers)
     poses = _poses(table, scope, layers)
     actuators = _actuators(table, scope, layers)
-    contacts = layers.sub("contacts")
-    exclude, adhesion = list(_exclude(table, scope, contacts)), list(_adhesion(table, scope, contacts))
+    said = layers.sub("contacts")
+    exclude, adhesion = list(contacts.excluded(table, scope, said)), list(contacts.adhesions(table, scope, said))
+    pairs, groups = list(contacts.pairs(table, scope, said, exclude)), list(contacts.groups(table, scope, said))
     for component, one in table.by_mode.items():
         exclude += ((_below(component, a), _below(component, b)) for a, b in one.exclude)
         adhesion += ((_below(component, mount), force) for mount, force in one.adhesion)
+        pairs += (replace(pair, one=_below(component, pair.one), other=_below(component, pair.other)) for pair in one.pairs)
+        groups += (
+            replace(
+                group, name=f"{component}.{group.name}", members=tuple(_below(component, member) for member in group.members),
+                collides=tuple(name if name == OTHERS else f"{component}.{name}" for name in group.collides),
+            ) for group in one.groups
+        )
     stepped = layers.sub("simulation")
     held, cut = holds(table, scope, layers), cuts(table, scope, layers)
     cut += tuple(replace(own, joint=f"{name}/{own.joint}") for name, one in table.by_mode.items() for own in one.cut)
@@ -252,8 +257,9 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
     return Mode(
         name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
         poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=tuple(exclude),
-        adhesion=tuple(adhesion), simulation=simulation(scope, stepped), origin=scope.origin(("modes", name), key=True), holds=held,
-        cut=cut, on_floor=on_floor, standing=stands, step_origin=step_origin(scope, stepped), gravity_origin=gravity_origin,
+        adhesion=tuple(adhesion), pairs=tuple(pairs), groups=tuple(groups), simulation=simulation(scope, stepped),
+        origin=scope.origin(("modes", name), key=True), holds=held, cut=cut, on_floor=on_floor, standing=stands,
+        step_origin=step_origin(scope, stepped), gravity_origin=gravity_origin,
         worked_out=any(scope.works_out(path) for _, path in layers.items), at_in=_at_in(table, scope, layers, kind),
     )
 
@@ -405,55 +411,6 @@ def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Pat
         if not fitting and not table.unsure_joints():
             report_unmatched(scope, pattern, known, at, "joint", fits="driven joint")
     return tuple(name.path for name in known if name in chosen)
-
-
-def _exclude(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, Reference], ...]:
-    said = contacts.pick("exclude")
-    if said is None:
-        return ()
-    pairs: dict[frozenset[str], tuple[Reference, Reference]] = {}
-    for index, entry in enumerate(said[0]):
-        sides: list[list[str]] = []
-        for side, text in enumerate(entry):
-            sides.append(components_fitting(table, scope, text, (*said[1], index, side)))
-        origin = scope.origin((*said[1], index))
-        if len(pairs) + len(sides[0]) * len(sides[1]) > MAX_EXCLUDED:
-            scope.error(
-                Code.TOO_MANY, f"with this entry, more than {MAX_EXCLUDED} pairs are excluded from contact", (*said[1], index),
-                help="use patterns that match fewer components",
-            )
-            break
-        for first, second in product(*sides):
-            if first != second:
-                one, other = (Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in (first, second))
-                pairs.setdefault(frozenset((first, second)), (one, other))
-    return tuple(pairs.values())
-
-
-def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[str]:
-    """Return the components that match a name or pattern."""
-    if not GLOB.search(text):
-        component = references.component(table, scope, text, path)
-        return [".".join(component[0].path)] if component is not None else []
-    names = [name for name, _ in references.matching(table, text)]
-    if not names and not table.unbuilt:
-        scope.error(Code.NO_MATCH, f"pattern `{text}` matches no component", path, help=suggested(text, table.nodes, what="components"))
-    return names
-
-
-def _adhesion(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
-    """Return the adhesion force [N] of each magnet mount. Forces of extended modes are included."""
-    merged: dict[str, tuple[object, Path]] = {}
-    for model, path in reversed(contacts.items):
-        for text, raw in getattr(model, "adhesion", {}).items():
-            merged[text] = (raw, (*path, "adhesion", text))
-    forces: list[tuple[Reference, float]] = []
-    for text, (raw, path) in merged.items():
-        reference = references.shown_mount(table, scope, text, path, key=True)
-        force = scope.number(raw, path, FORCE, "an adhesion", above=0.0)
-        if reference is not None and force is not None:
-            forces.append((reference, force))
-    return tuple(forces)
 
 
 def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from thingc.geometry.record import PartDefinition
+from thingc.geometry.record import PartDefinition, WantedPieces
 from thingc.model.resolve.types import AssemblyDefinition
 
 
@@ -20,15 +20,14 @@ def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
                 waiting.append(inner)
 
 
-def decomposed(model: AssemblyDefinition) -> frozenset[str]:
-    """Return the definition texts of the parts whose meshes must be decomposed into convex pieces.
-
-    The components of these parts set `collision: decompose`.
-    """
-    return frozenset(
-        one.definition.text for definition in assemblies_of(model) for one in definition.components
-        if isinstance(one.definition, PartDefinition) and one.overrides.collision == "decompose"
-    )
+def decomposed(model: AssemblyDefinition) -> WantedPieces:
+    """Return the convex decompositions of the parts whose components set `collision: decompose`."""
+    wanted: dict[str, set[int]] = {}
+    for one in (one for definition in assemblies_of(model) for one in definition.components):
+        pieces = {choice.pieces for choice in one.overrides.choices.values() if choice.collision == "decompose"}
+        if isinstance(one.definition, PartDefinition) and pieces:
+            wanted.setdefault(one.definition.text, set()).update(pieces)
+    return {text: tuple(sorted(several)) for text, several in wanted.items()}
 
 
 def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT
 from thingc.base.numeric import hypot
@@ -9,13 +11,14 @@ from thingc.base.pose import NO_POSE, Vector
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER
+from thingc.documents.spec.link_shapes import ChoiceSpec, CollisionSpec, DecomposeSpec
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
 from thingc.model.resolve.document_scope import ComponentScope
 from thingc.model.resolve.materials import process
 from thingc.model.resolve.references import ORIGIN
 from thingc.model.resolve.repeats import check_names
 from thingc.model.resolve.scope import DefaultLayers, Scope
-from thingc.model.resolve.types import ExtraMount, Material, Overrides, StatedValue
+from thingc.model.resolve.types import CollisionChoice, ExtraMount, Material, Overrides, StatedValue
 
 NONE_SAID = Overrides()
 
@@ -48,13 +51,37 @@ def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
     """
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
+    choice, targets = _collision(scope, *collision) if collision else (CollisionChoice(), {})
     made, up = layers.sub("process"), _up(scope, layers)
     if all(one is None for one in (mass, com, inertia, collision, visual, up)) and not made:
         return NONE_SAID
     return Overrides(
-        mass=mass, com=com, inertia=inertia, collision=collision[0] if collision else "hull", visual=visual[0] if visual else True,
-        process=process(scope, made) if made else None, up=up,
+        mass=mass, com=com, inertia=inertia, collision=choice.collision, pieces=choice.pieces, targets=targets,
+        visual=visual[0] if visual else True, process=process(scope, made) if made else None, up=up,
     )
+
+
+def _collision(scope: Scope, said: str | CollisionSpec, path: Path) -> tuple[CollisionChoice, dict[str, CollisionChoice]]:
+    """Return the collision shapes in all formats and in single formats, without lists of shapes."""
+    targets = said.targets if isinstance(said, CollisionSpec) else {}
+    return _choice(scope, said, path), {name: _choice(scope, one, (*path, "targets", name)) for name, one in targets.items()}
+
+
+def _choice(scope: Scope, said: str | ChoiceSpec, path: Path) -> CollisionChoice:
+    if isinstance(said, str):
+        return CollisionChoice(collision=said)
+    if said.shapes is not None:
+        return CollisionChoice(collision="shapes")
+    if said.decompose is not None:
+        return CollisionChoice(collision="decompose", pieces=most_pieces(scope, said.decompose, (*path, "decompose")))
+    return CollisionChoice(collision=(said.kind if isinstance(said, CollisionSpec) else None) or "hull")
+
+
+def most_pieces(scope: Scope, spec: DecomposeSpec | Literal[True] | None, path: Path) -> int:
+    """Return the largest number of convex pieces, or 0 for any number. An invalid number is reported."""
+    if not isinstance(spec, DecomposeSpec) or spec.pieces is None:
+        return 0
+    return scope.count(spec.pieces, (*path, "pieces"), "`pieces`", least=1) or 0
 
 
 def _mass(scope: Scope, layers: DefaultLayers) -> StatedValue | None:

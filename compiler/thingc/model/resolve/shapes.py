@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import assert_never
 
@@ -13,7 +13,7 @@ from thingc.base.primitives import FARTHEST, Primitive
 from thingc.base.source import Path
 from thingc.base.units import LENGTH, NUMBER, parse_quantity, shortened
 from thingc.documents.load.paths import MESH_SUFFIXES, SUFFIXES_WITH_UNIT, libraries, named
-from thingc.documents.spec.link_shapes import ShapeSpec
+from thingc.documents.spec.link_shapes import ChoiceSpec, CollisionSpec, ContactShapeSpec, ShapeSpec
 from thingc.documents.spec.sensors import VolumeSpec
 from thingc.geometry.mesh_bounds import LARGEST
 from thingc.geometry.meshes.files import MeshFile, mesh_file
@@ -21,30 +21,57 @@ from thingc.geometry.record import FILE_UNIT
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
 from thingc.model.resolve.link_definition import LinkDefinition, LinkShape, link_of
 from thingc.model.resolve.materials import friction
-from thingc.model.resolve.overrides import material
+from thingc.model.resolve.overrides import material, most_pieces
 from thingc.model.resolve.scope import DefaultLayers, Scope
 
 
 def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> LinkDefinition | None:
     """Create the definition of a component that is a `link`. If a shape of the link is invalid, report an error and return None."""
-    shapes = [_shape(context, table, node.scope, spec, (*node.path, "shapes", index)) for index, spec in enumerate(node.spec.shapes)]
+    return _listed(context, table, node, node.spec.shapes, (*node.path, "shapes"))
+
+
+def of_collision(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> dict[str, LinkDefinition]:
+    """Create the lists of collision shapes of a component that is a part, by format (an empty string for all formats).
+
+    If a shape is invalid, which is reported, the list is omitted.
+    """
+    spec, path = node.spec.collision, (*node.path, "collision")
+    if not isinstance(spec, CollisionSpec):
+        return {}
+    made: dict[str, LinkDefinition] = {}
+    choices: dict[str, str | ChoiceSpec] = {"": spec, **spec.targets}
+    for name, choice in choices.items():
+        shapes = None if isinstance(choice, str) else choice.shapes
+        at: Path = (*path, *(("targets", name) if name else ()), "shapes")
+        listed = None if shapes is None else _listed(context, table, node, shapes, at)
+        if listed is not None:
+            made[name] = listed if node.spec.mirror is None else listed.mirrored(node.spec.mirror)
+    return made
+
+
+def _listed(
+    context: ResolveRun, table: DocumentScope, node: ComponentScope, specs: Sequence[ContactShapeSpec], path: Path,
+) -> LinkDefinition | None:
+    shapes = [_shape(context, table, node.scope, spec, (*path, index)) for index, spec in enumerate(specs)]
     sound = tuple(shape for shape in shapes if shape is not None)
     return link_of(sound) if len(sound) == len(shapes) else None
 
 
-def _shape(context: ResolveRun, table: DocumentScope, scope: Scope, spec: ShapeSpec, path: Path) -> LinkShape | None:
+def _shape(context: ResolveRun, table: DocumentScope, scope: Scope, spec: ContactShapeSpec, path: Path) -> LinkShape | None:
     pose = NO_POSE if spec.at is None else scope.pose(spec.at, (*path, "at"))
     solid = _mesh(context, scope, spec, path) if spec.mesh is not None else primitive(scope, spec, path, pose or NO_POSE)
     if solid is None or pose is None:
         return None
+    use, color = (spec.for_, spec.color) if isinstance(spec, ShapeSpec) else ("collision", None)
     return LinkShape(
-        solid=solid, pose=NO_POSE if isinstance(solid, Primitive) else pose, drawn=spec.for_ != "collision", touches=spec.for_ != "visual",
-        color=spec.color, friction=friction(scope, spec.friction, (*path, "friction")), origin=scope.origin((*path, spec.kind)),
+        solid=solid, pose=NO_POSE if isinstance(solid, Primitive) else pose, drawn=use != "collision", touches=use != "visual", color=color,
+        pieces=None if spec.decompose is None else most_pieces(scope, spec.decompose, (*path, "decompose")),
+        friction=friction(scope, spec.friction, (*path, "friction")), origin=scope.origin((*path, spec.kind)),
         material=material(scope, DefaultLayers(((spec, path),)), table.materials, unreadable=table.materials_unreadable), name=spec.name,
     )
 
 
-def _mesh(context: ResolveRun, scope: Scope, spec: ShapeSpec, path: Path) -> MeshFile | None:
+def _mesh(context: ResolveRun, scope: Scope, spec: ContactShapeSpec, path: Path) -> MeshFile | None:
     """Return a mesh file with its scale.
 
     For an invalid entry, report an error and return None. For an unusable file, which `load` has reported, return None.
@@ -79,7 +106,7 @@ def _file(scale: Vector, digest: Callable[[str], str], absolute: str, path: str,
     return mesh_file(absolute, path, scale, digest)
 
 
-def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
+def _scale(scope: Scope, spec: ContactShapeSpec, path: Path) -> Vector | None:
     """Return the scale factors that convert the coordinates in a mesh file to metres.
 
     If a factor is invalid, report an error and return None.
@@ -100,7 +127,7 @@ def _scale(scope: Scope, spec: ShapeSpec, path: Path) -> Vector | None:
     return x * unit, y * unit, z * unit
 
 
-def primitive(scope: Scope, spec: ShapeSpec | VolumeSpec, path: Path, pose: Pose) -> Primitive | None:
+def primitive(scope: Scope, spec: ContactShapeSpec | VolumeSpec, path: Path, pose: Pose) -> Primitive | None:
     """Create a primitive shape such as a box.
 
     The document specifies full lengths, and the primitive contains half lengths. If a length is invalid, report an error and return None.

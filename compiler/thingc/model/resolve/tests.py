@@ -19,9 +19,10 @@ from thingc.base.units import Dimension, Quantity
 from thingc.documents.checks import kinds
 from thingc.documents.spec.tests import TestSpec
 from thingc.model.resolve import references
+from thingc.model.resolve.contacts import components_fitting
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
-from thingc.model.resolve.modes import components_fitting, driven
+from thingc.model.resolve.modes import driven
 from thingc.model.resolve.references import GLOB, report_unmatched, suggested
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Joint, JointRange, Mode, Reference, Test

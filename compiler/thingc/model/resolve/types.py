@@ -111,19 +111,36 @@ class ExtraMount(OneLineRepr, FrozenStruct):
     origin: Origin
 
 
-class Overrides(OneLineRepr, FrozenStruct):
+class CollisionChoice(OneLineRepr, FrozenStruct):
+    """The collision shapes of a part: a kind, or `shapes` for the list `shapes`.
+
+    `pieces` is the largest number of pieces of `decompose`, or 0 for any number.
+    """
+
+    collision: str = "hull"
+    pieces: int = 0
+    shapes: LinkDefinition | None = None
+
+
+class Overrides(CollisionChoice):
     """The values in a document that override properties of a component. A value is None if it is not overridden.
 
-    `up` is a unit vector in the axes of the component, which points away from the bed of a printer.
+    `targets` contains the collision shapes in single formats. `up` is a unit vector in the axes of the component, which points away from
+    the bed of a printer.
     """
 
     mass: StatedValue | None = None
     com: StatedValue | None = None
     inertia: StatedValue | None = None
-    collision: str = "hull"
+    targets: dict[str, CollisionChoice] = {}
     visual: bool = True
     process: Process | None = None
     up: Vector | None = None
+
+    @property
+    def choices(self) -> dict[str, CollisionChoice]:
+        """The collision shapes in all formats (empty string), and in single formats, by format."""
+        return {"": self, **self.targets}
 
 
 class BomEntry(OneLineRepr, FrozenStruct):
@@ -431,6 +448,35 @@ class ModeSettings(OneLineRepr, FrozenStruct):
     at_in: dict[PoseName, Pose] = {}
 
 
+class PairSettings(OneLineRepr, FrozenStruct):
+    """The settings of a contact pair: friction (sliding, torsional, rolling), margin [m] and gap [m], each None for the default."""
+
+    friction: tuple[float | None, float | None, float | None]
+    margin: float | None
+    gap: float | None
+    origin: Origin
+
+
+class ContactPair(PairSettings):
+    """A pair of components that always collide."""
+
+    one: Reference
+    other: Reference
+
+
+OTHERS = "others"
+"""Name of the contact group of all components without a group, of the floor, and of other objects in a scene."""
+
+
+class ContactGroup(OneLineRepr, FrozenStruct):
+    """A group of components that collide only with the groups in `collides`."""
+
+    name: str
+    members: tuple[Reference, ...]
+    collides: tuple[str, ...]
+    origin: Origin
+
+
 class Mode(ModeSettings):
     """A mode, including the settings of the modes that it extends. If `root.mount` is None, the root is a component.
 
@@ -442,6 +488,8 @@ class Mode(ModeSettings):
     root: Reference
     exclude: tuple[tuple[Reference, Reference], ...]
     adhesion: tuple[tuple[Reference, float], ...]
+    pairs: tuple[ContactPair, ...] = ()
+    groups: tuple[ContactGroup, ...] = ()
     holds: tuple[Hold, ...] = ()
     standing: Standing | None = None
     step_origin: Origin = ()

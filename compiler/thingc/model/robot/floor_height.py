@@ -99,7 +99,7 @@ def _lowest(
     meshes: list[tuple[float, int, int, Mesh, Pose]] = []
     for number, (part, pose) in enumerate(parts):
         low = inf if part.box is None else pose.translation[2] + of_box(part.box, pose.rotation[2])
-        if mesh_vertices is None:
+        if mesh_vertices is None and part.overrides.collision != "shapes":
             lowest = minimum(lowest, low if part.collides else inf)
             continue
         for index, surface in enumerate(part.touching):
@@ -109,8 +109,8 @@ def _lowest(
                     lowest = minimum(lowest, pose.translation[2] + shape.lowest(pose.rotation[2]))
             elif shape.flat:  # MuJoCo ignores collisions of meshes without volume
                 continue
-            else:  # the collision shapes of a Thing may extend beyond its box
-                under = -inf if part.overrides.collision == "part" else low - ROUNDING
+            else:  # the collision shapes of a Thing, or of a document, may extend beyond the box of the part
+                under = -inf if part.overrides.collision in ("part", "shapes") else low - ROUNDING
                 meshes.append((under, number, index, shape, pose @ surface.pose))
     for under, number, index, mesh, pose in sorted(meshes, key=lambda entry: entry[:3]):
         if under >= lowest or mesh_vertices is None:

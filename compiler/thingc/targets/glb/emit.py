@@ -63,7 +63,7 @@ CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "bases": {"held": BESIDE, "free": BESIDE, "start": SAYS, "planar": BESIDE, "ball": BESIDE},
     "modes": {
         "gravity": BESIDE, "poses": Supported(None, "only the start pose of the mode"),
-        "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE,
+        "exclude": BESIDE, "pairs": BESIDE, "groups": BESIDE, "timestep": BESIDE, "simulation": BESIDE,
     },
     "links": {
         "frames": BESIDE, "colours": SAYS, "friction": BESIDE, "rolling": BESIDE, "adhesion": BESIDE, "weightless": BESIDE,

@@ -209,10 +209,10 @@ class _Limits:
 
     def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
         """Return whether MuJoCo supports contacts of a shape. If MuJoCo does not support contacts of the shape, record an export loss."""
-        choice = occurrence.overrides.collision
         if has_inside(piece):
             return True
-        self.flat(occurrence, (f"the enclosing {choice} has no volume" if isinstance(piece, Primitive) else "the collision mesh is flat"))
+        what = f"the enclosing {piece.shape} has no volume" if isinstance(piece, Primitive) else "the collision mesh is flat"
+        self.flat(occurrence, what)
         return False
 
     def flat(self, occurrence: Occurrence, why: str) -> None:

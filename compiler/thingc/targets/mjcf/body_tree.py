@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from itertools import chain
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain, product
 from typing import Any, assert_never
 
 from thingc.base.memo import Memo
 from thingc.base.numeric import maximum, sum_of
 from thingc.base.pose import Pose
-from thingc.model.assembly.types import Link
+from thingc.model.assembly.types import Link, LinkedGroup
+from thingc.model.resolve.types import OTHERS
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, TreeJoint
@@ -64,6 +65,18 @@ def class_name(robot: Robot) -> str:
     """
     name = robot.assembly.name
     return f"{name}_robot" if name in RESERVED_CLASSES else name
+
+
+def group_masks(groups: Sequence[LinkedGroup]) -> dict[int, elements.Masks]:
+    """Return the contact masks of the occurrences in contact groups.
+
+    Each group has its own bit in `contype`, and `conaffinity` contains the bits of the groups with which it collides. The bit 1 of
+    `others` is the default of MuJoCo.
+    """
+    bits = {OTHERS: 1, **{group.name: 1 << number for number, group in enumerate(groups, 1)}}
+    return {
+        member: (bits[group.name], sum(bits[name] for name in set(group.collides))) for group in groups for member in group.members
+    }
 
 
 def adhesion_name(robot: Robot, path: str) -> str:
@@ -171,6 +184,7 @@ class _Builder:
         made: dict[int, Element] = {}
         taken = frozenset(shape.name for one in self.geometry.shapes for shape in (*one.visual, *one.collision) if shape.name is not None)
         at_zero = self.free_poses(dict.fromkeys(self.joints, 0.0), self.robot.bodies[0].X_PL)
+        masks = group_masks(self.robot.mode.groups)
         for index, body in merged_joints.model_bodies(self.robot).items():
             link, parent = self.links[index], None if body.parent is None or body.free else made[body.parent]
             attributes = {"name": link.name, **pose_attributes(at_zero.get(index, body.X_PL))}
@@ -197,7 +211,8 @@ class _Builder:
                 self.grow(element, ("joint", self.robot.mode.name, joint.path), elements.joint, joint, driven)
             shapes = tuple(self.geometry.shapes[member] for member in link.members)
             touching = adhesion_contacts.CLASS if body.link in self.adhering else "collision"
-            self.grow(element, ("geoms", link.name, touching), elements.geoms, link.poses, shapes, touching, taken)
+            inputs = link.poses, shapes, touching, taken, tuple(masks.get(member) for member in link.members)
+            self.grow(element, ("geoms", link.name, touching), elements.geoms, *inputs)
         for site in merged_joints.sites(self.robot).values():
             self.grow(made[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
         closures.sites(self.robot, world, made)
@@ -215,7 +230,7 @@ class _Builder:
         return {index: placed[index] for index in free}
 
     def contact(self) -> None:
-        """Add the pairs of links between which contacts are excluded."""
+        """Add the pairs of links between which contacts are excluded, and the pairs of shapes with their own contact settings."""
         section = self.root.add("contact")
         for first, second in self.robot.excluded:
             crossed = self.robot.bodies[max(first, second)].joints
@@ -223,6 +238,11 @@ class _Builder:
                 "exclude", {"body1": self.links[first].name, "body2": self.links[second].name},
                 crossed[0].origin if crossed else self.robot.mode.origin,
             )
+        for pair in self.robot.mode.pairs:
+            sides = (elements.named_collision(self.geometry.shapes[index]) for index in (pair.one, pair.other))
+            for (one, first_shape), (other, second_shape) in product(*sides):
+                settings = elements.pair(pair, first_shape.material, second_shape.material)
+                section.add("pair", {"geom1": one, "geom2": other, **settings}, pair.origin)
 
     def equality(self) -> None:
         """Add equality constraints for mimic joints, followed by equality constraints for loops.

@@ -46,7 +46,10 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "several": Omitted(": MuJoCo has no equality for joints with several coordinates"),
     },
     "bases": {"held": Supported(None, "a mocap body"), "free": SAYS, "start": SAYS, "planar": SAYS, "ball": SAYS},
-    "modes": {"gravity": SAYS, "poses": Supported(None, "keyframes"), "exclude": SAYS, "timestep": SAYS, "simulation": SAYS},
+    "modes": {
+        "gravity": SAYS, "poses": Supported(None, "keyframes"), "exclude": SAYS, "pairs": SAYS, "groups": SAYS, "timestep": SAYS,
+        "simulation": SAYS,
+    },
     "links": {
         "frames": Supported(None, "sites"), "colours": SAYS, "friction": SAYS, "rolling": SAYS, "adhesion": Supported(None, "an actuator"),
         "weightless": Supported(None, "several joints on one body"),

@@ -5,17 +5,18 @@ Each function depends only on the values that determine its element. Therefore, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Any
 
 from thingc.base.inertia import LEAST_MOMENT, ZERO, MassProperties, physical_fault, principal_moments, within_triangle
 from thingc.base.joints.twist import Twist
+from thingc.base.numeric import maximum
 from thingc.base.pose import IDENTITY, Pose, Vector
 from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.resolve.coordinates import Dynamics
-from thingc.model.resolve.types import Material
+from thingc.model.resolve.types import Material, PairSettings
 from thingc.model.robot.types import TreeJoint
 from thingc.targets import geometry
 from thingc.targets.geometry import MeshAsset, Shape, Shapes, channels, material_name, numbered
@@ -111,14 +112,45 @@ def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
     return {"name": one.name, "type": one.type, **pos, "axis": one.axis}
 
 
-def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, taken: frozenset[str]) -> tuple[Element, ...]:
+Masks = tuple[int, int]
+"""The attributes `contype` and `conaffinity` of a geom."""
+
+
+def named_collision(shapes: Shapes) -> Iterator[tuple[str, Shape]]:
+    """Yield the collision shapes of an occurrence with the names of their geoms."""
+    for index, shape in enumerate(shapes.collision):
+        yield shape.name or numbered(f"{shapes.path}:collision", index), shape
+
+
+def pair(settings: PairSettings, one: Material | None, other: Material | None) -> dict[str, XmlValue]:
+    """Return the attributes of a `pair` element for two materials, other than its geoms.
+
+    The friction is always written, because MuJoCo does not derive the friction of a pair from its geoms. Without a friction in the
+    settings, the friction of the two materials is combined as MuJoCo combines the friction of two geoms.
+    """
+    attributes: dict[str, XmlValue] = {
+        key: value for key, value in (("margin", settings.margin), ("gap", settings.gap)) if value is not None
+    }
+    said = [material for material in (one, other) if _friction(material)] or [None]
+    kinds = [(None, None, None) if material is None else (material.slide, material.torsion, material.roll) for material in said]
+    if settings.friction != (None, None, None):
+        kinds = [settings.friction]
+    several = [_coefficients(*kind) for kind in kinds]
+    slide, torsion, roll = (maximum(column) for column in zip(*(coefficients for coefficients, _ in several), strict=True))
+    condim = sorted(condim for _, condim in several)[-1]
+    return {**attributes, "condim": condim, "friction": (slide, slide, torsion, roll, roll)}
+
+
+def geoms(
+    poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, taken: frozenset[str], masks: tuple[Masks | None, ...],
+) -> tuple[Element, ...]:
     """Return the visual geoms and the collision geoms of a link. The collision geoms have the default class `touching`.
 
     `poses` contains the poses of the occurrences in the link, and `taken` contains the custom names of shapes. If a visual shape and a
-    collision shape have the same name, only the collision geom gets this name.
+    collision shape have the same name, only the collision geom gets this name. `masks` contains the masks of occurrences in contact groups.
     """
     elements: list[Element] = []
-    for pose, one in zip(poses, shapes, strict=True):
+    for pose, one, mask in zip(poses, shapes, masks, strict=True):
         used = {shape.name for shape in one.collision}
         for index, shape in enumerate(one.visual):
             name = shape.name or one.path
@@ -130,9 +162,9 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, ta
             if material is not None:
                 attributes["material"] = material
             elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
-        for index, shape in enumerate(one.collision):
-            name = shape.name or numbered(f"{one.path}:collision", index)
-            attributes = {"name": name, "class": touching, **_shape(shape, pose), **_friction(shape.material)}
+        grouped: dict[str, XmlValue] = {} if mask is None else {"contype": str(mask[0]), "conaffinity": str(mask[1])}
+        for name, shape in named_collision(one):
+            attributes = {"name": name, "class": touching, **_shape(shape, pose), **_friction(shape.material), **grouped}
             elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
     return tuple(elements)
 
@@ -175,15 +207,15 @@ def _friction(material: Material | None) -> dict[str, XmlValue]:
     """
     if material is None or (material.slide is None and material.torsion is None and material.roll is None):
         return {}
-    slide = 1.0 if material.slide is None else material.slide
-    torsion = 0.005 if material.torsion is None else material.torsion
-    roll = 0.0001 if material.roll is None else material.roll
-    attributes: dict[str, XmlValue] = {"friction": (slide, torsion, roll), "priority": "1"}
-    if material.roll is not None:
-        attributes["condim"] = "6"
-    elif material.torsion is not None:
-        attributes["condim"] = "4"
-    return attributes
+    coefficients, condim = _coefficients(material.slide, material.torsion, material.roll)
+    attributes: dict[str, XmlValue] = {"friction": coefficients, "priority": "1"}
+    return attributes if condim == "3" else {**attributes, "condim": condim}
+
+
+def _coefficients(slide: float | None, torsion: float | None, roll: float | None) -> tuple[Vector, str]:
+    """Return the friction coefficients, with the defaults of MuJoCo, and the attribute `condim` that they require."""
+    condim = "6" if roll is not None else "4" if torsion is not None else "3"
+    return (1.0 if slide is None else slide, 0.005 if torsion is None else torsion, 0.0001 if roll is None else roll), condim
 
 
 def inertial(properties: MassProperties) -> dict[str, XmlValue]:

@@ -51,6 +51,7 @@ def models(request: EmitRequest) -> Models:
     If `verify` is not 0, MuJoCo compiles all models or a sample of the models. Messages of MuJoCo are reported at the locations in the
     documents that cause them.
     """
+    request = request.in_target("mjcf")
     known = request.made.get("mjcf")
     if isinstance(known, Models):
         return known
@@ -94,7 +95,7 @@ def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str
 
     If `floor` is True, each model contains the floor of its scene.
     """
-    request = called(request)
+    request = called(request.in_target("mjcf"))
     geometry, _, roots, _ = _roots(request)
     texts: dict[str, str] = {}
     for robot, root in zip(request.robots, roots, strict=True):
@@ -105,6 +106,7 @@ def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str
 
 def model_trees(request: EmitRequest) -> list[Element]:
     """Return the MJCF tree of each mode. If no target writes the models, errors and warnings of the models are not reported."""
+    request = request.in_target("mjcf")
     known = request.made.get("mjcf")
     if isinstance(known, Models):
         return [candidate.root for candidate in known.candidates]

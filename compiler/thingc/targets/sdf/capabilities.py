@@ -50,7 +50,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     },
     "modes": {
         "gravity": Lossy(None, "carried as custom data", ", which is written only to the world file"),
-        "poses": Omitted(": not supported by SDF"), "exclude": OMITTED,
+        "poses": Omitted(": not supported by SDF"), "exclude": OMITTED, "pairs": OMITTED, "groups": OMITTED,
         "timestep": Supported(None, "in the world file"), "simulation": OMITTED,
     },
     "links": {

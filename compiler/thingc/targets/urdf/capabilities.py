@@ -51,7 +51,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     },
     "modes": {
         "gravity": Lossy(None, "carried as custom data", ", which only MuJoCo reads"), "poses": _NONE, "exclude": OMITTED,
-        "timestep": OMITTED, "simulation": OMITTED,
+        "pairs": OMITTED, "groups": OMITTED, "timestep": OMITTED, "simulation": OMITTED,
     },
     "links": {
         "frames": Supported(None, "massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,

@@ -51,7 +51,10 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
         "free": SAYS, "start": SAYS, "planar": Supported(None, _GENERIC.how),
         "ball": SAYS,
     },
-    "modes": {"gravity": SAYS, "poses": _NONE, "exclude": Supported(None, "filtered pairs"), "timestep": OMITTED, "simulation": OMITTED},
+    "modes": {
+        "gravity": SAYS, "poses": _NONE, "exclude": Supported(None, "filtered pairs"), "pairs": OMITTED, "groups": OMITTED,
+        "timestep": OMITTED, "simulation": OMITTED,
+    },
     "links": {
         "frames": Supported(None, "`Xform`"), "colours": SAYS, "friction": SAYS,
         "rolling": Lossy(None, "carried as custom data", ", which only Newton reads"), "adhesion": OMITTED, "weightless": _LIGHT,

@@ -31,6 +31,7 @@ COMMANDS = {
     "same": "check whether two robots are the same mechanism, regardless of root, names, link frames, joint zeros and signs",
     "calibration": "check the motors and encoders of a physical robot, and write them for LeRobot, ros2_control or Python",
     "info": "show masses, links and joints of a robot, and the source of each number",
+    "collision": "measure how well collision shapes approximate the parts of a robot, and draw them over the parts",
     "sensitivity": "show how results of a robot change with its parameters: derivatives with units",
     "render": "draw a picture of a robot in one of its poses",
     "hag": "print the assembly graph (text, DOT, Mermaid, SVG, GraphML or JSON)",

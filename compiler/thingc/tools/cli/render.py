@@ -7,7 +7,8 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable, Mapping
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from thingc.base.filesystem import write_whole
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, attempted
-from thingc.driver.pipeline import UnknownChoice
+from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.model.robot.types import Robot
 from thingc.targets.render.picture import NoGraphics, Shot, picture, ready
 from thingc.tools.cli import console
@@ -37,6 +38,12 @@ MuJoCo draws the picture with EGL, which requires neither a screen nor a graphic
   thingc render assemblies/arm.yaml --azimuth 90 --elevation -10 --size 1920x1080
 """
 
+COLLISION = "1 0.3 0.1 0.4"
+"""Colour of collision shapes, as red, green, blue and opacity."""
+
+SHOT = Shot()
+"""Default size and view of a picture."""
+
 LARGEST = 8192
 """Maximum width and height of a picture [px]."""
 
@@ -49,7 +56,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--mode", metavar="M", help="mode to show (default: the first)")
     add("--pose", metavar="P", help="pose to show (default: pose of the mode)")
     add("-o", "--output", metavar="PNG", help="output file (default: NAME_MODE_POSE.png in the working folder)")
-    add("--size", metavar="WxH", type=_size, default=Shot().size, help="size in pixels (default: 1280x960)")
+    add("--size", metavar="WxH", type=_size, default=SHOT.size, help="size in pixels (default: 1280x960)")
     add(
         "--azimuth", metavar="DEG", type=_degrees(360.0),
         help="view direction: 0 along x, 90 along y; on a wall, 0 faces the wall (default: 140; on a wall 40)",
@@ -58,6 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--mounts", action="store_true", help="draw mounts with attached components, and mounts that the document exports or adds")
     add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap")
     add("--joints", action="store_true", help="draw joint axes, with arrows in the positive direction")
+    add("--collision", action="store_true", help="draw the collision shapes, transparent, over the parts")
     add("--root", action="store_true", help="draw the frame of the root")
     console.add_format(parser)
     console.add_compiling(parser)
@@ -67,15 +75,20 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc render`, and return the exit code, which is 0 if the picture was written. Diagnostics are printed to standard error."""
     console.require_document(arguments.document)
     options = replace(console.options_of(arguments), compat=())  # pictures need only the model for MuJoCo
-    _check_output(arguments.output)
+    check_output(arguments.output)
     try:
         diagnostics = attempted(arguments.document, options, partial(_render, arguments))
     except NoGraphics as fault:
-        diagnostics = [console.error(fault.message, fault.hint, Code.NO_GRAPHICS)]
+        diagnostics = [no_graphics(fault)]
     return console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
 
 
-def _check_output(path: str | None) -> None:
+def no_graphics(fault: NoGraphics) -> Diagnostic:
+    """Return the error for a machine that cannot render pictures."""
+    return console.error(fault.message, fault.hint, Code.NO_GRAPHICS)
+
+
+def check_output(path: str | None) -> None:
     """Raise `WrongCommandLine` unless the path is a .png file in an existing folder."""
     if path is None:
         return
@@ -96,28 +109,39 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
     if console.exit_code(diagnostics):
         return diagnostics
     robot = compilation.robots[0]
-    assembly = robot.assembly
     pose = _pose(robot, arguments.pose, environment.document)
     marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
+    named = "_".join(word for word in (robot.name, robot.mode.name, pose) if word is not None)
+    path = arguments.output if arguments.output is not None else f"{named}.png"
+    shot = Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation)
+    draw(environment, compilation, robot, pose, path, shot=shot, marks=marks, collision=arguments.collision)
+    return console.final(compilation.report, strict=arguments.strict)
+
+
+def draw(
+    environment: Environment, compilation: Compilation, robot: Robot, pose: str | None, path: str, *, shot: Shot = SHOT,
+    marks: Sequence[Mark] = (), collision: bool = False,
+) -> None:
+    """Draw a robot in the keyframe `pose` to the PNG file `path`, unless its MuJoCo model has errors.
+
+    If `collision` is True, the collision shapes are drawn over the parts. Raises `NoGraphics` and `WrongCommandLine`.
+    """
     ready()
     artifacts = pipeline.build(environment, replace(compilation, robots=(robot,)), ["mjcf"])["mjcf"]
-    diagnostics = console.final(compilation.report, strict=arguments.strict)
-    if console.exit_code(diagnostics):
-        return diagnostics
+    if compilation.report.failed:
+        return
     read = {
         path: content if isinstance(content, bytes) else environment.store.read(content.sha256)
         for path, content in artifacts.files.items()
     }
-    prefix = "mjcf/assets/"
+    prefix, assembly = "mjcf/assets/", robot.assembly
+    model = read[f"mjcf/{robot.name}_{robot.mode.name}.xml"].decode()
     png = picture(
-        read[f"mjcf/{robot.name}_{robot.mode.name}.xml"].decode(),
+        with_collision(model) if collision else model,
         {path.removeprefix(prefix): data for path, data in read.items() if path.startswith(prefix)},
         pose=pose if assembly.names is None or pose is None else assembly.names.poses.get(pose, pose),
-        gravity=robot.gravity, marks=marks,
-        shot=Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation),
+        gravity=robot.gravity, marks=marks, shot=shot,
     )
-    named = "_".join(word for word in (robot.name, robot.mode.name, pose) if word is not None)
-    path = arguments.output if arguments.output is not None else f"{named}.png"
     try:
         write_whole(path, png)
     except OSError as fault:
@@ -125,7 +149,14 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
         raise console.WrongCommandLine(message, "choose another file with -o", Code.OUTPUT) from fault
     posed = f", pose {pose}" if pose is not None else ""
     console.say(f"{shown_path(os.path.abspath(path))}: mode {robot.mode.name}{posed}", stream=sys.stderr)
-    return diagnostics
+
+
+def with_collision(model: str) -> str:
+    """Return the text of a MuJoCo model in which the collision shapes are visible and transparent."""
+    root = ElementTree.fromstring(model)
+    for geom in root.iterfind(".//default[@class='collision']/geom"):
+        geom.attrib |= {"group": "1", "rgba": COLLISION}
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) -> list[Mark]:

@@ -284,6 +284,12 @@ class _Reader:
                 None if mode.actuators is None else _sorted(Named(what="joint", path=path) for path in mode.actuators), "actuators",
             ),
             "exclude": fact(tuple(sorted((_sorted(component(one) for one in pair) for pair in mode.exclude), key=repr)), "exclude"),
+            "pairs": fact(tuple(sorted((
+                (_sorted(map(component, (pair.one, pair.other))), pair.friction, pair.margin, pair.gap) for pair in mode.pairs
+            ), key=repr)), "contacts", "pairs"),
+            "groups": fact(tuple(
+                (group.name, _sorted(map(component, group.members)), tuple(sorted(group.collides))) for group in mode.groups
+            ), "contacts", "groups"),
             "cut": fact(_sorted(Named(what="joint", path=cut.joint) for cut in mode.cut), "cut"),
             "standing_on": fact(None if standing is None else _sorted(component(mount) for mount in standing.mounts), "standing_on"),
             "standing_on.friction": fact(None if standing is None else standing.friction, "standing_on", "friction"),
@@ -342,7 +348,12 @@ def _overrides(overrides: Overrides) -> Iterator[tuple[str, Value]]:
     for key, stated in (("mass", overrides.mass), ("com", overrides.com), ("inertia", overrides.inertia)):
         yield f"{key}.value", None if stated is None else stated.value[0] if len(stated.value) == 1 else tuple(stated.value)
         yield f"{key}.source", None if stated is None else stated.source
-    yield "collision", overrides.collision
+    for target, choice in overrides.choices.items():
+        key = f"collision.targets.{target}" if target else "collision"
+        yield key, choice.collision
+        if choice.shapes is not None:
+            yield f"{key}.shapes", choice.shapes.text
+        yield f"{key}.decompose.pieces", choice.pieces or None
     yield "visual", overrides.visual
     yield "print.up", overrides.up
     yield from field_values("process", Process, overrides.process).items()

@@ -22,7 +22,7 @@ from thingc.geometry.client import ABSENT, EndingWorkers
 from thingc.geometry.key.modules import Module
 from thingc.geometry.lock.json_format import BadLock
 from thingc.geometry.print_slices import Slicing
-from thingc.geometry.record import FailureKind, PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.geometry.record import NO_PIECES, FailureKind, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, WantedPieces
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.tools.schemas.refresh_schemas import Schemas
@@ -40,12 +40,12 @@ WAITED_FOR: FailureKind = "unlocked"
 class PendingRequests:
     """Requests to background workers to describe, build and slice parts.
 
-    `references` lists the parts to describe. `definitions` maps the text of each part definition to the definition and a Boolean, which
-    specifies whether convex pieces are needed. `slices` contains the records to slice.
+    `references` lists the parts to describe. `definitions` maps the text of each part definition to the definition and to
+    the convex decompositions that are needed (see `WantedPieces`). `slices` contains the records to slice.
     """
 
     references: dict[str, None] = field(default_factory=dict)
-    definitions: dict[str, tuple[PartDefinition, bool]] = field(default_factory=dict)
+    definitions: dict[str, tuple[PartDefinition, tuple[int, ...]]] = field(default_factory=dict)
     slices: dict[str, tuple[PartDefinition, PartRecord, Collection[Slicing]]] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
@@ -110,13 +110,17 @@ class CachedParts:
         return self.service.hiding(reference)
 
     def realize(
-        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), likely: object = None,
+        self, definitions: Sequence[PartDefinition], convex: WantedPieces = NO_PIECES, likely: object = None,
     ) -> dict[str, PartRecord | PartFailure]:
         """Return the part record for each part definition, keyed by the text of the definition."""
         answers = _answers(self.service.realize(definitions, convex), self.failed)
         waited_for = [one for one in definitions if _waited_for(answers.get(one.text))]
-        self.unanswered.definitions.update((one.text, (one, one.text in convex)) for one in waited_for)
+        self.unanswered.definitions.update((one.text, (one, convex.get(one.text, ()))) for one in waited_for)
         return answers
+
+    def decompose(self, meshes: Collection[tuple[str, int]]) -> Mapping[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
+        """Return the convex pieces that are already cached. Other meshes are omitted."""
+        return {mesh: pieces for mesh, pieces in self.service.decompose(meshes).items() if not isinstance(pieces, PartFailure)}
 
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
@@ -293,7 +297,7 @@ class BackgroundWorkers:
         """
         service = geometry_of(self.workspace, self._options, self._store, workers=workers)
         definitions = [definition for definition, _ in work.definitions.values()]
-        convex = {text for text, (_, pieces) in work.definitions.items() if pieces}
+        convex = {text: pieces for text, (_, pieces) in work.definitions.items() if pieces}
         try:
             described = service.describe(list(work.references))
             known = service.realize(definitions, convex)

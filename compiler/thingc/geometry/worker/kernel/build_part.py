@@ -356,7 +356,7 @@ def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Sto
         mounts=made.mounts, references=made.references, expectations=made.expectations, actuator=made.actuator,
         mass=made.mass, com=made.com, matrix=made.matrix, density=made.density, bom=made.bom, warnings=extra, fits=fits, meshes=meshes,
         apart=_apart(solid) if made.one and made.shapes else (), own_image=made.own_image,
-        pieces=tuple(_pieces(made.collision, tessellations.simulation, store)), convex=(), brep=brep, code=made.code, up=made.up,
+        pieces=tuple(_pieces(made.collision, tessellations.simulation, store)), convex={}, brep=brep, code=made.code, up=made.up,
     )
 
 

@@ -32,6 +32,13 @@ class ContactPairs(FrozenStruct):
         """Return the type of the geom in MJCF."""
         return self.values.get("type", "sphere")
 
+    def meets(self, other: ContactPairs) -> bool:
+        """Return whether the masks of two geoms allow contacts."""
+        (type_1, affinity_1), (type_2, affinity_2) = (
+            (int(one.values.get("contype", "1")), int(one.values.get("conaffinity", "1"))) for one in (self, other)
+        )
+        return bool(type_1 & affinity_2 or type_2 & affinity_1)
+
     @property
     def margin(self) -> float:
         """Return the contact margin [m] of the geom."""
@@ -44,16 +51,16 @@ FLOOR = ContactPairs(element=None, values={"type": PLANE})
 def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
     """Yield every pair of geoms that MuJoCo tests for contacts, including pairs with the floor.
 
-    A pair is omitted if its bodies are rigidly connected, if they are parent and child, or if `exclude` lists the pair. At run time, MuJoCo
-    also skips pairs of a held root and the floor, because neither moves.
+    A pair is omitted if its bodies are rigidly connected, if they are parent and child, if `exclude` lists the pair, or if the masks of the
+    geoms do not match. The pairs in `pair` elements are always included. At run time, MuJoCo also skips pairs of a held root and the floor,
+    because neither moves.
     """
     classes = defaults(root, "geom")
     bodies = list(_bodies(root))
     index = {body.get("name"): number for number, (body, _) in enumerate(bodies)}
-    excluded = {
-        frozenset((index.get(one.get("body1")), index.get(one.get("body2"))))
-        for section in [root.find("contact")] if section is not None for one in section.children if one.tag == "exclude"
-    }
+    section = root.find("contact")
+    contact = section.children if section is not None else []
+    excluded = {frozenset((index.get(one.get("body1")), index.get(one.get("body2")))) for one in contact if one.tag == "exclude"}
     rigid: list[int] = []  # for every body, the body to which it is rigidly connected: itself or the world
     for number, (body, parent) in enumerate(bodies):
         moves = body.get("mocap") == "true" or any(child.tag in ("joint", "freejoint") for child in body.children)
@@ -62,14 +69,18 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
     carrier = [WORLD if bodies[one][1] is None else rigid[bodies[one][1] or 0] for one in range(len(bodies))]
     for number, own in enumerate(geoms):
         if rigid[number] != WORLD:
-            yield from product([FLOOR], own)
+            yield from ((FLOOR, geom) for geom in own if FLOOR.meets(geom))
     for one, other in combinations(range(len(bodies)), 2):
         a, b = rigid[one], rigid[other]
         if a == b or frozenset((one, other)) in excluded:
             continue
         if WORLD not in (a, b) and (carrier[a] == b or carrier[b] == a):
             continue
-        yield from product(geoms[one], geoms[other])
+        yield from (pair for pair in product(geoms[one], geoms[other]) if pair[0].meets(pair[1]))
+    named = {geom.values.get("name"): geom for own in geoms for geom in own}
+    for first, second in ((one.get("geom1"), one.get("geom2")) for one in contact if one.tag == "pair"):
+        if first in named and second in named:
+            yield named[first], named[second]
 
 
 def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
