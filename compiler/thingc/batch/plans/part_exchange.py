@@ -16,17 +16,7 @@ from thingc.batch.plans.program import program_of
 from thingc.batch.plans.tape import Tape, Traced, value_of
 from thingc.geometry.part_source import PartSource
 from thingc.geometry.print_slices import Slicing
-from thingc.geometry.record import (
-    NO_PIECES,
-    Mesh,
-    MountExpectation,
-    MountRecord,
-    PartDefinition,
-    PartFailure,
-    PartRecord,
-    PartSchema,
-    WantedPieces,
-)
+from thingc.geometry.record import Mesh, MountExpectation, MountRecord, PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.targets.artifact import StoredArtifact
 
 KEPT = 512
@@ -65,7 +55,7 @@ class TracedParts:
         self._parts = parts
         self._allowed = allowed
         self.definitions: tuple[PartDefinition, ...] = ()
-        self.convex: WantedPieces = NO_PIECES
+        self.convex: Mapping[str, tuple[int, ...]] = {}
         self.slicings: dict[str, Collection[Slicing]] = {}
         self.expected: list[str] = []
         self.before: Tape | None = None
@@ -75,7 +65,9 @@ class TracedParts:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._parts, name)
 
-    def realize(self, definitions: Sequence[PartDefinition], convex: WantedPieces = NO_PIECES, likely: object = None, **named: Any) -> Any:
+    def realize(
+        self, definitions: Sequence[PartDefinition], convex: Mapping[str, tuple[int, ...]], likely: object = None, **named: Any,
+    ) -> Any:
         """Return the part records for the given definitions, in the same way as `PartSource`. Call this method only once.
 
         The argument `likely` is ignored, because it may contain traced numbers.

@@ -1,19 +1,13 @@
-"""Check the collision shapes that documents list, and resolve the contact pairs and the contact groups of modes."""
+"""Resolve the contact pairs and the contact groups of the modes of the top document."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
 from thingc.base.diagnostics import Code, noted
-from thingc.base.numeric import hypot, maximum
-from thingc.base.primitives import Primitive
-from thingc.base.units import LENGTH, Quantity
-from thingc.geometry.record import PartRecord
 from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.report import LinkReport
-from thingc.model.assembly.shape_links import Meshes, box_of
 from thingc.model.assembly.types import LinkedGroup, LinkedPair, Occurrence
-from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import Mode, PairSettings, Reference
 
 
@@ -78,22 +72,3 @@ def _members(tree: Tree, reference: Reference) -> Iterator[int]:
     for one in place.occurrences() if place is not None else ():
         if one.index is not None:
             yield one.index
-
-
-def warn_far(shapes: LinkDefinition, record: PartRecord | None, meshes: Meshes, path: str, findings: LinkReport) -> None:
-    """Warn of each collision shape that extends beyond the bounding box of its part by more than the diagonal of the box."""
-    if record is None or record.box is None or not record.exact:
-        return
-    (low, high), size = record.box, hypot(*(b - a for a, b in zip(*record.box, strict=True)))
-    for shape in shapes.shapes:
-        box = box_of(shape, meshes)
-        if box is None or isinstance(shape.solid, Primitive) and shape.solid.shape == "plane":
-            continue
-        beyond = maximum([one - other for inner, outer in ((low, box[0]), (box[1], high)) for one, other in zip(inner, outer, strict=True)])
-        if beyond > size:
-            far, diagonal = (Quantity(float(f"{length:.3g}"), LENGTH) for length in (beyond, size))
-            findings.warn(
-                Code.SHAPE_FAR, f"the collision shape `{shape.word}` extends {far} beyond the bounding box of `{path}`, whose diagonal is "
-                f"{diagonal}", shape.origin, path=path,
-                help="check the units of the shape and its pose `at`, which is in the frame of the part", allow=True,
-            )

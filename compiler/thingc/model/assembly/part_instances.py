@@ -13,7 +13,6 @@ from thingc.base.source import Origin, line_of
 from thingc.base.suggestions import Hint, did_you_mean, nearest
 from thingc.geometry.print_slices import SliceFailure
 from thingc.geometry.record import FailureKind, ImpureInputs, PartDefinition, PartFailure, PartRecord, PartWarning
-from thingc.model.assembly.contacts import warn_far
 from thingc.model.assembly.hag import FRAME, Definition
 from thingc.model.assembly.mass import (
     NOTHING,
@@ -28,7 +27,7 @@ from thingc.model.assembly.mass import (
 )
 from thingc.model.assembly.print_settings import material_of, process_of
 from thingc.model.assembly.report import LinkReport, written_at
-from thingc.model.assembly.shape_links import Meshes, MissingDensity, listed, weigh_shapes
+from thingc.model.assembly.shape_links import Meshes, MissingDensity, listed, warn_far, weigh_shapes
 from thingc.model.assembly.types import MountFrame, PartInstance
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.model.resolve.plausibility import density_cure, density_doubt, mass_doubt, mass_words, said_by_file

@@ -10,10 +10,13 @@ from thingc.base import numeric
 from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties, total
 from thingc.base.pose import Vector
+from thingc.base.primitives import Primitive
 from thingc.base.source import Origin
+from thingc.base.units import LENGTH, Quantity
 from thingc.geometry.meshes.files import MeshFile, MeshRecord
-from thingc.geometry.record import Mesh, PartFailure
+from thingc.geometry.record import Mesh, PartFailure, PartRecord
 from thingc.model.assembly.mass import NOTHING, MassResult, is_fully_stated, weigh_link
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Listed, Surface
 from thingc.model.resolve.link_definition import LinkDefinition, LinkShape
 from thingc.model.resolve.nested_assemblies import assemblies_of
@@ -31,7 +34,7 @@ def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes
 
     `meshes` contains the records of mesh files. A shape whose mesh file has no record is omitted.
     """
-    boxes = [box_of(shape, meshes) for shape in definition.shapes if isinstance(shape.solid, MeshFile) or shape.solid.shape != "plane"]
+    boxes = [_box(shape, meshes) for shape in definition.shapes if isinstance(shape.solid, MeshFile) or shape.solid.shape != "plane"]
     return Listed(
         drawn=tuple(surface for shape in definition.shapes if shape.drawn for surface in _drawn(shape, material, meshes)),
         touching=tuple(surface for shape in definition.shapes if shape.touches for surface in _touching(shape, material, meshes)),
@@ -40,7 +43,7 @@ def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes
     )
 
 
-def box_of(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
+def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
     """Return the bounding box of a shape in the frame of the link, as two corners [m].
 
     Return None if the mesh file of the shape has not been read.
@@ -224,3 +227,22 @@ def with_pieces(model: AssemblyDefinition, meshes: Meshes, decompose: Decompose,
         else:
             found.setdefault(mesh, {})[most] = pieces
     return {file: replace(record, convex=found.get(record.mesh.sha256, {})) for file, record in meshes.items()}
+
+def warn_far(shapes: LinkDefinition, record: PartRecord | None, meshes: Meshes, path: str, findings: LinkReport) -> None:
+    """Warn of each collision shape that extends beyond the bounding box of its part by more than the diagonal of the box."""
+    if record is None or record.box is None or not record.exact:
+        return
+    (low, high), size = record.box, numeric.hypot(*(b - a for a, b in zip(*record.box, strict=True)))
+    for shape in shapes.shapes:
+        box = _box(shape, meshes)
+        if box is None or isinstance(shape.solid, Primitive) and shape.solid.shape == "plane":
+            continue
+        sides = ((low, box[0]), (box[1], high))
+        beyond = numeric.maximum([one - other for inner, outer in sides for one, other in zip(inner, outer, strict=True)])
+        if beyond > size:
+            far, diagonal = (Quantity(float(f"{length:.3g}"), LENGTH) for length in (beyond, size))
+            findings.warn(
+                Code.SHAPE_FAR, f"the collision shape `{shape.word}` extends {far} beyond the bounding box of `{path}`, whose diagonal is "
+                f"{diagonal}", shape.origin, path=path,
+                help="check the units of the shape and its pose `at`, which is in the frame of the part", allow=True,
+            )

@@ -39,8 +39,8 @@ def of_collision(context: ResolveRun, table: DocumentScope, node: ComponentScope
     if not isinstance(spec, CollisionSpec):
         return {}
     made: dict[str, LinkDefinition] = {}
-    choices: dict[str, str | ChoiceSpec] = {"": spec, **spec.targets}
-    for name, choice in choices.items():
+    choices: list[tuple[str, str | ChoiceSpec]] = [("", spec), *spec.targets.items()]
+    for name, choice in choices:
         shapes = None if isinstance(choice, str) else choice.shapes
         at: Path = (*path, *(("targets", name) if name else ()), "shapes")
         listed = None if shapes is None else _listed(context, table, node, shapes, at)
