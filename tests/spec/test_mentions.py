@@ -15,12 +15,12 @@ from thingc.documents.spec.validation import KINDS, model_of
 WORDS = ("a name", "a reference", "a comparison", "a parameter or the path of a value", "the path of a choice")
 """What fields of text are called."""
 PROSE = {
-    "base", "build", "catalog", "description", "doc", "emit", "file", "interface", "mesh", "model", "name", "number", "packages", "parts",
+    "base", "build", "catalog", "collide", "description", "doc", "emit", "file", "interface", "mesh", "model", "name", "number", "packages", "parts",
     "picture", "reason", "supplier",
 }
 """Keys of text that names nothing in a document: words for people, files, things of other libraries, settings of a workspace."""
-NUMBERED = {"allow", "cost", "noise", "cutoff"}
-"""Mappings whose keys are codes, numbers of pieces, or words of ours."""
+NUMBERED = {"allow", "cost", "noise", "cutoff", "groups", "targets"}
+"""Mappings whose keys are codes, numbers of pieces, words of ours, or names that only the same mapping uses."""
 
 
 def texts(shape: FieldType, key: str) -> Iterator[tuple[str, FieldType]]:
