@@ -275,6 +275,10 @@ def _plain(text: str) -> str:
 # --- the built site -------------------------------------------------------------------------------------------------
 
 
+_WITHOUT_LINKS = re.compile(r'</(?:a|code|div|li|p|span|td|tr)>|<span(?: class="[\w -]*")?>')
+"""Tags of which pages have very many. The parser need not read them."""
+
+
 class _References(HTMLParser):
     """Collects the links of a page and its anchors."""
 
@@ -282,7 +286,7 @@ class _References(HTMLParser):
         super().__init__()
         self.targets: list[tuple[str, str]] = []
         self.anchors = {"", "top"}
-        self.feed(text)
+        self.feed(_WITHOUT_LINKS.sub("", text))
 
     def updatepos(self, i: int, j: int) -> int:
         """Do not count lines."""

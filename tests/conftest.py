@@ -120,6 +120,11 @@ def pytest_collection_finish() -> None:
     client.Workers = _kept  # test modules, which have been imported, have the class itself
 
 
+def pytest_unconfigure() -> None:
+    """Let Python collect at its end what was frozen: nanobind would report its objects as leaks."""
+    gc.unfreeze()
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Watch the diagnostics of reports and of exceptions in this process, and what other processes print."""
     gc.disable()  # until all is collected

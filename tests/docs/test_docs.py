@@ -378,7 +378,7 @@ def test_shapes_of_json(page: Path, here: Path) -> None:
         "build": {**build, "modelled": []},
         "info": json.loads(run("thingc info assemblies/arm.yaml --format json")),
         "collision": json.loads(run("thingc collision assemblies/arm.yaml --format json")),
-        "sensitivity": json.loads(run("thingc sensitivity assemblies/arm.yaml --by pen_diameter --of tests.light_hand --format json")),
+        "sensitivity": json.loads(run("thingc sensitivity assemblies/arm.yaml --by reach --of mass --format json")),
         "test": json.loads(run("thingc test assemblies/arm.yaml --only weight --format json")),
         "parts": json.loads(run("thingc parts arm:RotorBrace --format json")),
     }
