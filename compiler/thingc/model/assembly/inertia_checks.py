@@ -64,7 +64,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         if link.index in skip or link.index in common or not modes or not said.isdisjoint(link.origin[:1]):
             continue
         heaviest = max((robot.links[one] for one in groups[link.index]), key=lambda one: one.properties.mass)
-        if heaviest.properties.mass > link.properties.mass and link.properties.inertia == ZERO:
+        if heaviest is not link and link.properties.inertia == ZERO:
             continue
         moving = (mode for mode, held in zip(modes, still) if link.index not in held)
         mode = next((one.name for one in moving if link.index not in robot.between or link_of[one.root.occurrence] == link.index), None)

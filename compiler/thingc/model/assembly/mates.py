@@ -124,21 +124,21 @@ def loops_in(tree: Tree) -> Iterator[Joint]:
 
 def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: LinkReport) -> None:
     """Report each joint that closes a loop although its mounts do not move relative to each other, and each free joint in a loop."""
-    looping = on_loops(len(link_of), mates)
+    looping, groups = on_loops(len(link_of), mates), rigid_groups(len(links), link_of, mates)
     for mate in mates:
-        if mate.free and mate.joints[0].path in looping:
+        one, other = (link_of[end] for end in (mate.parent, mate.child))
+        if mate.free and mate.loop is None and mate.joints[0].path in looping:
             findings.error(
                 Code.LOOP, f"joint `{mate.name}` is free, but in a loop, which would constrain it", mate.origin, path=mate.name,
                 help="remove the joint with `loop: true`, or use another `type`",
             )
-    groups = rigid_groups(len(links), link_of, mates)
-    for mate in mates:
-        if mate.loop is not None and link_of[mate.child] in groups[link_of[mate.parent]]:
-            name = links[link_of[mate.parent]].name
+        if mate.loop is not None and not mate.free and other in groups[one]:
+            name = links[one].name
+            where = f"both of its mounts are on link `{name}`" if one == other else f"link `{links[other].name}` is fixed to link `{name}`"
             findings.error(
-                Code.LOOP, f"joint `{mate.loop}` does not close a loop: both of its mounts are on link `{name}`", mate.origin,
-                path=mate.loop, help="use mounts of two links that move relative to each other, or remove the joint",
-                notes=noted(f"link `{name}` is defined here", links[link_of[mate.parent]].origin),
+                Code.LOOP, f"joint `{mate.loop}` does not close a loop: {where}", mate.origin, path=mate.loop,
+                help="use mounts of two links that move relative to each other, or remove the joint",
+                notes=noted(f"link `{name}` is defined here", links[one].origin),
             )
 
 

@@ -114,7 +114,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
     places: Places = {}
     placements = own_placements(context, table, places)
     unsure = joints(table, moving, places)
-    place_in_modes(table, placements, places)
+    unsure = place_in_modes(table, placements) or unsure
     mimics(table, moving)
     transmissions(table, geared, [item.name for item in moving if item.spec.drive is not None])
     check(table, places, unsure=unsure)

@@ -16,7 +16,6 @@ from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope
 from thingc.model.resolve.joints import NO_DYNAMICS, NO_LIMIT
 from thingc.model.resolve.modes import nested_mode
-from thingc.model.resolve.placement import Places
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.types import At, Attach, Joint, Mode, Reference
 
@@ -24,11 +23,12 @@ ROOT = "root"
 """Name of the joint of the base of a nested assembly. Joints in documents cannot have this name."""
 
 
-def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | None], places: Places) -> None:
+def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | None]) -> bool:
     """Replace the placement of each component with a `mode` by the joint of the base of the mode.
 
-    Invalid modes are reported, and their components remain unplaced.
+    Invalid modes are reported, and their components remain unplaced. Return whether a component has a `mode` without a pose.
     """
+    lost = False
     for node in table.nodes.values():
         at, scope, path = placements.get(node.name), node.scope, (*node.path, "mode")
         if node.spec.mode is None or node.table is None or node.unplaced:
@@ -38,8 +38,7 @@ def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | Non
                 Code.BROKEN_RULE, f"`{node.name}` has `mode` but no `at`, the pose at which the mode is placed", path, key=True,
                 help="write, for example, `at: {in: room.origin}`, with a component `room: {frame: true}`",
             )
-            places.setdefault(node.name, []).append(("`mode`", scope.span(path, key=True)))
-            node.unplaced = True
+            lost = node.unplaced = True
             continue
         placements[node.name] = None
         mode = _mode_of(node, node.table, node.spec.mode)
@@ -57,6 +56,7 @@ def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | Non
                 offset=0.0, drive=None, mimic=None, origin=at.origin, spans={}, keep=not kind.moves,
                 axis=IDENTITY[2] if root.mount is None else None, pose=at.pose @ mode.at,
             )
+    return lost
 
 
 def _mode_of(node: ComponentScope, inner: DocumentScope, name: str) -> Mode | None:
