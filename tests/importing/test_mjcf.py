@@ -125,7 +125,7 @@ def test_nothing_of_what_is_left_out_is_written(tmp_path: Path) -> None:
     (tmp_path / imported.document).write_bytes(imported.files[imported.document])
     compiled = thingc.compile(tmp_path / imported.document)
     model = compiled.modes["source"].model()
-    assert {model.body(k).name for k in range(1, model.nbody)} == {"trunk", "crank", "rod", "end", "rocker", "slider"}
+    assert {model.body(k).name for k in range(1, model.nbody)} == {"trunk", "crank", "rod", "end", "rocker", "slider", "ball"}
     assert {model.actuator(k).name for k in range(model.nu)} == {"twist", "strong", "slider/suck", "second", "muscle", "tendon"}
     assert {model.eq(k).name for k in range(model.neq)} == {"close", "half"} and model.tendon(0).name == "pull"
     assert tuple(model.actuator("strong").gear) == (4, 0, 0, 0, 0, 0) and tuple(model.actuator("strong").forcerange) == (-0.75, 0.75)
@@ -141,7 +141,7 @@ def test_paths_that_a_document_has_not_are_losses_and_so_are_their_drives(steps:
 <mujoco>
   <worldbody>
     <body name="arm"><joint name="j"/><joint name="k" axis="1 0 0"/><geom size="0.1"/><site name="a"/><site name="b" pos="0 0 1"/></body>
-    <body name="box"><freejoint/><geom size="0.1"/><site name="c" pos="0 0 1"/></body>
+    <body name="box" mocap="true"><geom size="0.1"/><site name="c" pos="0 0 1"/></body>
   </worldbody>
   <tendon><spatial name="cord">{steps}</spatial></tendon>
   <actuator><motor name="pull" tendon="cord"/></actuator>

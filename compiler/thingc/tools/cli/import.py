@@ -49,6 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     robot_files.configure(parser)
     add("--check", action="store_true", help="write nothing; list imported elements, repairs and losses")
     add("--root", metavar="LINK", action="append", default=[], help="add a mode with this link as root (may be repeated)")
+    add("--keep", action="store_true", help="keep links that are fixed to another link as separate bodies in simulators")
     add("--update", action="store_true", help="merge with the last import and preserve your edits (exit code 1 if there are conflicts)")
 
 
@@ -60,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.file.lower().endswith((".step", ".stp")):
         return _import_step(arguments, report)
     request = replace(
-        robot_files.import_request(arguments), roots=arguments.root, update=arguments.update,
+        robot_files.import_request(arguments), roots=arguments.root, update=arguments.update, keep=arguments.keep,
         earlier=lambda name: earlier_import(arguments.output or name),
     )
     imported = import_robot(arguments.file, report, request)

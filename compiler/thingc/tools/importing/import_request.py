@@ -21,8 +21,9 @@ class ImportRequest(FrozenStruct):
 
     `packages` maps the names of ROS packages to folders. `arguments` are the arguments for a xacro file. Meshes are also searched in the
     folders `mesh_roots`. If `meshes` is false, meshes are not imported. For each link in `roots`, the generated document has an additional
-    mode whose root is this link. `repair` is the method for repairing invalid inertias. The function `earlier` returns the previous import
-    of the robot with the given name, and `update` requires a previous import.
+    mode whose root is this link. If `keep` is true, links that are fixed to another link have the key `keep` in the document. `repair` is
+    the method for repairing invalid inertias. The function `earlier` returns the previous import of the robot with the given name, and
+    `update` requires a previous import.
     """
 
     packages: Mapping[str, str] = {}
@@ -30,6 +31,7 @@ class ImportRequest(FrozenStruct):
     mesh_roots: Sequence[str] = ()
     meshes: bool = True
     roots: Sequence[str] = ()
+    keep: bool = False
     repair: Repair | None = None
     earlier: Callable[[str], PreviousImport | None] = lambda _: None
     update: bool = False

@@ -97,10 +97,10 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
     links = [link.name for link in robot.links]
     for name in (one for one in request.roots if one not in links):
         report.add(Code.COMMAND_LINE, f"--root: there is no link `{name}`", None, help=did_you_mean(name, links, what="links"))
-    roots, repair, meshes = request.roots, request.repair, request.meshes
+    roots, repair, meshes, keep = request.roots, request.repair, request.meshes, request.keep
     if request.update and before is not None:
         roots, repair = [*(name for name in before.roots if name in links), *roots], repair or before.repair
-        meshes = meshes and before.with_meshes
+        meshes, keep = meshes and before.with_meshes, keep or before.keep
     elif request.update:
         message = "--update: there is no import in that folder, or its `import.json` has been modified"
         report.add(Code.COMMAND_LINE, message, None, help="specify the folder with -o, or import without --update")
@@ -118,7 +118,7 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
     if report.failed:
         return None
     origin, hows = escape_control(os.path.basename(path)), {one.link.name: one.how for one in mended}
-    written = DocumentWriter(robot, roots, origin, hows, placed_meshes, before).written()
+    written = DocumentWriter(robot, roots, origin, hows, placed_meshes, before, keep=keep).written()
     document = f"{written.name}.yaml" if before is None else before.document
     renamed = {name: word for kind in ("links", "frames", "joints") for name, word in written.names[kind].items() if name != word}
     imported = Imported(
@@ -126,7 +126,7 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
         losses=(*robot.losses, *left_out), renamed=renamed, repaired=mended, places=written.places,
         earlier=before,
     )
-    asked = {"roots": roots, "repair": repair, "meshes": meshes}
+    asked = {"roots": roots, "repair": repair, "meshes": meshes, **({"keep": True} if keep else {})}
     return replace(imported, files={**imported.files, RECORD: _record(imported, written, asked, path, data)})
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from thingc.base.pose import MATE, NO_POSE
+from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.base.sensor_kinds import SENSORS
 from thingc.base.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
 from thingc.tools.importing.document_names import DocumentNaming, distinct
@@ -89,7 +89,10 @@ def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
     kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
     for name, value in state.q.items():
-        if isinstance(value, tuple):
+        if isinstance(value, Pose):
+            if moved := pose_words(value):
+                said[words.joints[name]] = f"{{{moved}}}"
+        elif isinstance(value, tuple):
             if words.loops or value != (1.0, 0.0, 0.0, 0.0):
                 said[words.joints[name]] = f"{{quat: [{', '.join(quantity(one, '') for one in value)}]}}"
         elif value or words.loops:

@@ -24,7 +24,8 @@ class PreviousImport(FrozenStruct):
     """The previous import of the robot `robot` from the file `source`. `folder` is the absolute path of the import folder.
 
     `document` is the file name of the document, and `text` is the content that the import wrote. `meshes` maps mesh files to SHA-256
-    hashes. `links` and `joints` map names in the source to names in the document. `roots` and `repair` are the options of the import.
+    hashes. `links` and `joints` map names in the source to names in the document. `roots`, `repair` and `keep` are the options of the
+    import.
     """
 
     folder: str
@@ -38,6 +39,7 @@ class PreviousImport(FrozenStruct):
     roots: tuple[str, ...]
     repair: Repair | None
     with_meshes: bool
+    keep: bool
 
     def edited(self) -> tuple[str, ...]:
         """Return the names of the files that the user has changed since the import. Deleted files are omitted."""
@@ -77,6 +79,7 @@ def earlier_import(folder: str) -> PreviousImport | None:
             roots=tuple(asked["roots"]), repair=_repair(asked["repair"]),
             meshes={_inside(name): str(sha256) for name, sha256 in record["meshes"].items()}, with_meshes=bool(asked["meshes"]),
             links={**names["links"], **names["frames"]}, joints={**names["joints"]},
+            keep=bool(asked.get("keep")),
         )
         return earlier if document["sha256"] == _sha256(text.encode()) else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):

@@ -53,16 +53,17 @@ class WrittenDocument(FrozenStruct):
 class DocumentWriter(DocumentNaming):
     """Writes the document of an imported robot. The document has the mode `source` and one mode for each link in `roots`.
 
+    With `keep`, links that are fixed to another link are separate bodies in simulators.
     The first line of the document contains the name of the source, `origin`. `repaired` maps the names of repaired links to the repair
     method. `meshes` maps mesh URIs to files. Other meshes are omitted. Elements keep their names from an `earlier` import.
     """
 
     def __init__(
         self, robot: SourceRobot, roots: Sequence[str], origin: str, repaired: Mapping[str, str], meshes: Mapping[str, str],
-        earlier: PreviousImport | None,
+        earlier: PreviousImport | None, *, keep: bool,
     ) -> None:
         super().__init__(robot, meshes, earlier)
-        self.roots, self.origin, self.repaired = roots, origin, repaired
+        self.roots, self.origin, self.repaired, self.keep = roots, origin, repaired, keep
 
     def written(self) -> WrittenDocument:
         """Return the generated document in canonical layout."""
@@ -91,6 +92,7 @@ class DocumentWriter(DocumentNaming):
                 yield from shapes
             if above is not None and not above.joints:
                 yield f"    at: {{in: {self.links[above.parent]}.origin{pose_words(above.pose, above.rpy, before=', ')}}}"
+                yield from ["    keep: true"] if self.keep else []
             mounts = [*self._mounts(name)]
             if mounts:
                 yield "    mounts:"

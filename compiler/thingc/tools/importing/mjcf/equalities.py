@@ -117,13 +117,15 @@ def _shifted(coefficients: Sequence[float], by: float) -> list[float]:
     ]
 
 
-BALL, SLIDE, HINGE = 1, 2, 3
+FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
 
 
 def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings: Equalities) -> SourceJoint:
-    """Convert a hinge, slide or ball joint of the MuJoCo model to a joint of the source model."""
+    """Convert a joint of the MuJoCo model to a joint of the source model."""
     model, name, where = original.model, original.joints[joint], original.where("joint", joint)
     kind_of, dof = int(model.jnt_type[joint]), int(model.jnt_dofadr[joint])
+    if kind_of == FREE:
+        return SourceJoint(name=name, kind="free", axis=(0.0, 0.0, 1.0), where=where, raw=free_joint(original, joint))
     limited, (lower, upper) = bool(model.jnt_limited[joint]), floats(model.jnt_range[joint])
     follows, drive = couplings.follows.get(joint), drives.of_joint.get(joint)
     start = 0.0 if kind_of == BALL else float(model.qpos0[model.jnt_qposadr[joint]])

@@ -80,23 +80,26 @@ class _Reader:
             self.joints[int(body)].append(joint)
         self.free = {body for body, joints in enumerate(self.joints) for joint in joints if self.model.jnt_type[joint] == FREE}
         self.mocap = {body for body in range(len(self.parents)) if self.model.body_mocapid[body] >= 0}
+        self._released: dict[int, Pose] = {}
         self.shapes = Geoms(original)
         self.link_names = {*original.bodies.values()}
 
     def robot(self) -> SourceRobot | None:
         """Return the imported robot.
 
-        If the model contains several unconnected groups of bodies, the robot is the group with the most joints.
+        If the model contains several unconnected groups of bodies, the root is in the group with the most joints. Free joints connect the
+        other floating groups to the root.
         """
         if len(self.parents) > MOST_LINKS:
             message = f"the robot has {len(self.parents):,} bodies, but at most {MOST_LINKS:,} are supported"
             self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
             return None
-        kept = self._kept()
+        kept, root = self._kept()
         if kept == {WORLD}:
             self.report.add(Code.SOURCE_TREE, "the robot has no body", self.original.flat.root.where)
             return None
-        root = min(kept)
+        for body in self.free & kept - {root}:
+            self.parents[body], self._released[body] = root, (NO_POSE if root == WORLD else self._pose(root)).inverse() @ self._pose(body)
         on = self._carriers(kept, root)
         for body in (body for body in sorted(kept) if self.model.body_mass[body] <= 0.0 and any(floats(self.model.body_inertia[body]))):
             what = f"the inertia of body `{self.original.bodies[body]}`"
@@ -116,7 +119,7 @@ class _Reader:
         sensed = sensors(self.original, on, kept, added, drives.driven, root)
         excluded = touching(self.original, on, heads, None if base == "free" else root, added)
         gravity = floats(self.model.opt.gravity)
-        states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints})
+        states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints}, self._released)
         simulated, set_up = simulation(self.original), options(self.original)
         free = self.joints[root][0] if base == "free" else -1
         set_up += tuple((("joint", "root", name), value) for name, value in (free_joint(self.original, free) if base == "free" else ()))
@@ -153,7 +156,11 @@ class _Reader:
     def _joint_order(self, root: int, hangings: Sequence[Attachment]) -> list[int]:
         """Return the indices of the source joints in the order of the joints in a model that is generated from the document."""
         numbers_of = {name: number for number, name in self.original.joints.items()}
-        tree = downwards(self.original.bodies[root], hangings)
+        island: dict[str, int] = {}
+        tree = [*downwards(self.original.bodies[root], hangings)]
+        for number, one in enumerate(tree, 1):
+            island[one.child] = number if one.floating else island.get(one.parent, 0)
+        tree.sort(key=lambda one: island[one.child])
         return [*self.joints[root][: root in self.free], *(numbers_of[joint.name] for one in tree for joint in one.joints)]
 
     def _lose_indices(self, array: str, sizes: Sequence[int], kept: Sequence[int]) -> None:
@@ -195,17 +202,18 @@ class _Reader:
             )
             above, place = word, NO_POSE
         joints = () if last < 0 else (joint_of(original, last, drives, couplings),)
-        yield Attachment(name=name, parent=above, child=name, pose=place, where=where, joints=joints)
+        yield Attachment(name=name, parent=above, child=name, pose=place, where=where, joints=joints, floating=body in self._released)
 
     def _pose(self, body: int) -> Pose:
-        return pose_of(self.model.body_pos[body], self.model.body_quat[body])
+        """Return the pose of a body in the frame of its parent, or of the root for a released body."""
+        return self._released.get(body) or pose_of(self.model.body_pos[body], self.model.body_quat[body])
 
-    def _kept(self) -> set[int]:
-        """Return the indices of the bodies that belong to the imported robot.
+    def _kept(self) -> tuple[set[int], int]:
+        """Return the indices of the bodies that belong to the imported robot, and the index of its root.
 
-        All bodies attached to the world form one group, and each floating body forms another group. The group with the most joints is the
-        robot. All other bodies are recorded as losses. If the world is not part of the robot, its geoms and sites are also recorded as
-        losses.
+        All bodies attached to the world form one group, and each floating body forms another group. The root is the first body of the group
+        with the most joints. Bodies in groups that neither contain the root nor float are recorded as losses. If the world is not part of
+        the robot, its geoms and sites are also recorded as losses.
         """
         tops = [body for body, parent in enumerate(self.parents) if parent == WORLD and body != WORLD]
         groups: dict[int, set[int]] = {WORLD: {WORLD}} | {body: set() for body in tops if body in self.free or body in self.mocap}
@@ -213,9 +221,9 @@ class _Reader:
         for body in range(1, len(self.parents)):
             group[body] = body if body in groups else group[self.parents[body]]
             groups[group[body]].add(body)
-        chosen = max(groups, key=lambda one: (sum(len(self.joints[body]) for body in groups[one]), len(groups[one]), -one))
+        chosen = max(groups, key=lambda one: (sum(len(self.joints[body]) for body in groups[one] - self.free), len(groups[one]), -one))
         for body in tops:
-            if group[body] != chosen:
+            if group[body] != chosen and body not in self.free:
                 what = f"body `{self.original.bodies[body]}`, with everything attached to it"
                 self.original.lose("body", body, what, "the body is not part of the robot, and a document contains only one robot")
         on_world = self._on_world(planes=False)
@@ -229,7 +237,7 @@ class _Reader:
             is_plane = (kind, number) not in on_world
             why = "floors are part of a scene, not of a robot" if is_plane else "fixed to the world, so not part of the robot"
             self.original.lose(kind, number, f"a {kind} of the world", why)
-        return kept
+        return kept.union(*(groups[body] for body in groups.keys() & self.free)), min(kept)
 
     def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
         """Return pairs of kind and index for the geoms and sites of the world body.

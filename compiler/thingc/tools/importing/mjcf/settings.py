@@ -175,8 +175,11 @@ def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
 
 def poses(
     original: CompiledSource, on: Mapping[int, tuple[int, Pose]], root: int, base: SourceBase, joints: Mapping[str, SourceJoint],
+    released: Mapping[int, Pose],
 ) -> tuple[SourcePose, ...]:
     """Convert the keyframes of a MuJoCo model to poses within the joint limits.
+
+    `released` contains the initial poses of bodies with free joints in the frame of the root.
 
     Velocities and activations in keyframes are recorded as losses.
     """
@@ -185,12 +188,18 @@ def poses(
     following = {joint.name: joint.follows for joint in joints.values() if joint.follows is not None}
     for number, key in enumerate(original.spec.keys):
         name, where = key.name or f"key_{number}", places[number] if number < len(places) else original.flat.root.where
-        q: dict[str, float | Quaternion] = {}
+        q: dict[str, float | Quaternion | Pose] = {}
+        first = int(model.jnt_qposadr[model.body_jntadr[root]]) if base == "free" else 0
+        here, usual = (floats(qpos[first : first + 7]) for qpos in (model.key_qpos[number], model.qpos0))
+        X_WR = pose_of(here[:3], here[3:]) if base == "free" else pose_of(model.body_pos[root], model.body_quat[root])
         for joint in range(model.njnt):
             at, kind = int(model.jnt_qposadr[joint]), int(model.jnt_type[joint])
             if int(model.jnt_bodyid[joint]) in on and kind == 1:
                 w, x, y, z = floats(model.key_qpos[number][at : at + 4])
                 q[original.joints[joint]] = (w, x, y, z)
+            elif (body := int(model.jnt_bodyid[joint])) in released:
+                own = model.key_qpos[number][at : at + 7]
+                q[original.joints[joint]] = released[body].inverse() @ X_WR.inverse() @ pose_of(own[:3], own[3:])
             elif int(model.jnt_bodyid[joint]) in on and kind > 1:
                 name_of, value = original.joints[joint], float(model.key_qpos[number][at])
                 q[name_of] = joints[name_of].ends.nearest(value)
@@ -201,8 +210,6 @@ def poses(
             was, leader = q.pop(name_of), q[follows.joint]
             if isinstance(was, float) and isinstance(leader, float) and abs(was - follows.at(leader)) > 1e-6:
                 original.losses.note(f"joint `{name_of}` at {was:g} in keyframe `{name}`", f"the joint mimics `{follows.joint}`", where)
-        first = int(model.jnt_qposadr[model.body_jntadr[root]]) if base == "free" else 0
-        here, usual = (floats(qpos[first : first + 7]) for qpos in (model.key_qpos[number], model.qpos0))
         moved = base == "free" and any(abs(a - b) > _ALIKE for a, b in zip(here, usual, strict=True))
         for loop, gap in _open_loops(original, number):
             what = f"the values of keyframe `{name}`: loop `{loop}` has a gap of {gap:.2g} m"
