@@ -55,6 +55,9 @@ STRIPS: dict[str, tuple[str, list[list[str]]]] = {
     "gallery_so101.png": ("gallery/so101/so101.yaml", [
         ["--mode", "bench", "--pose", "reaching", "--azimuth", "150"], ["--mode", "hanging", "--azimuth", "215"],
     ]),
+    "gallery_wrist.png": ("gallery/wrist/wrist.yaml", [
+        ["--mode", "bench", "--azimuth", "60"], ["--mode", "by_the_hand", "--azimuth", "60"],
+    ]),
     "arm_frames.png": ("assemblies/arm.yaml", [["--mode", "drawing", "--joints", "--root", "--mounts-of", "hand.fixture"]]),
 }
 """Pictures that are placed side by side: the document, and the options of each."""

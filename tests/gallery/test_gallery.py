@@ -15,12 +15,13 @@ from thingc.tools.cli.main import main
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ("balancer", "delta", "gecko", "gripper", "hand", "hexapod", "so101")
+NAMES = ("balancer", "delta", "gecko", "gripper", "hand", "hexapod", "so101", "wrist")
 ROOTS = {  # the links that trees begin with, and the modes: another root is another tree of the same robot
     "balancer": ({"body", "left_wheel"}, 4), "delta": ({"top", "platform"}, 3),
     "gecko": ({"chest", "left_front/arm", "right_front/arm", "left_rear/arm", "right_rear/arm"}, 6),
     "gripper": ({"base", "left_finger"}, 3), "hand": ({"forearm", "index/distal"}, 3),
     "hexapod": ({"chassis", "leg_0/knee_servo", "leg_1/knee_servo"}, 5), "so101": ({"base_link", "gripper_link"}, 2),
+    "wrist": ({"forearm", "hand"}, 3),
 }
 _MADE: dict[str, thingc.Compiled] = {}
 

@@ -63,11 +63,11 @@ class Yoke(Thing):
 
 
 class Hand(Thing):
-    """The part of the wrist that rolls. Its mounts are `root` and `tip`."""
+    """The part of the wrist that rolls. Its mounts are `back` and `tip`."""
 
     def __init__(self) -> None:
         super().__init__(material="petg")
-        self.root = MountPoint(MATE)
+        self.back = MountPoint(MATE)
         self.tip = MountPoint(Location((0, 0, 60)))
 
     def result(self) -> Solid:
