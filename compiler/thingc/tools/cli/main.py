@@ -33,6 +33,7 @@ COMMANDS = {
     "info": "show masses, links and joints of a robot, and the source of each number",
     "collision": "measure how well collision shapes approximate the parts of a robot, and draw them over the parts",
     "sensitivity": "show how results of a robot change with its parameters: derivatives with units",
+    "print": "show size, overhangs, supports, mass and filament of the printed parts, and directions with less support",
     "render": "draw a picture of a robot in one of its poses",
     "hag": "print the assembly graph (text, DOT, Mermaid, SVG, GraphML or JSON)",
     "lock": "write the properties of parts to parts.lock.json, to check documents without running code",

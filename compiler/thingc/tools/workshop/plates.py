@@ -16,10 +16,12 @@ import numpy as np
 import rpack
 from numpy.typing import NDArray
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import Code, Report
+from thingc.base.pose import Vector
 from thingc.geometry.record import PartDefinition
+from thingc.geometry.store.local import Store
 from thingc.model.assembly.print_settings import process_of
-from thingc.model.assembly.types import Occurrence
+from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.resolve.types import Process
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.bom.emit import make_of, plain_name
@@ -39,16 +41,23 @@ GREY = "#c0c0c0"
 class Print:
     """Equal prints: their mesh in print orientation, with the lowest corner of its bounding box at the origin [mm].
 
-    `faces` contains indices of `vertices`. `first` is the first of the `count` occurrences. If `sideways` is True, the part only fits on
-    the bed after a rotation by 90 degrees about z.
+    `faces` contains indices of `vertices`. `first` is the first of the `count` occurrences. `stl` is the mesh in the axes of the part, in
+    which `up` points away from the bed. If `sideways` is True, the part only fits on the bed after a rotation by 90 degrees about z.
     """
 
     first: Occurrence
     count: int
-    name: str
+    label: str
+    stl: bytes
+    up: Vector
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
     sideways: bool
+
+    @property
+    def name(self) -> str:
+        """The name of the object in files, with the number of pieces."""
+        return f"{self.label}_x{self.count}" if self.count > 1 else self.label
 
     @property
     def footprint(self) -> tuple[int, int]:
@@ -66,7 +75,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
     A part that does not fit on the bed is an error. Parts with a mesh that is not closed are written, with an export loss.
     """
-    prints, losses = _prints(request)
+    prints, losses = prints_of(request.assembly, request.store, request.workspace.bed, request.report)
     name = request.assembly.name
     plates = arranged(prints, request.workspace.bed)
     return Artifacts(
@@ -75,16 +84,20 @@ def emit(request: EmitRequest) -> Artifacts:
     )
 
 
-def _prints(request: EmitRequest) -> tuple[list[Print], list[Loss]]:
+def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Report) -> tuple[list[Print], list[Loss]]:
+    """Return the prints of a robot in the order of the document, and an export loss for each mesh that is not closed.
+
+    `bed` is the size of the bed, with the largest height [m]. Prints that do not fit are reported and omitted.
+    """
     alike: dict[tuple[object, ...], list[Occurrence]] = {}
-    for one in request.assembly.occurrences:
+    for one in assembly.occurrences:
         mesh = one.record.meshes.get("print") if one.record is not None else None
         if isinstance(one.component.definition, PartDefinition) and mesh is not None and make_of(one) == "print":
             settings = tuple(sorted(settings_of(one).items()))
             alike.setdefault((one.definition, direction_up(one), _material(one), settings), []).append(one)
-    firsts = [group[0] for group in alike.values()]
-    names = [plain_name(one) for one in firsts]
-    prints, losses = [], []
+    names = [plain_name(group[0]) for group in alike.values()]
+    prints: list[Print] = []
+    losses: list[Loss] = []
     for group, name in zip(alike.values(), names, strict=True):
         first = group[0]
         assert isinstance(first.component.definition, PartDefinition) and first.record is not None
@@ -92,26 +105,25 @@ def _prints(request: EmitRequest) -> tuple[list[Print], list[Loss]]:
         if not mesh.closed:
             what = f"the surface of `{first.definition.label}` is not closed, so it has no volume to print"
             losses.append(Loss.of(first.origin, "3mf", None, first.path, what, "approximated"))
-        vertices, faces = _indexed(turned(request.store.read(mesh.sha256), direction_up(first)))
-        label = name if names.count(name) == 1 else first.component.definition.stem
-        sideways = _fits(vertices, label, first, request)
+        label, up, stl = name if names.count(name) == 1 else first.component.definition.stem, direction_up(first), store.read(mesh.sha256)
+        vertices, faces = upright(stl, up)
+        sideways = _fits(vertices, label, first, bed, report)
         if sideways is not None:
             prints.append(Print(
-                first=first, count=len(group), name=f"{label}_x{len(group)}" if len(group) > 1 else label, vertices=vertices, faces=faces,
-                sideways=sideways,
+                first=first, count=len(group), label=label, stl=stl, up=up, vertices=vertices, faces=faces, sideways=sideways,
             ))
     return prints, losses
 
 
-def _fits(vertices: NDArray[np.float64], label: str, first: Occurrence, request: EmitRequest) -> bool | None:
+def _fits(vertices: NDArray[np.float64], label: str, first: Occurrence, bed: Sequence[float], report: Report) -> bool | None:
     """Return whether a part has to be rotated to fit on the bed. If it does not fit, report an error and return None."""
     x, y, z = vertices.max(axis=0) + (GAP, GAP, 0.0)
-    bed_x, bed_y, bed_z = (1e3 * length for length in request.workspace.bed)
+    bed_x, bed_y, bed_z = (1e3 * length for length in bed)
     if z <= bed_z and x <= bed_x and y <= bed_y:
         return False
     if z <= bed_z and y <= bed_x and x <= bed_y:
         return True
-    request.report.add(
+    report.add(
         Code.PRINT_SIZE,
         f"`{label}` does not fit on the print bed: expected at most {bed_x - GAP:.6g} x {bed_y - GAP:.6g} x {bed_z:.6g} mm, "
         f"found {x - GAP:.6g} x {y - GAP:.6g} x {z:.6g} mm", first.origin, path=first.path,
@@ -120,9 +132,10 @@ def _fits(vertices: NDArray[np.float64], label: str, first: Occurrence, request:
     return None
 
 
-def _indexed(stl: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Merge equal corners of a binary STL file, and move its bounding box to the origin [mm]."""
-    facets = np.frombuffer(stl, dtype=[("vectors", "<f4", (4, 3)), ("attribute", "<u2")], offset=84)["vectors"][:, 1:].reshape(-1, 3)
+def upright(stl: bytes, up: Vector) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Rotate a binary STL file so that `up` points along z, merge equal corners, and move its bounding box to the origin [mm]."""
+    turned_stl = turned(stl, up)
+    facets = np.frombuffer(turned_stl, dtype=[("vectors", "<f4", (4, 3)), ("attribute", "<u2")], offset=84)["vectors"][:, 1:].reshape(-1, 3)
     vertices, corners = np.unique(facets + np.float32(0.0), axis=0, return_inverse=True)
     return vertices.astype(float) - vertices.min(axis=0), corners.reshape(-1, 3)
 
