@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.diagnostics import Code, DiagnosticCode
+from thingc.base.diagnostics import Code, DiagnosticCode, Stage
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin
@@ -31,6 +31,10 @@ class CollisionCode(DiagnosticCode):
     """The diagnostic codes that `no_collision` tests can report."""
 
     TEST_COLLISION = ("TC655", "parts that collide", "Change a part, a pose or a range, or allow the pair with a reason.")
+    TEST_UNDECIDED = (
+        "TC663", "gap that is smaller than the error of the meshes",
+        "Increase the gap, use a finer `mesh` tolerance, or allow the pair with a reason.", Stage.TEST,
+    )
 
 
 class AllowSpec(Model):
@@ -51,20 +55,23 @@ class AllowSpec(Model):
 class NoCollisionTest(Model):
     """No two components may overlap or come too close to each other, in poses or over ranges of joints."""
 
-    model_config = ConfigDict(json_schema_extra={"dependentRequired": {"samples": ["joints"]}})
+    model_config = ConfigDict(json_schema_extra={"dependentRequired": {"samples": ["joints"], "certify": ["joints"]}})
 
     mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
     """Names or patterns of modes, or `all`; default: the first mode."""
     pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
-    joints: dict[JointPattern, Literal["all"] | Annotated[list[JointBoundField], Field(min_length=2, max_length=2)]] = Field(
-        default={}, examples=[{"elbow": "all", "yaw": ["-30 deg", "30 deg"]}],
-    )
-    """The ranges of joints that move, by joint name or pattern: `all` for the limits of a joint, or two positions. Other joints stay in the
-    pose.
+    joints: (
+        Literal["all"] | Annotated[list[JointPattern], Field(min_length=1)]
+        | dict[JointPattern, Literal["all"] | Annotated[list[JointBoundField], Field(min_length=2, max_length=2)]]
+    ) = Field(default={}, examples=["all", ["elbow", "yaw"], {"elbow": "all", "yaw": ["-30 deg", "30 deg"]}])
+    """The joints that move: `all`, a list of joint names or patterns, or ranges by joint name or pattern. A range is `all` for the limits
+    of a joint, or two positions. Other joints stay in the pose.
     """
     samples: CountField | None = None
     """Number of joint positions that are checked in the ranges of `joints`; default: 200."""
+    certify: bool = False
+    """Whether to prove the result for all positions of the ranges, as far as possible; default: `false`."""
     clearance: LengthField | None = None
     """The smallest allowed gap between two components; default: 0, which allows contact but no overlap."""
     allow: list[AllowSpec] = Field(default=[], examples=[[{"pair": ["finger_*", "palm"], "reason": "the gripper closes on its stop"}]])
@@ -72,9 +79,9 @@ class NoCollisionTest(Model):
 
     @model_validator(mode="after")
     def _sweep(self) -> NoCollisionTest:
-        if self.samples is not None and not self.joints:
-            help = "remove `samples`, or add, for example, `joints: {elbow: all}`"
-            raise rule("`samples` needs `joints`", help)
+        for key in ("samples", "certify"):
+            if getattr(self, key) and not self.joints:
+                raise rule(f"`{key}` needs `joints`", f"remove `{key}`, or add, for example, `joints: {{elbow: all}}`")
         return self
 
 
@@ -95,11 +102,12 @@ class CollisionCheck(OneLineRepr, FrozenStruct):
     """A parsed `no_collision` test.
 
     The test requires that no components overlap, and that components on links without a common joint are at least `clearance` [m] apart. If
-    `ranges` is given, `samples` joint positions in these ranges are checked.
+    `ranges` is given, `samples` joint positions in these ranges are checked. With `certify`, all positions are checked as far as possible.
     """
 
     ranges: tuple[JointRange, ...]
     samples: int
+    certify: bool
     clearance: float
     allow: tuple[AllowedContact, ...]
 
@@ -111,6 +119,7 @@ def read_no_collision(written: NoCollisionTest, reader: Reader) -> CollisionChec
         reader.error(Code.VALUE_KIND, f"`samples` must be a whole number, found {samples:g}", "samples")
     return CollisionCheck(
         samples=int(samples) if reader.sound else SAMPLES, ranges=tuple(reader.ranges(written.joints, "joints")),
+        certify=written.certify,
         clearance=reader.number(written.clearance, "clearance", LENGTH, least=0.0, default=0.0),
         allow=tuple(_allowance(said, reader, index) for index, said in enumerate(written.allow)),
     )
@@ -127,7 +136,7 @@ def _allowance(said: AllowSpec, reader: Reader, index: int) -> AllowedContact:
 
 KIND = CheckKind(
     name="no_collision", position=5, summary="No parts overlap, in poses or over ranges of joints.",
-    examples=[{"pose": "all"}, {"joints": {"elbow": "all"}, "clearance": "1 mm"}],
+    examples=[{"pose": "all"}, {"joints": {"elbow": "all"}, "clearance": "1 mm"}, {"joints": "all", "certify": True}],
     stub={"pose": "all"}, lengths=("clearance", "gap", "overlap"), model=NoCollisionTest, read=read_no_collision, of_limits=True,
     codes=CollisionCode,
 )

@@ -9,8 +9,14 @@ import numpy as np
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
+from thingc.documents.checks.no_collision import CollisionCheck
+from thingc.driver.testing.numpy_tree import quasi_random
 from thingc.model.assembly.links import joined_links
-from thingc.model.robot.types import Keyframe
+from thingc.model.assembly.types import Assembly, Occurrence
+from thingc.model.resolve.types import JointRange
+from thingc.model.robot.types import Keyframe, Robot
+from thingc.model.solids.clearance import PROVED, Body, Pair, Sweep, body_of, prove, sample
+from thingc.model.solids.contact_cells import divide
 from thingc.model.solids.overlaps import Overlaps, contact_places, reason_to_skip
 from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.request import EmitRequest
@@ -57,6 +63,7 @@ class Collisions:
         self.assembly, self.overlaps = request.assembly, Overlaps(request.store, request.workspace.mesh.linear, request.memo)
         self._report, shapes = request.report, Solids(request.store)
         self._solids = {one.index: solid for one in self.assembly.occurrences if (solid := shapes.solid(one)) is not None}
+        self._bodies: dict[str, Body] = {}
         near, link_of = {_ordered(*pair) for pair in joined_links(self.assembly)}, self.assembly.link_of
         indices = sorted(self._solids)
         self.pairs: list[tuple[int, int]] = []
@@ -73,7 +80,7 @@ class Collisions:
         self.hulls = [o.path for o in self.assembly.occurrences if o.definition.text in shapes.hulls]
 
     def _skip(self, pair: tuple[int, int], reason: str) -> None:
-        self.skipped.setdefault(reason, {})[" and ".join(self.assembly.occurrences[index].path for index in pair)] = None
+        self.skipped.setdefault(reason, {})[names_of(self.assembly, *pair)] = None
 
     def overlapping(
         self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], seen: set[object] | None,
@@ -92,13 +99,43 @@ class Collisions:
                 seen.add(cell)
             if (shared := self.overlaps.shared(pair, keep=seen is None)) is None:
                 continue
-            places = [*pair.other.origin, *(note.span for note in contact_places(self.assembly, pair.one, pair.other) if note.span)]
-            reason = next((one.reason for one in self._report.allowances if one.covers(Code.OVERLAP, places)), None)
-            if reason is None:
+            if (reason := self._intended(pair.one, pair.other)) is None:
                 volume, depth = shared
                 yield NearPair(one=one, other=other, gap=0.0, depth=depth, volume=volume, allowance=allowed.get(indices), where=frame)
             else:
                 self._skip(indices, f"allowed: {reason}")
+
+    def _intended(self, one: Occurrence, other: Occurrence) -> str | None:
+        """Return the reason for which the document allows an overlap of two parts on one link, or on links that a joint connects."""
+        places = [*other.origin, *(note.span for note in contact_places(self.assembly, one, other) if note.span)]
+        return next((allowance.reason for allowance in self._report.allowances if allowance.covers(Code.OVERLAP, places)), None)
+
+    def moving_pairs(self, robot: Robot, start: Keyframe, ranges: Sequence[JointRange], clearance: float) -> tuple[Sweep, list[Pair]]:
+        """Return the robot with moving joints, and the pairs of components that may collide and that move relative to each other."""
+        parts, deep = self.assembly.occurrences, self.overlaps.deep
+        sweep = Sweep(robot, start, ranges)
+        close = [(one, other) for one, other in sorted(self.close) if not self._intended(parts[one], parts[other])]
+        moving = [pair for pair in (*self.pairs, *close) if sweep.moving(*pair)[0]]
+        for index in (index for pair in moving for index in pair):
+            if parts[index].definition.text not in self._bodies:
+                self._bodies[parts[index].definition.text] = body_of(parts[index], self._solids[index], deep / 2.0)
+        bodies = {index: self._bodies[parts[index].definition.text] for pair in moving for index in pair}
+        return sweep, [
+            Pair(one, other, (bodies[one], bodies[other]), joined, 0.0 if joined else clearance, deep)
+            for one, other in moving for joined in ((one, other) in self.close,)
+        ]
+
+    def certified(self, robot: Robot, start: Keyframe, check: CollisionCheck) -> tuple[list[Pair], int]:
+        """Compare all pairs that move relative to each other in the ranges of a test, in all positions as far as possible.
+
+        Pairs between which more than `PROVED` ranges move are compared in samples. Return the pairs, and the number of samples in which the
+        loops of the robot do not close.
+        """
+        sweep, pairs = self.moving_pairs(robot, start, check.ranges, check.clearance)
+        rest = [pair for pair in pairs if len(sweep.moving(pair.one, pair.other)[0]) > PROVED]
+        prove(sweep, [pair for pair in pairs if pair not in rest and not divide(sweep, pair)])
+        missing = sample(sweep, rest, quasi_random(check.samples, len(check.ranges)).tolist()) if rest else 0
+        return pairs, missing
 
     def wrong(self, near: NearPair, clearance: float) -> bool:
         """Return whether the two components of a pair are closer to each other than the required clearance [m]."""
@@ -138,6 +175,11 @@ class Collisions:
             if allowance is None:
                 look = min(look, gap)
             yield NearPair(one=pair[0], other=pair[1], gap=gap, depth=depth, volume=volume, allowance=allowance, where=frame)
+
+
+def names_of(assembly: Assembly, one: int, other: int) -> str:
+    """Return the names of two components, such as `left and right`."""
+    return f"{assembly.occurrences[one].path} and {assembly.occurrences[other].path}"
 
 
 def collisions_of(request: EmitRequest) -> Collisions:

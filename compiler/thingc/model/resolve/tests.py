@@ -209,18 +209,22 @@ class Reader:
                 report_unmatched(self.scope, text, known, at, what, pattern=text == ALL)
         return tuple(name for name in known if name in names)
 
-    def ranges(self, said: dict[str, Any], key: str) -> Iterator[JointRange]:
+    def ranges(self, said: str | list[str] | dict[str, Any], key: str) -> Iterator[JointRange]:
         """Yield the joints that the test moves through a range, each with its range.
 
-        If both an exact joint name and a pattern match a joint, the exact name takes precedence.
+        The specification is `all`, a list of names and patterns, or ranges by name or pattern. If both an exact joint name and a pattern
+        match a joint, the exact name takes precedence.
         """
         joints = dict(self.table.all_joints())
         movable = {name: joint for name, joint in joints.items() if joint is not None and _movable(joint)}
         chosen: dict[CoordinateName, tuple[Any, Path]] = {}
-        for text in sorted(said, key=lambda text: text in joints):
-            at: Path = (key, text)
+        given = (
+            [(text, value, (key, text)) for text, value in said.items()] if isinstance(said, dict)
+            else [("*", ALL, (key,))] if said == ALL else [(text, ALL, (key, number)) for number, text in enumerate(said)]
+        )
+        for text, value, at in sorted(given, key=lambda one: one[0] in joints):
             fitting = [CoordinateName(text)] if text in joints else [name for name in movable if fnmatchcase(name, text)]
-            chosen.update((name, (said[text], at)) for name in fitting)
+            chosen.update((name, (value, at)) for name in fitting)
             if fitting or self.table.unsure_joints():
                 self.sound = self.sound and bool(fitting)
             elif GLOB.search(text):

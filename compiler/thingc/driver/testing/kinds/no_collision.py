@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import chain
 
 from thingc.base.diagnostics import Code, Note, Report, allow_hint
 from thingc.base.one_line_repr import counted
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import KIND, CollisionCheck, CollisionCode
+from thingc.driver.testing.certificate import Certificate
 from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.driver.testing.poses import joints_text, swept
@@ -21,8 +22,11 @@ LISTED = 5
 
 
 def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
-    """Return the poses in which the test measures: all poses of its sweep, or only `pose` if the test does not specify a sweep."""
-    return swept(pose, check.ranges, check.samples) if check.ranges else [pose]
+    """Return the poses in which the test measures: all poses of its sweep, or only `pose` if the test does not specify a sweep.
+
+    With `certify`, the only pose is inside the ranges. The certificate checks all other positions.
+    """
+    return swept(pose, check.ranges, 1 if check.certify else check.samples) if check.ranges else [pose]
 
 
 def measure(case: TestCase, check: CollisionCheck) -> Outcome:
@@ -32,44 +36,67 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
     nearest: NearPair | None = None
     worst: dict[tuple[int, int], NearPair] = {}
     needed: set[int] = set()
-    seen: set[object] = set()
-    for frame in case.frames:
-        at = occurrence_poses(case.robot, frame.q, frame.base)
-        look = LOOK if nearest is None else nearest.gap
-        close = collisions.overlapping(at, frame, allowed, seen if check.ranges else None)
-        for near in chain(collisions.near(at, frame, check.clearance, look, allowed, needed), close):
-            wrong = collisions.wrong(near, check.clearance)
-            if near.allowance is not None:
-                needed.update((near.allowance,) if wrong else ())
-                continue
-            if nearest is None or near.gap < nearest.gap:
-                nearest = near
-            pair = near.one, near.other
-            if wrong and (pair not in worst or near.badness > worst[pair].badness):
-                worst[pair] = near
+    certificate = Certificate(case, check, collisions) if check.certify else None
+    touching = list(certificate.touching(allowed)) if certificate is not None else []
+    sure = {(near.one, near.other) for near in touching}
+    for near in chain(_found(case, check, collisions, allowed, needed), touching):
+        pair = near.one, near.other
+        wrong = pair in sure or collisions.wrong(near, check.clearance)
+        if near.allowance is not None:
+            needed.update((near.allowance,) if wrong else ())
+            continue
+        if nearest is None or near.gap < nearest.gap:
+            nearest = near
+        if wrong and (pair not in worst or near.badness > worst[pair].badness):
+            worst[pair] = near
     compared = len(collisions.pairs) + len(collisions.close)
     measured: dict[str, Measure] = {"gap": nearest.gap if nearest is not None else None, "positions": len(case.frames), "pairs": compared}
     if collisions.skipped:
         measured["skipped"] = {reason: list(pairs) for reason, pairs in collisions.skipped.items()}
-    if case.missing:
-        measured["not_closing"] = case.missing
+    missing = case.missing + (certificate.missing if certificate is not None else 0)
+    if missing:
+        measured["not_closing"] = missing
     if nearest is not None:
         measured["pair"] = _pair_text(collisions.assembly, nearest, "")
-    looked = f", {counted(len(case.frames), 'position')}" if check.ranges else ""
-    looked += f", in {case.missing} more positions the loops do not close" if case.missing else ""
+    looked = f", {counted(len(case.frames), 'position')}" if check.ranges and certificate is None else ""
+    looked += f", in {missing} more positions the loops do not close" if missing else ""
     failure: Failure | None = None
+    if certificate is not None:
+        said, measured["certificate"] = certificate.said, certificate.measured
+        needed |= certificate.warn(allowed)
     if worst:
         failure = _failure(case, check, sorted(worst.values(), key=lambda near: near.badness, reverse=True), collisions)
         measured["overlap"] = max(near.depth for near in worst.values())
         said = "1 pair collides" if len(worst) == 1 else f"{len(worst)} pairs collide"
-    elif nearest is None:
-        said = f"every gap between links without a common joint is over {Quantity(LOOK, LENGTH)}"
-    else:
-        said = f"least gap {shown(nearest.gap, LENGTH)}, {_pair_text(collisions.assembly, nearest, '')}"
+    elif certificate is None:
+        said = _least_gap(collisions.assembly, nearest)
     return Outcome(
         measured=measured, expected={"clearance": check.clearance}, failure=failure, needed=frozenset(needed),
         said=f"{said}{looked}; {counted(compared, 'pair')} compared{_skipped_text(collisions)}",
     )
+
+
+def _found(
+    case: TestCase, check: CollisionCheck, collisions: Collisions, allowed: Mapping[tuple[int, int], int], needed: Collection[int],
+) -> Iterator[NearPair]:
+    """Yield the pairs of components that are close to each other or overlap in the frames of a test.
+
+    `needed` contains the indices of the `allow` entries that have already permitted a collision, and may grow during the iteration.
+    """
+    seen: set[object] | None = set() if check.ranges else None
+    look = LOOK
+    for frame in case.frames:
+        at = occurrence_poses(case.robot, frame.q, frame.base)
+        close = collisions.overlapping(at, frame, allowed, seen)
+        for near in chain(collisions.near(at, frame, check.clearance, look, allowed, needed), close):
+            look = look if near.allowance is not None else min(look, near.gap)
+            yield near
+
+
+def _least_gap(assembly: Assembly, nearest: NearPair | None) -> str:
+    if nearest is None:
+        return f"every gap between links without a common joint is over {Quantity(LOOK, LENGTH)}"
+    return f"least gap {shown(nearest.gap, LENGTH)}, {_pair_text(assembly, nearest, '')}"
 
 
 def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> None:

@@ -1,0 +1,80 @@
+"""Check `no_collision` tests with the key `certify` in all positions of their ranges, and describe the results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from msgspec.structs import replace
+
+from thingc.base.diagnostics import Note
+from thingc.base.one_line_repr import counted
+from thingc.base.units import LENGTH
+from thingc.documents.checks.no_collision import CollisionCheck, CollisionCode
+from thingc.driver.testing.collisions import Collisions, NearPair, names_of
+from thingc.driver.testing.outcomes import TestCase, shown
+from thingc.driver.testing.poses import joints_text
+from thingc.model.solids.clearance import Pair
+
+WORDS = {"proved": "proved", "followed": "followed through loops", "sampled": "sampled"}
+"""Descriptions of the methods by which pairs are compared."""
+
+
+class Certificate:
+    """The pairs of components that move relative to each other in the ranges of a test, with the result of each pair.
+
+    `missing` is the number of samples in which the loops of the robot do not close.
+    """
+
+    def __init__(self, case: TestCase, check: CollisionCheck, collisions: Collisions) -> None:
+        self._case, self._check, self._assembly = case, check, collisions.assembly
+        self._pairs, self.missing = collisions.certified(case.robot, case.frames[0], check)
+
+    def _found(self, verdict: str) -> list[Pair]:
+        return [pair for pair in self._pairs if pair.verdict == verdict]
+
+    def _method(self, method: str) -> list[Pair]:
+        return [pair for pair in self._found("clear") if pair.method == method]
+
+    def touching(self, allowed: Mapping[tuple[int, int], int]) -> Iterator[NearPair]:
+        """Yield the pairs of components that collide, at the worst position that was found."""
+        for pair in self._found("touches"):
+            yield NearPair(
+                one=pair.one, other=pair.other, gap=pair.gap, depth=pair.depth, volume=pair.volume,
+                allowance=allowed.get((pair.one, pair.other)), where=replace(self._case.frames[0], q=dict(pair.q)),
+            )
+
+    def warn(self, allowed: Mapping[tuple[int, int], int]) -> set[int]:
+        """Report the undecided pairs as one warning. Return the indices of the `allow` entries for such pairs."""
+        undecided = self._found("undecided")
+        needed = {allowed[pair.one, pair.other] for pair in undecided if (pair.one, pair.other) in allowed}
+        rest = sorted((pair for pair in undecided if (pair.one, pair.other) not in allowed), key=lambda pair: pair.gap)
+        if rest:
+            test = self._case.linked.test
+            self._case.request.report.warn(
+                CollisionCode.TEST_UNDECIDED, f"test `{test.name}`: cannot decide whether {self._how(rest[0])}", test.origin,
+                path=f"tests.{test.name}", help="increase the gap, set a finer `mesh` tolerance in thingc.toml, or allow the pair",
+                notes=[Note(message=f"also {self._how(pair)}") for pair in rest[1:]],
+            )
+        return needed
+
+    def _how(self, pair: Pair) -> str:
+        at = joints_text(self._assembly, {one.joint: pair.q[one.joint] for one in self._check.ranges}) if pair.q else ""
+        gap = f" (gap of the meshes {shown(pair.gap, LENGTH)} at {at})" if pair.q else ""
+        return f"`{names_of(self._assembly, pair.one, pair.other).replace(' and ', '` and `')}` touch{gap}"
+
+    @property
+    def said(self) -> str:
+        """A description of the results."""
+        counts = [f"{counted(len(pairs), 'pair')} {word}" for method, word in WORDS.items() if (pairs := self._method(method))]
+        others = [
+            f"{counted(len(pairs), 'pair')} {word}"
+            for verdict, word in (("contact", "in contact"), ("undecided", "undecided")) if (pairs := self._found(verdict))
+        ]
+        return ", ".join([f"clear over the ranges: {', '.join(counts)}"] * bool(counts) + others) or "no pair moves"
+
+    @property
+    def measured(self) -> dict[str, list[str]]:
+        """The names of the pairs by method, for pairs that are clear, and by result, for other pairs."""
+        groups = {method: self._method(method) for method in WORDS}
+        groups |= {verdict: self._found(verdict) for verdict in ("contact", "undecided", "touches")}
+        return {name: [names_of(self._assembly, pair.one, pair.other) for pair in pairs] for name, pairs in groups.items()}

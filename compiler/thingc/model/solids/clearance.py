@@ -1,0 +1,478 @@
+"""Prove that parts stay apart while joints move through their ranges, or find a position in which two parts touch.
+
+When joints move, the distance of two parts decreases at most by the longest path of any point of one part relative to the other part. If
+the distance in the middle of a box of joint positions is greater than the longest such path to the border of the box, the parts do not
+touch anywhere in the box. Other boxes are halved. See Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996 (conservative
+advancement), and Schwarzer, Saha and Latombe, "Exact collision checking of robot paths", 2004.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thingc.base.joints.twist import Twist
+from thingc.base.numeric import hypot, inf
+from thingc.base.pose import Pose, Vector
+from thingc.base.primitives import Primitive
+from thingc.model.assembly.kinematics import coordinates, joints_of
+from thingc.model.assembly.types import Occurrence
+from thingc.model.resolve.coordinates import Mimic
+from thingc.model.resolve.types import JointRange
+from thingc.model.robot.kinematics import in_world, placed_bodies
+from thingc.model.robot.loop_solver import Loops, SolverState
+from thingc.model.robot.tree import in_link
+from thingc.model.robot.types import Keyframe, Robot
+from thingc.model.solids.shapes import Solid
+
+PROVED = 2
+"""Largest number of moving joints between two parts for which all positions are proved."""
+FINE = 1e-5
+"""Resolution [m]: a box is not halved if no point of a part moves by more than this distance relative to the other part."""
+SKIN = 1e-6
+"""Smallest mean thickness [m] of an intersection that counts as more than contact."""
+CLOSE = 1e-3
+"""Distances are measured exactly up to this distance [m] above the required distance."""
+FEW = 20_000
+"""Number of pairs of triangles up to which all distances are measured exactly."""
+SMALL, LARGE = 12.0, 4.0
+"""The size of a part divided by the sizes of small and large balls that cover its surface."""
+TOUCH = 1e-9
+"""Rounding error of distances [m]."""
+ALWAYS = 32
+"""Number of positions after which two parts that have never been apart count as touching in all positions."""
+MOST = 20_000
+"""Largest number of positions at which two parts are compared."""
+UNCLOSED = 64.0
+"""A box in whose middle the loops do not close is halved until its width is the range divided by this number."""
+SEE = 0.05
+"""Largest distance [m] that is measured in samples."""
+NEAREST, DESCENT = 10, 150
+"""Number of pairs whose distance is minimized after sampling, and the number of positions for each pair."""
+FOLLOWED = 2.0
+"""Factor between the motion of a joint on a loop in a box, and its motion from the middle to the corners of the box."""
+EXACT = 1e-7
+"""Relative difference of the areas of a mesh and of the part up to which all faces of the part count as plane."""
+
+Array = NDArray[np.float64]
+Verdict = Literal["clear", "touches", "contact", "undecided"]
+
+
+class Balls:
+    """Balls that cover the surface of a solid: their centres `(n, 3)` and radii `(n,)` [m], and the index of the larger ball of each."""
+
+    def __init__(self, low: Array, high: Array, size: float) -> None:
+        """Cover boxes by balls. Boxes in the same cell of a grid whose cells have the size `size` [m] are in the same ball."""
+        _, owner = np.unique(np.floor((low + high) / (2.0 * size)).astype(np.int64), axis=0, return_inverse=True)
+        self.owner = owner.ravel()
+        order = np.argsort(self.owner, kind="stable")
+        starts = np.flatnonzero(np.r_[True, np.diff(self.owner[order]) > 0])
+        self.low, self.high = np.minimum.reduceat(low[order], starts), np.maximum.reduceat(high[order], starts)
+        self.centres, self.radii = (self.low + self.high) / 2.0, np.linalg.norm(self.high - self.low, axis=1) / 2.0
+
+
+class Body:
+    """The solid of a part with its bounds: a sphere and a box [m] in the frame of the part. `error` [m] is the error of its surface."""
+
+    def __init__(self, solid: Solid, error: float) -> None:
+        self.solid, self.error = solid, error
+        bounds = np.array(solid.whole.bounding_box(), dtype=np.float64).reshape(2, 3)
+        middle = bounds.mean(axis=0)
+        points = np.asarray(solid.whole.to_mesh64().vert_properties)[:, :3]
+        self.radius = 1.001 * float(np.sqrt(((points - middle) ** 2).sum(axis=1).max()))  # facets are inside of curved surfaces
+        x, y, z = middle.tolist()
+        self.middle: Vector = (x, y, z)
+        low, high = (bounds + np.array([[-1e-3], [1e-3]]) * self.radius).tolist()
+        self.box: tuple[Vector, Vector] = (tuple(low), tuple(high))
+        self.triangles = sum(int(core.num_tri()) for core, _ in solid.cores)
+        self.slack = 1e-3 * self.radius if any(radius for _, radius in solid.cores) else 0.0
+
+    @cached_property
+    def balls(self) -> tuple[Balls, Balls]:
+        """Small and large balls that cover the surface."""
+        mesh = self.solid.whole.refine_to_length(self.radius / SMALL).to_mesh64()
+        corners = np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts)]
+        small = Balls(corners.min(axis=1), corners.max(axis=1), self.radius / SMALL)
+        return small, Balls(small.low, small.high, self.radius / LARGE)
+
+    def apart(self, other: Body, at: Pose, within: float, *, coarse: bool = False) -> float:
+        """Return a lower bound of the distance [m] to the surface of a body at a pose, or `within` if the distance is greater.
+
+        With `coarse`, only large balls are compared.
+        """
+        turn, shift, slack = np.array(at.rotation).T, np.array(at.translation), self.slack + other.slack
+        (fine, large), (fine_other, large_other) = self.balls, other.balls
+        bounds = _between(large.centres, large.radii, large_other.centres @ turn + shift, large_other.radii) - slack
+        near = bounds < within
+        if coarse or not near.any():
+            return min(float(bounds.min()), within)
+        ours, theirs = np.asarray(near.any(axis=1))[large.owner], np.asarray(near.any(axis=0))[large_other.owner]
+        centres, radii = fine_other.centres[theirs] @ turn + shift, fine_other.radii[theirs]
+        return min(float(_between(fine.centres[ours], fine.radii[ours], centres, radii).min()) - slack, within)
+
+
+def _between(ours: Array, radii: Array, theirs: Array, other_radii: Array) -> Array:
+    """Return lower bounds of the distances `(n, m)` [m] of n balls from m other balls."""
+    squares = (ours**2).sum(axis=1)[:, None] + (theirs**2).sum(axis=1)[None] - 2.0 * ours @ theirs.T
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)) - radii[:, None] - other_radii[None] - TOUCH)
+
+
+def body_of(part: Occurrence, solid: Solid, tolerance: float) -> Body:
+    """Return the solid of a part with its bounds. `tolerance` [m] is the error of meshes of curved surfaces.
+
+    To save time, such meshes are simplified with a quarter of this error.
+    """
+    if part.record is not None:
+        plane = part.record.exact and abs(float(solid.whole.surface_area()) - part.record.area) <= EXACT * part.record.area
+        whole = solid.whole if plane else solid.whole.simplify(tolerance / 4.0)
+        return Body(Solid(whole, ((whole, 0.0),)), 0.0 if plane else 1.25 * tolerance)
+    curved = (one.solid for one in part.solids if isinstance(one.solid, Primitive) and one.solid.shape in ("cylinder", "ellipsoid"))
+    return Body(solid, max((1e-3 * (one.size[0] if one.shape == "cylinder" else max(one.size)) for one in curved), default=0.0))
+
+
+@dataclass(eq=False)
+class Pair:
+    """Two parts that are compared, given by their indices and solids, and the result.
+
+    `joined` pairs are on links that a joint connects, and may touch. All other pairs must be at least `clearance` [m] apart. Intersections
+    are errors if their mean thickness is above `deep` [m]. `gap` is the smallest distance that was found, in the positions `q`; `depth`
+    and `volume` describe the intersection in these positions. `method` is how the result was found. If the parts have not been `apart` in
+    `patience` positions, they count as touching in all positions.
+    """
+
+    one: int
+    other: int
+    bodies: tuple[Body, Body]
+    joined: bool
+    clearance: float
+    deep: float
+    patience: int = ALWAYS
+    method: Literal["proved", "followed", "sampled"] = "proved"
+    gap: float = inf
+    depth: float = 0.0
+    volume: float = 0.0
+    q: Mapping[str, float] = field(default_factory=dict)
+    found: bool = False
+    apart: bool = False
+    near: bool = False
+    seen: int = 0
+
+    @property
+    def error(self) -> float:
+        """The sum of the errors [m] of the surfaces of the parts."""
+        return self.bodies[0].error + self.bodies[1].error
+
+    @property
+    def floor(self) -> float:
+        """The distance [m] above which the parts are clear."""
+        return self.clearance + (TOUCH if self.joined else self.error + SKIN)
+
+    @property
+    def done(self) -> bool:
+        """Whether more positions would not change the result."""
+        return self.found or self.seen >= (MOST if self.apart else self.patience)
+
+    @property
+    def verdict(self) -> Verdict:
+        """The result. Parts are in `contact` if a joint connects their links and they touch without an intersection."""
+        if self.found or (self.apart and self.depth > SKIN + self.error):
+            return "touches"
+        if not self.near and not self.done:
+            return "clear"
+        return "undecided" if not self.joined or self.seen >= MOST or (self.apart and self.depth > SKIN) else "contact"
+
+
+@dataclass(eq=False)
+class Box:
+    """A box of joint positions: its middle and its half widths, by the index of the range, and the pairs that are not yet decided.
+
+    `start` contains the joint positions from which the loops are closed.
+    """
+
+    middle: dict[int, float]
+    half: dict[int, float]
+    pairs: list[Pair]
+    start: Mapping[str, float] | None
+
+    def halves(self, k: int, pairs: list[Pair], start: Mapping[str, float] | None) -> Iterator[Box]:
+        """Yield the two halves of the box along the range with the index `k`."""
+        width = self.half[k] / 2.0
+        for sign in (-1.0, 1.0):
+            yield Box({**self.middle, k: self.middle[k] + sign * width}, {**self.half, k: width}, pairs, start)
+
+
+class Place:
+    """The robot at the positions `q` [rad or m] of all joints. `bodies` contains the poses of the bodies of its tree."""
+
+    def __init__(self, sweep: Sweep, q: dict[str, float]) -> None:
+        self.sweep, self.q = sweep, q
+        self.bodies = placed_bodies(sweep.robot.bodies, q, sweep.base)
+        self._at: dict[int, Pose] = {}
+        self._chains: dict[int, list[tuple[str, Twist]]] = {}
+
+    def at(self, part: int) -> Pose:
+        """Return the pose of a part."""
+        if part not in self._at:
+            self._at[part] = self.bodies[self.sweep.body_of[part]] @ self.sweep.in_link[part]
+        return self._at[part]
+
+    def gap(self, pair: Pair, within: float) -> float:
+        """Return the distance [m] of two parts, or `within` if the distance is greater.
+
+        A distance that is greater than the required distance plus `CLOSE` [m] is only a lower bound, unless the parts are simple.
+        """
+        a, b = pair.bodies
+        relative = self.relative(pair)
+        if _distance(a.middle, relative.apply(b.middle)) - a.radius - b.radius >= within:
+            return within
+        low, high = relative.around(b.box)
+        between = [max(low[k] - a.box[1][k], a.box[0][k] - high[k], 0.0) for k in range(3)]
+        if hypot(*between) >= within:
+            return within
+        close = within if a.triangles * b.triangles <= FEW else min(within, pair.floor + CLOSE)
+        if close >= within or (bound := a.apart(b, relative, within, coarse=True)) <= 0.0 or _inside(a.box, (low, high)) or _inside(
+            b.box, relative.inverse().around(a.box),
+        ):
+            gap = a.solid.gap(b.solid.at(relative), close)
+            return gap if gap < close or close >= within else max(gap, a.apart(b, relative, within))
+        if bound < within:
+            bound = a.apart(b, relative, within)
+        return bound if bound >= close else max(a.solid.gap(b.solid.at(relative), close), bound)
+
+    def relative(self, pair: Pair) -> Pose:
+        """Return the pose of the second part in the frame of the first part."""
+        return self.at(pair.one).inverse() @ self.at(pair.other)
+
+    def overlap(self, pair: Pair) -> tuple[float, float]:
+        """Return the volume [m^3] and the mean thickness [m] of the intersection of two parts."""
+        return pair.bodies[0].solid.overlap(pair.bodies[1].solid.at(self.relative(pair)))
+
+    def compare(self, pair: Pair, within: float) -> float:
+        """Measure the distance [m] of two parts up to `within`, or their intersection, and record the result in the pair."""
+        apart = pair.clearance + pair.error + SKIN
+        within = max(within, apart + TOUCH)
+        gap = self.gap(pair, within)
+        volume, depth = self.overlap(pair) if gap <= 0.0 and pair.clearance == 0.0 else (0.0, 0.0)
+        pair.seen += 1
+        pair.apart |= gap > apart
+        pair.found |= gap < pair.clearance - TOUCH if pair.clearance > 0.0 else depth > pair.deep
+        if gap < within and (depth, -gap) > (pair.depth, -pair.gap):
+            pair.gap, pair.depth, pair.volume, pair.q = gap, depth, volume, self.q
+        return gap
+
+    def twists(self, pair: Pair) -> list[tuple[str, Twist]]:
+        """Return the joints between two parts, each with its twist in the world, in order from the first part to the second part."""
+        up, down = self.sweep.between(pair.one, pair.other)
+        chain = [each for body in up for each in self._twists(body)]
+        return [*chain, *reversed([each for body in down for each in self._twists(body)])]
+
+    def travel(self, pair: Pair, steps: Mapping[str, float]) -> float:
+        """Return the longest path [m] of a point of one part relative to the other part, if joints move by at most `steps` [rad or m].
+
+        The joints between the parts move one after another, from a joint in the middle outwards to each part. The distance of a part from
+        the axis of a joint is therefore its current distance, and the best joint in the middle is used.
+        """
+        moving = [(steps[path], twist) for path, twist in self.twists(pair) if steps.get(path)]
+        ends = [(self.at(part).apply(body.middle), body.radius) for part, body in zip((pair.one, pair.other), pair.bodies, strict=True)]
+        first, second = ([step * speed(twist, *end) for step, twist in moving] for end in ends)
+        return min((sum(first[:k]) + sum(second[k:]) for k in range(len(moving) + 1)), default=0.0)
+
+    def _twists(self, body: int) -> list[tuple[str, Twist]]:
+        if body not in self._chains:
+            self._chains[body] = [
+                (joint.path, twist) for joint, twist in in_world(self.sweep.robot.bodies[body], self.bodies[body], self.q)
+            ]
+        return self._chains[body]
+
+
+def speed(twist: Twist, middle: Vector, radius: float) -> float:
+    """Return the largest speed [m per unit of q] of a point of a sphere that moves by a twist."""
+    if not twist.turns:
+        return 1.0
+    x, y, z = (a - b for a, b in zip(middle, twist.anchor, strict=True))
+    u, v, w = twist.angular
+    return hypot(hypot(y * w - z * v, z * u - x * w, x * v - y * u) + radius, twist.pitch)
+
+
+class Sweep:
+    """A robot whose joints move through `ranges`, starting from a keyframe. All joints that mimic these joints move, too.
+
+    If a range moves a loop, the loop is closed in each position. The motions of the joints on the loop are then estimated, not proved.
+    """
+
+    def __init__(self, robot: Robot, frame: Keyframe, ranges: Sequence[JointRange]) -> None:
+        assembly = robot.assembly
+        self.robot, self.ranges = robot, ranges
+        self.base = frame.base or robot.bodies[0].X_PL
+        self.in_link = in_link(assembly)
+        index_of = {body.link: index for index, body in enumerate(robot.bodies)}
+        self.body_of = [index_of[link] for link in assembly.link_of]
+        self._joints = {joint.path: joint for joint in joints_of(assembly)}
+        self._still = {path: frame.q[path] for path, joint in self._joints.items() if joint.mimic is None}
+        self._loops = Loops(robot.bodies, robot.closures, tuple(self._joints.values()), self.base) if robot.closures else None
+        inside = frozenset(self._joints) - self._loops.outside if self._loops is not None else frozenset()
+        driven = {one.joint for one in ranges}
+        self._inside = inside if inside & driven else frozenset()
+        self._movable = self._inside - driven
+        self._leads = {path: self._leader(path) for path in self._joints}
+        self._between: dict[tuple[int, int], tuple[list[int], list[int]]] = {}
+
+    def _leader(self, path: str) -> str:
+        met = {path}
+        while (mimic := self._joints[path].mimic) is not None and mimic.joint.path in self._joints and mimic.joint.path not in met:
+            path = mimic.joint.path
+            met.add(path)
+        return path
+
+    def between(self, one: int, other: int) -> tuple[list[int], list[int]]:
+        """Return the bodies from each of two parts up to, but not including, the first body that carries both."""
+        ends = self.body_of[one], self.body_of[other]
+        if ends not in self._between:
+            chains: list[list[int]] = [[], []]
+            for chain, end in zip(chains, ends, strict=True):
+                body: int | None = end
+                while body is not None:
+                    chain.append(body)
+                    body = self.robot.bodies[body].parent
+            self._between[ends] = ([b for b in chains[0] if b not in chains[1]], [b for b in chains[1] if b not in chains[0]])
+        return self._between[ends]
+
+    def moving(self, one: int, other: int) -> tuple[frozenset[int], bool]:
+        """Return the indices of the ranges that move two parts relative to each other, and whether a loop moves the parts."""
+        paths = {joint.path for chain in self.between(one, other) for body in chain for joint in self.robot.bodies[body].joints}
+        leads = {self._leads[path] for path in paths}
+        looped = not leads.isdisjoint(self._inside)
+        return frozenset(k for k, one in enumerate(self.ranges) if one.joint in leads or (looped and one.joint in self._inside)), looped
+
+    def place(self, x: Mapping[int, float], start: Mapping[str, float] | None = None) -> Place | None:
+        """Return the robot with the joints of the ranges at `x`, by the index of the range. Return None if its loops do not close.
+
+        `start` contains the positions from which the solver begins.
+        """
+        values = {**self._still, **{path: (start or self._still)[path] for path in self._movable if path in self._still}}
+        q = coordinates(self._joints.values(), values | {self.ranges[k].joint: value for k, value in x.items()})
+        if self._inside and self._loops is not None:
+            solution = self._loops.close(SolverState(q=q, base=self.base), self._movable, base_moves=False)
+            if not solution.closed:
+                return None
+            q = solution.state.q
+        return Place(self, q)
+
+    def steps(self, place: Place, x: Mapping[int, float], half: Mapping[int, float]) -> dict[str, float]:
+        """Return how far [rad or m] each joint moves at most from the middle of a box, whose half widths are `half`."""
+        own = {self.ranges[k].joint: width for k, width in half.items()}
+        steps = dict(own)
+        for path, joint in self._joints.items():
+            if joint.mimic is not None and self._leads[path] in own:
+                steps[path] = self._rate(path, place.q, own) * own[self._leads[path]]
+        if not self._inside:
+            return steps
+        steps |= dict.fromkeys(self._movable, 0.0)
+        for signs in np.ndindex(*[2] * len(half)):
+            corner = {k: x[k] + (2 * sign - 1) * width for sign, (k, width) in zip(signs, half.items(), strict=True)}
+            there = self.place(corner, place.q)
+            for path in self._movable if there is not None else ():
+                steps[path] = max(steps[path], FOLLOWED * abs(there.q[path] - place.q[path]))  # type: ignore[union-attr]
+        return steps
+
+    def _rate(self, path: str, q: Mapping[str, float], half: Mapping[str, float]) -> float:
+        """Return a bound of the derivative of a joint by the joint that it mimics, within the half width of this joint."""
+        mimic = self._joints[path].mimic
+        if mimic is None or mimic.joint.path not in self._joints:
+            return 1.0
+        inner = self._rate(mimic.joint.path, q, half)
+        return _steepest(mimic, abs(q[mimic.joint.path]) + inner * half[self._leads[path]]) * inner
+
+
+def _steepest(mimic: Mimic, most: float) -> float:
+    """Return a bound of the slope of a mimic for positions of the other joint whose absolute value is at most `most`."""
+    return sum(k * abs(c) * most ** (k - 1) for k, c in enumerate(mimic.polynomial) if k)
+
+
+def _inside(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> bool:
+    return all(a < b and c > d for a, b, c, d in zip(outer[0], inner[0], outer[1], inner[1], strict=True))
+
+
+def _distance(a: Vector, b: Vector) -> float:
+    return hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def prove(sweep: Sweep, pairs: Collection[Pair]) -> None:
+    """Compare pairs in all positions of the ranges that move them, and record the results in the pairs."""
+    groups: dict[frozenset[int], list[Pair]] = {}
+    for pair in pairs:
+        moving, looped = sweep.moving(pair.one, pair.other)
+        pair.method = "followed" if looped else "proved"
+        groups.setdefault(moving, []).append(pair)
+    for moving, group in groups.items():
+        ends = {k: (sweep.ranges[k].lower, sweep.ranges[k].upper) for k in sorted(moving)}
+        middle, half = ({k: (high + sign * low) / 2.0 for k, (low, high) in ends.items()} for sign in (1.0, -1.0))
+        waiting = deque([Box(middle, half, group, None)])
+        while waiting:
+            waiting.extend(_rest(sweep, waiting.popleft()))
+
+
+def _rest(sweep: Sweep, box: Box) -> Iterator[Box]:
+    """Compare the pairs of a box. Yield the two halves of the box with the pairs that are not decided in the box."""
+    active = [pair for pair in box.pairs if not pair.done]
+    place = sweep.place(box.middle, box.start) if active else None
+    if place is None:
+        if active and any(width > (sweep.ranges[k].upper - sweep.ranges[k].lower) / UNCLOSED for k, width in box.half.items()):
+            yield from box.halves(max(box.half, key=lambda k: box.half[k] / (sweep.ranges[k].upper - sweep.ranges[k].lower)), active, None)
+        return
+    steps = sweep.steps(place, box.middle, box.half)
+    rest: list[Pair] = []
+    for pair in active:
+        motion = place.travel(pair, steps)
+        gap = place.compare(pair, pair.floor + motion)
+        if gap >= pair.floor + motion:
+            continue
+        if motion <= FINE or (gap >= pair.clearance + motion and (gap < pair.floor or pair.near)):
+            pair.near = True
+        else:
+            rest.append(pair)
+    if rest:
+        widest = next(iter(box.half))
+        if len(box.half) > 1:
+            pair = rest[0]
+            widest = max(box.half, key=lambda k: place.travel(pair, sweep.steps(place, box.middle, {k: box.half[k]})))
+        yield from box.halves(widest, rest, place.q)
+
+
+def sample(sweep: Sweep, pairs: Sequence[Pair], positions: Iterable[Sequence[float]]) -> int:
+    """Compare pairs in `positions` of the ranges, which are points of the unit cube, and then descend to smaller distances.
+
+    Record the results in the pairs. Return the number of positions in which the loops of the robot do not close.
+    """
+    from scipy.optimize import minimize
+
+    def x_of(point: Sequence[float]) -> dict[int, float]:
+        return {k: one.lower + float(part) * (one.upper - one.lower) for k, (one, part) in enumerate(zip(sweep.ranges, point, strict=True))}
+
+    missing = 0
+    best: dict[int, Sequence[float]] = {}
+    for point in positions:
+        place = sweep.place(x_of(point))
+        if place is None:
+            missing += 1
+            continue
+        for pair in pairs:
+            before = pair.q
+            if not pair.found:
+                place.compare(pair, max(pair.floor, min(pair.gap, SEE)))
+                best[id(pair)] = point if pair.q is not before else best.get(id(pair), point)
+    for pair in sorted((pair for pair in pairs if id(pair) in best and not pair.joined), key=lambda pair: pair.gap)[:NEAREST]:
+        def descend(point: Sequence[float], pair: Pair = pair) -> float:
+            place = sweep.place(x_of(point))
+            return SEE if place is None or pair.found else place.compare(pair, pair.floor + SEE)
+
+        minimize(descend, best[id(pair)], method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(sweep.ranges), options={"maxfev": DESCENT})
+    for pair in pairs:
+        pair.method, pair.near = "sampled", pair.gap < pair.floor
+    return missing

@@ -1,0 +1,307 @@
+"""Proofs of clearance over joint ranges: random mechanisms whose distances are known, thin parts, mimics, loops, and wrong bounds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from testing.rig import HEAD, PARALLELOGRAM, SLIDERS, Workspace, two_links
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
+from thingc.model.resolve.types import JointRange
+from thingc.model.robot.types import Keyframe
+from thingc.model.solids import clearance
+from thingc.model.solids.clearance import Pair, Sweep, body_of, prove
+from thingc.model.solids.shapes import solid_of
+
+Array = NDArray[np.float64]
+
+EACH = 25
+"""Mechanisms of one document."""
+
+
+class Mechanism:
+    """A ball on a hinge or a slide, and a shape beside it that does not move. Lengths in metres."""
+
+    def __init__(self, source: np.random.Generator) -> None:
+        self.turns = bool(source.random() < 0.7)
+        self.shape = str(source.choice(["sphere", "box", "cylinder"]))
+        self.size = source.uniform(0.005, 0.04, 3)
+        self.place, self.turn = source.uniform(-0.1, 0.1, 3), Rotation.random(rng=source)
+        self.joint, self.axis = source.uniform(-0.05, 0.05, 3), Rotation.random(rng=source)
+        self.offset, self.radius = source.uniform(-0.1, 0.1, 3), float(source.uniform(0.002, 0.02))
+        self.low, self.high = sorted((source.uniform(-3.0, 3.0, 2) if self.turns else source.uniform(-0.2, 0.2, 2)).tolist())
+
+    def gap(self, q: Array) -> Array:
+        """Distance of the ball from the shape at positions of the joint: a formula for each shape, below zero if they overlap."""
+        z = np.outer(q, [0.0, 0.0, 1.0])
+        moved = Rotation.from_rotvec(z).apply(self.offset) if self.turns else self.offset + z
+        p = self.turn.inv().apply(self.joint + self.axis.apply(moved) - self.place)
+        if self.shape == "sphere":
+            out = np.linalg.norm(p, axis=1) - self.size[0]
+        else:
+            beyond = np.abs(p) - self.size if self.shape == "box" else np.stack(
+                [np.hypot(p[:, 0], p[:, 1]) - self.size[0], np.abs(p[:, 2]) - self.size[1]], axis=1,
+            )
+            out = np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
+        return np.asarray(out - self.radius)
+
+    def least(self) -> float:
+        """The smallest distance over the range, from nested grids around the best point."""
+        low, high = self.low, self.high
+        for _ in range(4):
+            q = np.linspace(low, high, 2001)
+            best, step = q[np.argmin(self.gap(q))], (high - low) / 2000
+            low, high = max(self.low, best - 2 * step), min(self.high, best + 2 * step)
+        return float(self.gap(np.array([best]))[0])
+
+    def written(self, name: str) -> tuple[str, str, str]:
+        """Its components, its mount on the ground, and its joint. Mated mounts face each other, with x and y swapped."""
+        radius, length, _ = (float(value) for value in self.size)
+        shape = {
+            "sphere": f"sphere: {{radius: {radius!r} m}}", "box": f"box: {vector(2.0 * self.size)}",
+            "cylinder": f"cylinder: {{radius: {radius!r} m, length: {2.0 * length!r} m}}",
+        }[self.shape]
+        unit, kind = ("rad", "revolute") if self.turns else ("m", "prismatic")
+        limit = f"{{lower: {self.low!r} {unit}, upper: {self.high!r} {unit}}}"
+        return (
+            f"  {name}: {{link: true, mass: 1 g, shapes: [{{{shape}}}], at: {{in: ground.origin, {pose(self.place, self.turn)}}}}}\n"
+            f"  {name}_ball: {{link: true, mass: 1 g, "
+            f"shapes: [{{sphere: {{radius: {self.radius!r} m}}, at: {{xyz: {vector(-self.offset[[1, 0, 2]])}}}}}]}}\n",
+            f"{name}: {{{pose(self.joint, self.axis)}}}",
+            f"  {name}: {{type: {kind}, parent: ground.{name}, child: {name}_ball.origin, limit: {limit}}}\n",
+        )
+
+
+def vector(values: Array, unit: str = "m") -> str:
+    return f"[{', '.join(f'{float(value)!r} {unit}' for value in values)}]"
+
+
+def pose(place: Array, turn: Rotation) -> str:
+    return f"xyz: {vector(place)}, rpy: {vector(turn.as_euler('xyz'), 'rad')}"
+
+
+def sweeps(folder: Path, mechanisms: list[Mechanism]) -> Iterator[tuple[Sweep, Pair, Mechanism]]:
+    """The range of each mechanism with its two parts, from a document of all of them."""
+    texts = [one.written(f"m{number}") for number, one in enumerate(mechanisms)]
+    document = folder / "many.yaml"
+    document.write_text(
+        "thingc: assembly/1\nname: many\ncomponents:\n"
+        f"  ground: {{frame: true, mounts: {{{', '.join(mount for _, mount, _ in texts)}}}}}\n" + "".join(parts for parts, _, _ in texts)
+        + "joints:\n" + "".join(joint for _, _, joint in texts) + "modes: {bench: {root: ground}}\n"
+    )
+    with Environment(str(document), Options()) as environment:
+        compilation = pipeline.compile(environment)
+        assert compilation.assembly is not None, compilation.report.diagnostics
+        robot, store = compilation.robots[0], environment.store
+    parts = {one.path: one for one in robot.assembly.occurrences}
+    bodies = {path: body_of(one, solid, 0.0) for path, one in parts.items() if (solid := solid_of(store, one.solids)) is not None}
+    q = {joint.path: 0.0 for body in robot.bodies for joint in body.joints}
+    for number, one in enumerate(mechanisms):
+        ends = (JointRange(joint=f"m{number}", lower=one.low, upper=one.high),)
+        shape, ball = f"m{number}", f"m{number}_ball"
+        pair = Pair(parts[shape].index, parts[ball].index, (bodies[shape], bodies[ball]), False, 0.0, 1e-5)
+        yield Sweep(robot, Keyframe(name="zero", q=q, origin=()), ends), pair, one
+
+
+@pytest.fixture(scope="module")
+def thousand(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Sweep, Pair, Mechanism]]:
+    source = np.random.default_rng(37)
+    folder = tmp_path_factory.mktemp("mechanisms")
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    return [each for _ in range(1000 // EACH) for each in sweeps(folder, [Mechanism(source) for _ in range(EACH)])]
+
+
+def fresh(pair: Pair, required: float) -> Pair:
+    return Pair(pair.one, pair.other, pair.bodies, False, required, pair.deep)
+
+
+def test_of_a_thousand_mechanisms_none_is_missed(thousand: list[tuple[Sweep, Pair, Mechanism]]) -> None:
+    """Contact, or a clearance that is just kept or just not kept. Facets of a cylinder are off by 0.1 % of its radius at most."""
+    source, counts = np.random.default_rng(38), {"clear": 0, "touches": 0, "undecided": 0}
+    for sweep, pair, mechanism in thousand:
+        least, off = mechanism.least(), 2e-3 * mechanism.size.max() * (mechanism.shape == "cylinder") + 3e-5
+        required = max(least, 0.0) * float(source.choice([0.0, 0.9, 1.1]))
+        one = fresh(pair, required)
+        prove(sweep, [one])
+        counts[one.verdict] += 1
+        if least < required or (required == 0.0 and least < 0.0):
+            assert one.verdict != "clear", (least, required)
+        if least < required - off or (required == 0.0 and least < -2e-3):
+            assert one.verdict == "touches", (least, required)
+        if least > required + off:
+            assert one.verdict == "clear", (least, required)
+    assert counts["clear"] > 300 and counts["touches"] > 200 and counts["undecided"] < 50, counts
+
+
+def test_a_bound_that_is_too_small_is_caught(thousand: list[tuple[Sweep, Pair, Mechanism]], monkeypatch: pytest.MonkeyPatch) -> None:
+    """With half the speed, some pairs that touch are taken for clear."""
+    right = clearance.speed
+    monkeypatch.setattr(clearance, "speed", lambda *arguments: 0.5 * right(*arguments))
+    wrong = 0
+    for sweep, pair, mechanism in thousand:
+        if (least := mechanism.least()) > 0.0:
+            one = fresh(pair, 1.01 * least)
+            prove(sweep, [one])
+            wrong += one.verdict == "clear"
+    assert wrong > 5
+
+
+VANE = HEAD + """\
+components:
+  ground: {frame: true, mounts: {hinge: {}, far: {xyz: 0 0 50 mm}}}
+  pin: {part: rig_parts:Block, params: {x: 0.5 mm, y: 0.5 mm, z: 10 mm}, at: {in: ground.origin, xyz: 31.234 17.1 0 mm}}
+  hub: {part: rig_parts:Block, params: {x: 4 mm, y: 4 mm, z: 2 mm}}
+  vane: {part: rig_parts:Block, params: {x: 40 mm, y: 0.2 mm, z: 2 mm}, at: {in: hub.origin, xyz: 20 0 0 mm}}
+joints:
+  turn: {type: TYPE, parent: ground.hinge, child: hub.originLIMIT}
+modes: {bench: {root: ground}}
+"""
+
+
+def collisions(answer: dict[str, Any]) -> list[str]:
+    return [found["message"] for found in answer["diagnostics"] if found["code"] == "TC655"]
+
+
+def vane(kind: str = "revolute", limit: str = ", limit: {lower: -170 deg, upper: 170 deg}") -> str:
+    return VANE.replace("TYPE", kind).replace("LIMIT", limit)
+
+
+@pytest.mark.parametrize("text", [vane(), vane("continuous", "")])
+def test_a_thin_vane_that_sweeps_past_a_pin_is_found(rig: Workspace, text: str) -> None:
+    """Between two of 200 samples the vane moves by 1 mm. At 0 it is along -y: they meet at 90 deg + atan(17.1 / 31.234) = 118.7 deg."""
+    tests = "  sampled: {no_collision: {joints: all, samples: 200}}\n  proved: {no_collision: {joints: all, certify: true}}\n"
+    answer = rig.test(text, tests)
+    assert [result["passed"] for result in answer["tests"]] == [True, False]
+    (message,) = collisions(answer)
+    assert "`pin` and `vane` overlap" in message and abs(float(message.rpartition("turn ")[2].removesuffix(" deg")) - 118.7) < 1.0
+    assert answer["by_name"]["proved"]["measured"]["certificate"]["touches"] == ["pin and vane"]
+
+
+def test_a_range_beside_the_pin_is_clear(rig: Workspace) -> None:
+    answer = rig.test(vane(), "  proved: {no_collision: {joints: {turn: [-170 deg, 117.6 deg]}, certify: true}}\n")
+    assert answer["code"] == 0 and answer["by_name"]["proved"]["measured"]["certificate"]["proved"] == ["pin and hub", "pin and vane"]
+
+
+def test_two_joints_are_proved_in_all_combinations(rig: Workspace) -> None:
+    """Blocks of 20 mm on one rail: apart by more than 20 mm everywhere, or on top of each other somewhere."""
+    answer = rig.test(SLIDERS, (
+        "  clear: {no_collision: {joints: {one: [-200 mm, -1 mm], two: [20 mm, 200 mm]}, certify: true, clearance: 0.9 mm}}\n"
+        "  close: {no_collision: {joints: {one: [-200 mm, -1 mm], two: [20 mm, 200 mm]}, certify: true, clearance: 1.1 mm}}\n"
+        "  meet: {no_collision: {joints: [one, two], certify: true}}\n"
+    ))
+    assert [result["passed"] for result in answer["tests"]] == [True, False, False]
+    assert answer["by_name"]["clear"]["measured"]["certificate"]["proved"] == ["left and right"]
+
+
+def test_parts_within_the_error_of_the_meshes_are_undecided(rig: Workspace) -> None:
+    """Blocks are plane, so their meshes are exact: contact is undecided only if it is exact, too."""
+    test = "  near: {no_collision: {joints: {one: [-50 mm, 0 mm]}, pose: touching, certify: true}}\n"
+    answer = rig.test(SLIDERS, test)
+    assert answer["code"] == 0 and [(d["code"], d["severity"]) for d in answer["diagnostics"]] == [("TC663", "warning")]
+    assert answer["by_name"]["near"]["measured"]["certificate"]["undecided"] == ["left and right"]
+    assert rig.test(SLIDERS + 'allow: {TC610: "they lie in the floor"}\n', test, "--strict")["code"] == 1
+    allowed = test.replace("certify: true", "certify: true, allow: [{pair: [left, right], reason: a stop}]")
+    assert rig.test(SLIDERS, allowed)["diagnostics"] == []
+
+
+def test_mimics_are_followed(rig: Workspace) -> None:
+    """`right` mirrors `left`: they meet in the middle, 10 mm from the zero of each."""
+    text = SLIDERS.replace("limit: {lower: -200 mm, upper: 200 mm}}\nposes", "limit: {lower: -200 mm, upper: 200 mm}, "
+                           "mimic: {joint: one, multiplier: -1}}\nposes").partition("poses:")[0] + "modes: {bench: {root: ground}}\n"
+    answer = rig.test(text, (
+        "  apart: {no_collision: {joints: {one: [-200 mm, -10.01 mm]}, certify: true}}\n"
+        "  meet: {no_collision: {joints: {one: [-200 mm, -9 mm]}, certify: true}}\n"
+    ))
+    assert [result["passed"] for result in answer["tests"]] == [True, False]
+
+
+def test_more_joints_are_sampled(rig: Workspace) -> None:
+    """Three blocks on a chain of slides: the middle pairs are proved, the ends are sampled, and found by descent."""
+    text = HEAD + "components:\n  ground: {frame: true, mounts: {x: {rpy: 0 90 0 deg}}}\n" + "".join(
+        f"  {name}: {{part: rig_parts:Block, params: {{x: 1 mm, y: 1 mm, z: 1 mm}}}}\n" for name in "abcd"
+    ) + "  post: {part: rig_parts:Block, params: {x: 1 mm}, at: {in: ground.origin, xyz: 77.7 0 0 mm}}\njoints:\n" + "".join(
+        f"  {name}: {{type: prismatic, parent: {parent}, child: {name}.left, limit: {{lower: 20 mm, upper: 40 mm}}}}\n"
+        for name, parent in zip("abcd", ("ground.x", "a.right", "b.right", "c.right"), strict=True)
+    ) + "modes: {bench: {root: ground}}\nposes: {apart: {a: 20 mm, b: 20 mm, c: 20 mm, d: 20 mm}}\n"
+    answer = rig.test(text, "  all: {no_collision: {joints: all, certify: true, samples: 5, pose: apart}}\n")
+    certificate = answer["by_name"]["all"]["measured"]["certificate"]
+    assert {"a and b", "b and c", "a and c", "a and post"} <= {*certificate["proved"]}
+    assert "c and post" in certificate["touches"] and "a and d" in certificate["sampled"]
+
+
+def test_loops_are_followed(rig: Workspace) -> None:
+    """A parallelogram carries a stop across: a block that the coupler meets when the crank is at 40 deg, 74.3 mm lower."""
+    stop = "  stop: {part: rig_parts:Block, params: {x: 4 mm, y: 4 mm, z: 2 mm}, at: {in: ground.origin, xyz: 190 0 HEIGHT mm}}\n"
+    text = PARALLELOGRAM.replace("DRIVE", "").replace("  rocker: {part", f"{stop}  rocker: {{part", 1)
+    for height, passes in ((-74, False), (-76, True)):
+        answer = rig.test(text.replace("HEIGHT", str(height)), "  turn: {no_collision: {joints: {crank: [0, 40 deg]}, certify: true}}\n")
+        found = answer["by_name"]["turn"]
+        touches = found["measured"]["certificate"]["touches"]
+        assert ("coupler and stop" in touches) is not passes, (height, touches, found["said"])
+
+
+def test_wrong_uses(rig: Workspace) -> None:
+    for tests, said in (
+        ("  a: {no_collision: {certify: true}}\n", "`certify` needs `joints`"),
+        ("  a: {no_collision: {certify: true, joints: [oen]}}\n", "there is no joint `oen`"),
+        ("  a: {no_collision: {certify: true, joints: []}}\n", "joints"),
+    ):
+        rig.write(SLIDERS, tests)
+        code, out, err = rig.run(str(rig.folder / "rig.yaml"))
+        assert code == 1 and said in out + err and (out + err).count("error[") == 1, out + err
+
+
+def test_one_joint_of_the_bars_takes_a_fraction_of_a_second(rig: Workspace) -> None:
+    rig.test(two_links(), "  warm: {no_collision: {}}\n")
+    started = time.process_time()
+    answer = rig.test(two_links(), "  turn: {no_collision: {joints: [elbow], certify: true}}\n")
+    assert answer["by_name"]["turn"]["seconds"] < 2.0 and time.process_time() - started < 10.0
+
+
+def test_a_vane_of_a_part_that_touches_its_hinge_is_found(rig: Workspace) -> None:
+    """The pin belongs to the plate on which the vane slides: both touch in all positions, and the rest of them is compared in rings."""
+    (rig.folder / "parts" / "vane_parts.py").write_text("""
+from build123d import Align, Box, Location, Pos
+
+from thingc import MountPoint, Thing
+
+
+class Base(Thing):
+    def __init__(self):
+        super().__init__(material="stuff")
+        self.body = Pos(0, 0, -5) * Box(100, 100, 10) + Pos(31.234, 17.1, 5) * Box(0.5, 0.5, 10)
+        self.hinge = MountPoint(Location((0, 0, 0)))
+
+    def result(self):
+        return self.body
+
+
+class Rotor(Thing):
+    def __init__(self):
+        super().__init__(material="stuff")
+        self.body = Pos(0, 0, 4) * Box(8, 8, 8) + Pos(20, 0, 6) * Box(40, 0.2, 4)
+        self.hub = MountPoint(Location((0, 0, 0), (180, 0, 0)))
+
+    def result(self):
+        return self.body
+""")
+    text = HEAD + (
+        "components: {base: {part: vane_parts:Base}, rotor: {part: vane_parts:Rotor}}\n"
+        "joints: {turn: {type: revolute, parent: base.hinge, child: rotor.hub, limit: {lower: -170 deg, upper: 170 deg}}}\n"
+    )
+    tests = (
+        "  all: {no_collision: {joints: all, certify: true}}\n"
+        "  half: {no_collision: {joints: {turn: [-170 deg, 117 deg]}, certify: true}}\n"
+        "  other: {no_collision: {joints: {turn: [120 deg, 170 deg]}, certify: true}}\n"
+    )
+    answer = rig.test(text, tests)
+    assert [result["passed"] for result in answer["tests"]] == [False, True, True], answer["diagnostics"]
+    assert "turn 11" in collisions(answer)[0] and answer["by_name"]["half"]["measured"]["certificate"]["contact"]
