@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import thingc
+from thingc.modes import Modes
 from thingc.tools.cli.main import main
 
 ARM = """\
@@ -123,6 +124,19 @@ def test_rotors_add_their_inertia_to_the_mass_matrix(tmp_path: Path) -> None:
         matrices.append(full)
     matrix = np.array([[9.0, 3.0], [5.0, -6.0]])
     assert matrices[0] - matrices[1] == pytest.approx(3e-5 * matrix.T @ matrix, abs=1e-15)
+
+
+def test_switches_of_modes_know_the_rotors(tmp_path: Path) -> None:
+    """The mass matrix with which impacts are computed, against that of MuJoCo."""
+    model = compiled(tmp_path, WRIST).modes["bench"].model()
+    assert main(["build", str(tmp_path / "arm.yaml"), "--emit", "mjcf", "-o", str(tmp_path / "out")]) == 0
+    mode = Modes.load(tmp_path / "out/arm/modes.json")["bench"]
+    data, full = mujoco.MjData(model), np.zeros((2, 2))
+    data.qpos[:] = (0.3, -0.7)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, full)
+    matrix = mode.mass_matrix(mode.state(q={"shoulder": 0.3, "elbow": -0.7}))
+    assert matrix[-2:, -2:] == pytest.approx(full, rel=1e-12)
 
 
 @pytest.mark.parametrize(("text", "matrix"), [(SIMPLE, [[9.0, 0.0], [0.0, -6.0]]), (WRIST, [[9.0, 3.0], [5.0, -6.0]])])

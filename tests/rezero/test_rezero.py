@@ -406,3 +406,25 @@ def test_an_error_that_the_new_limits_cause_is_shown(here: Path, capsys: pytest.
     assert main(["rezero", "leg.yaml", "knee=30 deg"]) == 2
     out = capsys.readouterr().out
     assert "error in `walker.yaml`: " in out and "nothing" in out and (here / "leg.yaml").read_text() == leg
+
+
+def test_actuators_turn_as_before_if_a_joint_is_reversed(tmp_path: Path) -> None:
+    """The ratio of its transmission, and its column of a differential, change their signs."""
+    motor = "{kind: motor}"
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "geared.yaml").write_text(f"""\
+thingc: assembly/1
+name: geared
+parameters: {{teeth: 30}}
+components: {{a: {{{BODY}}}, b: {{{BODY}}}, c: {{{BODY}}}, d: {{{BODY}}}}}
+joints:
+  one: {{type: continuous, parent: a.origin, child: b.origin}}
+  two: {{type: continuous, parent: b.origin, child: c.origin}}
+  three: {{type: continuous, parent: c.origin, child: d.origin}}
+transmissions:
+  belt: {{actuator: {motor}, joint: one, ratio: =teeth / 10}}
+  both: {{differential: {{actuators: [{motor}, {motor}], joints: [two, three], matrix: [[1, 2], [3, -4]]}}}}
+""")
+    assert main(["rezero", str(tmp_path / "geared.yaml"), "--flip", "one", "--flip", "three"]) == 0
+    text = (tmp_path / "geared.yaml").read_text()
+    assert "ratio: =-(teeth / 10)" in text and "matrix: [[1, -2], [3, 4]]" in text

@@ -65,6 +65,10 @@ class Kinematics:
         self._carrier = np.array([self._before[k] if joint.reversed else k + 1 for k, joint in enumerate(joints)], dtype=int)
         axes = [moved_twist(X if joint.reversed else inverse(joint.X_JL), joint.twist) for X, joint in zip(self._X_PJ, joints, strict=True)]
         self._axes = np.array(axes).reshape(-1, 2, 3)
+        self._coupled = np.zeros((6 + count, 6 + count))  # the inertia of tendons in the mass matrix
+        for inertia, factors in mode.tendons:
+            row = np.array([0.0] * 6 + [factors.get(joint.name, 0.0) for joint in joints])
+            self._coupled += inertia * np.outer(row, row)
         self._leaders(mode, column)
 
     def _fix(self, links: Sequence[Link], number: int) -> None:
@@ -156,14 +160,14 @@ class Kinematics:
         """Return the mass matrix (6 + m, 6 + m) of the robot, as if its base were free.
 
         The matrix is `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, where J is the Jacobian of the centre of mass
-        of a link.
+        of a link. The inertias of tendons over joints are added.
         """
         R, angular = self.poses(frames)[:, :3, :3], jacobians[:, 3:]
         linear = jacobians[:, :3] - cross_matrix((R @ inertias.centre[:, :, None])[:, :, 0]) @ angular
         forces = [inertias.mass[:, None, None] * linear, R @ inertias.inertia @ R.swapaxes(1, 2) @ angular]
         size = jacobians.shape[2]
         moved, by = (xp.concatenate(pair, axis=1).reshape(-1, size) for pair in ([linear, angular], forces))
-        matrix: Array = moved.T @ by + xp.diag(xp.concatenate([np.zeros(6), inertias.armature]))
+        matrix: Array = moved.T @ by + xp.diag(xp.concatenate([np.zeros(6), inertias.armature])) + self._coupled
         return matrix
 
     def coupling(self, q: Array, xp: Any) -> Array:

@@ -107,6 +107,7 @@ def _mode(name: str, described: Mapping[str, Any], order: tuple[str, ...]) -> Mo
         ),
         bases=MappingProxyType({pose: _array(rows, 4, 4) for pose, rows in described.get("bases", {}).items()}),
         standing_on=tuple(str(path) for path in described.get("standing_on", ())),
+        tendons=tuple((float(one), described["tendons"][path]) for path, one in described.get("tendon_armature", {}).items()),
     )
 
 

@@ -195,6 +195,8 @@ class Mode(OneLineRepr):
         cuts: The joints that close loops.
         bases: The pose (4, 4) of a free root link in each named pose, if it differs from `X_world_root`.
         standing_on: The paths of the contact mounts on which a robot with a free base stands.
+        tendons: The tendons over joints that have an inertia, such as the rotors of a differential: the inertia, and the factor of each
+            coordinate.
     """
 
     name: str
@@ -210,6 +212,7 @@ class Mode(OneLineRepr):
     cuts: tuple[Cut, ...] = ()
     bases: Mapping[str, Array] = field(default_factory=dict)
     standing_on: tuple[str, ...] = ()
+    tendons: tuple[tuple[float, Mapping[str, float]], ...] = ()
     part: PartBase | None = None
 
     @property

@@ -98,6 +98,7 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
     order += [joint.path for closure in robot.closures for joint in closure.joints]
     stands = ((frame.name, frame.base) for frame in robot.keyframes)
     moved = {one.path: one.moves for one in tendons.present(robot) if one.moves}
+    heavy = {one.path: one.dynamics.armature for one in tendons.present(robot) if one.moves and one.dynamics.armature}
     bases = {name: base.rows() for name, base in stands if base is not None and base != robot.bodies[0].X_PL}
     return {
         "version": VERSION,
@@ -109,6 +110,7 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
         "links": _links(robot, names, memo),
         "joints": _joints(robot, names, memo, separator),
         **({"tendons": moved} if moved else {}),
+        **({"tendon_armature": heavy} if heavy else {}),
         "holds": {closure.path: _hold(closure, names, separator) for closure in robot.closures if closure.hold},
         "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
         **({"bases": bases} if bases else {}),
