@@ -14,6 +14,9 @@ from loops.robots import MATE, Array, Built, compiled, pose_of
 from modes.switching_robots import assert_said, same_motion
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
+from thingc.model.assembly.kinematics import joints_of
+from thingc.model.robot.kinematics import body_poses
+from thingc.model.statics.efforts import static_efforts
 from thingc.modes import Modes
 
 WEIGHT = "inertia: {ixx: 1e-3 kg*m^2, iyy: 2e-3 kg*m^2, izz: 1.5e-3 kg*m^2}"
@@ -185,3 +188,29 @@ def test_a_free_joint_in_a_loop(tmp_path: Path) -> None:
 def test_wrong_values_in_poses(tmp_path: Path, value: str, message: str) -> None:
     made = compiled(tmp_path, GRIPPER.replace("{grasp: {quat: [0, 1, 0, 0]}}", f"{{grasp: {value}}}"))
     assert [(code, text) for code, text, _, _ in made.said] == [("TC334", message)]
+
+
+def test_feet_do_not_carry_what_is_released(tmp_path: Path) -> None:
+    """The efforts of a robot on its feet are those without the ball, whatever the ball weighs."""
+    stool = f"""\
+thingc: assembly/1
+name: stool
+components:
+  seat: {{frame: true, mass: 2 kg, {WEIGHT}, mounts: {{a: {{xyz: 100 0 -200 mm, rpy: 180 0 0 deg}},
+    b: {{xyz: -100 100 -200 mm, rpy: 180 0 0 deg}}, c: {{xyz: -100 -100 -200 mm, rpy: 180 0 0 deg}}}}}}
+  head: {{frame: true, mass: 300 g, com: 50 0 0 mm, {WEIGHT}}}
+  ball: {{frame: true, mass: BALL, {WEIGHT}, mounts: {{m: {{xyz: 0 0 10 mm}}}}}}
+joints:
+  nod: {{type: continuous, parent: seat.origin, child: head.origin, axis: [0, 1, 0], drive: {{kind: motor, effort: 1 N*m}}}}
+  grasp: {{type: free, parent: head.origin, child: ball.m}}
+modes:
+  stands: {{root: seat, base: free, at: {{xyz: 0 0 200 mm}}, standing_on: {{mounts: [seat.a, seat.b, seat.c], friction: 1}}}}
+"""
+    found = []
+    for number, mass in enumerate(("1 g", "5 kg")):
+        tmp_path.joinpath(str(number)).mkdir()
+        robot = compiled(tmp_path / str(number), stool.replace("BALL", mass)).robot("stands")
+        q = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
+        found.append(static_efforts(robot, q, body_poses(robot, q)))
+    assert found[0].by_joint == pytest.approx(found[1].by_joint) and found[0].fall is None
+    assert found[0].by_joint["nod"] == pytest.approx(-0.3 * 9.81 * 0.05)

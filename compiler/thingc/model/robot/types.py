@@ -203,6 +203,14 @@ class Robot(OneLineRepr, FrozenStruct):
         return next((frame for frame in self.keyframes if frame.name == self.mode.pose), None)
 
     @property
+    def carriers(self) -> tuple[int, ...]:
+        """For each body, the index of the body that carries it: the root, or a body with a free joint."""
+        carriers: list[int] = []
+        for index, body in enumerate(self.bodies):
+            carriers.append(index if body.parent is None or body.free else carriers[body.parent])
+        return tuple(carriers)
+
+    @property
     def carried(self) -> bool:
         """Whether the base is free and is supported by feet or holds."""
         return self.base == "free" and (bool(self.mode.feet) or any(closure.hold for closure in self.closures))

@@ -54,9 +54,10 @@ def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Supp
 
     `q` maps the paths of all joints to positions [rad or m], and `bodies` contains the poses of all bodies in the world.
     """
-    masses = [robot.assembly.links[body.link].properties for body in robot.bodies]
+    carried = [index for index, carrier in enumerate(robot.carriers) if carrier == 0]
+    masses = [robot.assembly.links[robot.bodies[index].link].properties for index in carried]
     mass = sum_of(own.mass for own in masses)
-    centres = [pose.apply(own.centre) for own, pose in zip(masses, bodies, strict=True)]
+    centres = [bodies[index].apply(own.centre) for own, index in zip(masses, carried, strict=True)]
     x, y, z = (sum_of(own.mass * centre[k] for own, centre in zip(masses, centres, strict=True)) / mass for k in range(3))
     gx, gy, gz = robot.gravity
     return Support(

@@ -112,17 +112,14 @@ def _unchecked(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix
     """
     names, mode = [safe(link.name) for link in robot.assembly.links], robot.mode
     neighbours, own = adjacent(robot.assembly), {pair_of(names[one], names[other]) for one, other in mode.exclude}
-    carrier: list[int] = []
-    for index, body in enumerate(robot.bodies):
-        carrier.append(index if body.parent is None or body.free else carrier[body.parent])
-    with_link = {names[body.link]: number for body, number in zip(robot.bodies, carrier, strict=True)}
+    carrier = {names[body.link]: number for body, number in zip(robot.bodies, robot.carriers, strict=True)}
     for one, other in combinations([names[body.link] for body in robot.bodies if names[body.link] in touching], 2):
         pair = pair_of(one, other)
         if pair in neighbours:
             yield one, other, "Adjacent"
         elif pair in own:
             yield one, other, "User"
-        elif meetings is None or with_link[one] != with_link[other]:
+        elif meetings is None or carrier[one] != carrier[other]:
             continue
         elif pair in meetings.at[mode.name]:
             yield one, other, "Default"
