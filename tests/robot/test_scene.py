@@ -126,6 +126,7 @@ def test_drives_and_contacts_are_those_of_the_modes(desk: Built) -> None:
     assert driven == {"left/shoulder", "left/wrist_0", "right/shoulder", "fourth/shoulder", "fourth/wrist_0"}
     pairs = {frozenset(model.body(body).name for body in divmod(int(signature), 65536)) for signature in model.exclude_signature}
     assert frozenset({"fourth/foot", "fourth/hand"}) in pairs and frozenset({"left/foot", "left/hand"}) not in pairs
+    assert not {pair for pair in pairs if "room" in pair} - {frozenset({"room", "left/foot"}), frozenset({"room", "right/hand"})}
     free = [model.joint(number).name for number in range(model.njnt) if model.jnt_type[number] == mujoco.mjtJoint.mjJNT_FREE]
     assert free == ["third/root", "cube/root"]
 

@@ -176,13 +176,14 @@ def rigid_groups(count: int, link_of: Sequence[int], mates: Sequence[Mate]) -> t
 
 
 def joined_links(assembly: Assembly, root: int | None = None) -> Iterator[tuple[int, int]]:
-    """Yield each pair of links that a joint connects. Free joints do not connect links.
+    """Yield each pair of links that a joint connects. Free joints and bases of nested assemblies do not connect links, except fixed bases.
 
-    All links of a rigid group count as the link with the joint. If `root` is given, a massless intermediate link is replaced by the next
-    link, unless it is the `root`.
+    All links of a rigid group, without fixed bases, count as the link with the joint. If `root` is given, a massless intermediate link is
+    replaced by the next link, unless it is the `root`.
     """
-    groups = rigid_groups(len(assembly.links), assembly.link_of, assembly.mates)
-    ends = [(assembly.link_of[mate.parent], assembly.link_of[mate.child]) for mate in assembly.mates if mate.separates and not mate.free]
+    groups = rigid_groups(len(assembly.links), assembly.link_of, [mate for mate in assembly.mates if not mate.base])
+    joining = (mate for mate in assembly.mates if mate.separates and not mate.free and (mate.keep or not mate.base))
+    ends = [(assembly.link_of[mate.parent], assembly.link_of[mate.child]) for mate in joining]
     at: dict[int, list[tuple[int, int]]] = {}
     for pair in ends:
         for link in pair:

@@ -157,6 +157,7 @@ def _mated(parent: FoundMount, child: FoundMount, said: Attach | Joint, joints: 
         parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount, X_PJ=before, X_JC=after,
         joints=joints, origin=origin, name=path if joints or said.keep else None,
         loop=path if isinstance(said, Joint) and said.loop else None, keep=said.keep,
+        base=isinstance(said, Joint) and said.base,
     )
 
 

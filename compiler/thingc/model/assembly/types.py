@@ -251,7 +251,7 @@ class Mate(OneLineRepr, FrozenStruct):
     exp(twist_1 (q_1 + offset_1)) ... @ X_JC`. A mate without joints is rigid. `name` is the path of the joint, or None for a rigid mate.
     `parent_mount` and `child_mount` are the names of the mated mounts (`origin` for `at`). `loop` is the path of a joint that closes a
     loop. A mate with a `loop` does not place its child component. The sides of a rigid mate with `keep` are separate links, between which
-    `name` is a fixed joint.
+    `name` is a fixed joint. A `base` is the base of a nested assembly in a mode.
     """
 
     parent: int
@@ -265,6 +265,7 @@ class Mate(OneLineRepr, FrozenStruct):
     name: JointPath | None = None
     loop: JointPath | None = None
     keep: bool = False
+    base: bool = False
 
     @property
     def separates(self) -> bool:

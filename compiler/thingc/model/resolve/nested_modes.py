@@ -53,7 +53,7 @@ def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | Non
             own = name.numbered(number) if len(kind.twists) > 1 else name
             table.joints[own] = Joint(
                 name=own, kind=kind, twist=twist, parent=at.to, child=child, limit=NO_LIMIT, dynamics=NO_DYNAMICS, turn=0.0, gap=0.0,
-                offset=0.0, drive=None, mimic=None, origin=at.origin, spans={}, keep=not kind.moves,
+                offset=0.0, drive=None, mimic=None, origin=at.origin, spans={}, keep=not kind.moves, base=True,
                 axis=IDENTITY[2] if root.mount is None else None, pose=at.pose @ mode.at,
             )
     return lost

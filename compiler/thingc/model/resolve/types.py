@@ -273,8 +273,8 @@ class Joint(Coordinate):
     joint by path (`limit.lower`), and `written` contains these values. If the joint has an `axis` (a unit vector in the frame of the parent
     mount), the mounts coincide at q = 0 instead of facing each other. Without `axis`, a `mirrored` joint moves in a frame that is the frame
     of the parent mount after a rotation by pi about x. If `reverse` is True, `twist` is the reversed motion. `geared` is True if a
-    transmission drives the joint, alone or together with other joints. If the joint is the base of a nested assembly, the frame at `pose`
-    in the parent mount replaces the frame of the parent mount.
+    transmission drives the joint, alone or together with other joints. If the joint is the `base` of a nested assembly in a mode, the frame
+    at `pose` in the parent mount replaces the frame of the parent mount.
     """
 
     twist: Twist | None
@@ -291,6 +291,7 @@ class Joint(Coordinate):
     reverse: bool = False
     axis: Vector | None = None
     geared: bool = False
+    base: bool = False
     pose: Pose = NO_POSE
 
 
