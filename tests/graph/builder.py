@@ -155,7 +155,7 @@ def record(name: str, **said: Any) -> PartRecord:
         "fits": {},
         "meshes": {},
         "pieces": (),
-        "convex": (),
+        "convex": {},
         "brep": None,
         "code": None,
     }

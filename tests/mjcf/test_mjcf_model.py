@@ -482,7 +482,7 @@ def test_pieces(store: Store) -> None:
         shape="cylinder", size=(0.02, 0.05),
         pose=Pose(rotation=((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)), translation=(0.3, 0.1, 0.0)),
     )
-    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1), pieces=(solids[0], rod, solids[1]), convex=solids)
+    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1), pieces=(solids[0], rod, solids[1]), convex={0: solids})
     turned = matrix((0.1, 0.2, 0.3), [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     made = Made(
         segments=[

@@ -102,7 +102,7 @@ def answer(process: subprocess.Popen[str]) -> dict[str, Any]:
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
 def test_after_a_fork_workers_stay_the_parent_s(tmp_path: Path, workers: Workers) -> None:
     """A child that asks has one of its own, and ends no other: two that read from one pipe would wait for each other."""
-    request = {"op": "decompose", "mesh": "0" * 64, "store": str(tmp_path), "timeout": 60.0}
+    request = {"op": "decompose", "mesh": "0" * 64, "most": 0, "store": str(tmp_path), "timeout": 60.0}
     ((_, said),) = workers.run([request])
     (worker,) = workers._processes
     child = os.fork()

@@ -197,7 +197,7 @@ def records(module_place: Any, define: Any) -> dict[str, Any]:
         **{how: define("shapes:Pieces", how=how) for how in (*APART, *TOGETHER)},
     }
     with module_place.service() as service:
-        found = service.realize(list(wanted.values()), convex={"shapes:Angle_"})
+        found = service.realize(list(wanted.values()), convex={"shapes:Angle_": (0,)})
     return {name: found[definition.text] for name, definition in wanted.items()}
 
 
@@ -445,13 +445,13 @@ def test_a_record_is_kept_while_the_meshes_of_its_pieces_are(records: dict[str, 
 
 
 def test_convex_pieces_only_where_asked(records: dict[str, PartRecord], module_place: Any, define: Any) -> None:
-    assert records["block"].convex == ()
-    pieces = [enclosed(read_obj(module_place.store.read(piece.sha256))) for piece in records["convex"].convex]
+    assert records["block"].convex == {}
+    pieces = [enclosed(read_obj(module_place.store.read(piece.sha256))) for piece in records["convex"].convex[0]]
     assert len(pieces) == 2
     assert sum(pieces) == pytest.approx(5e-6, rel=0.01)
-    assert [piece.closed for piece in records["convex"].convex] == [True, True]
+    assert [piece.closed for piece in records["convex"].convex[0]] == [True, True]
     with module_place.service(workers=Workers(1)) as service:  # they are kept by the mesh: no worker is needed
-        again = service.realize([define("shapes:Angle_")], convex={"shapes:Angle_"})
+        again = service.realize([define("shapes:Angle_")], convex={"shapes:Angle_": (0,)})
         assert service.reused == ["shapes:Angle_"]
     assert again["shapes:Angle_"] == records["convex"]
 
@@ -519,7 +519,7 @@ def test_records_survive_json(records: dict[str, PartRecord]) -> None:
 
     for record in records.values():
         value = json.loads(json.dumps(record_to_json(record, "/ws")))
-        assert record_from_json(value, "/ws") == replace(record, convex=())
+        assert record_from_json(value, "/ws") == replace(record, convex={})
     failure = PartFailure(subject="a:B", kind="raised", message="ValueError: x", file="/ws/parts/a.py", line=3, candidates=("C",))
     assert to_json(failure, "/ws")["file"] == "parts/a.py"
     assert from_json(to_json(failure, "/ws"), "/ws", PartFailure) == failure
