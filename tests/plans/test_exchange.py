@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import pytest
@@ -53,7 +53,7 @@ class Parts:
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema]:
         return dict.fromkeys(references, BAR)
 
-    def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = ()) -> dict[str, Any]:
+    def realize(self, definitions: Sequence[PartDefinition], convex: object = None) -> dict[str, Any]:
         self.asked += [one.text for one in definitions]
         return {one.text: self._record(one) for one in definitions}
 

@@ -65,9 +65,7 @@ class TracedParts:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._parts, name)
 
-    def realize(
-        self, definitions: Sequence[PartDefinition], convex: Mapping[str, tuple[int, ...]], likely: object = None, **named: Any,
-    ) -> Any:
+    def realize(self, definitions: Sequence[PartDefinition], convex: Any = None, likely: object = None, **named: Any) -> Any:
         """Return the part records for the given definitions, in the same way as `PartSource`. Call this method only once.
 
         The argument `likely` is ignored, because it may contain traced numbers.
@@ -76,10 +74,10 @@ class TracedParts:
         for one in traced:
             if forbidden := [number for number in numbers_of(one) if not self._allowed(number)]:
                 raise PartDependsOnNumber(one, forbidden[0])
-        records = self._parts.realize([_plain(one) for one in definitions], convex=convex, **named)
+        records = self._parts.realize([_plain(one) for one in definitions], convex=convex or {}, **named)
         if not traced:
             return records
-        self.definitions, self.convex = tuple(definitions), convex
+        self.definitions, self.convex = tuple(definitions), convex or {}
         numbers = self.parameters
         tape = numbers[0].tape
         self.before = tape.copy()
