@@ -360,6 +360,8 @@ def test_wrong_contacts_get_one_error_at_their_line(
     ("{decompose: {}, shapes: [{box: 1 1 1 mm}]}", "found `shapes` and `decompose`"),
     ("{shapes: [{mesh: meshes/none.stl}]}", "meshes/none.stl"),
     ("boxes", "expected `hull`"),
+    ("{targets: {ros: box}}", "unknown key `ros`"),
+    ("{kind: box, decompose: {}}", "found `kind` and `decompose`"),
 ])
 def test_wrong_shapes_get_one_diagnostic(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], collision: str, words: str, shared_store: str,

@@ -186,6 +186,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
         return {word for inner in get_args(annotation) for word in words(inner)}
 
     elsewhere = {("JointSpec", "type"), ("ComponentDefaults", "collision"), ("ModeSpec", "hold"), ("ModeSpec", "base")}
+    elsewhere |= {("TargetChoicesSpec", key) for key in ("mjcf", "urdf", "sdf", "usd")}
     elsewhere |= {("SensorSpec", key) for key in ("type", "noise", "cutoff")}
     for module in (assembly, drives, link_shapes, materials, sensors, mass, variants):
         for marker in re.findall(r"<!-- (keys: [\w ]+) -->", _language()):

@@ -19,7 +19,7 @@ PROSE = {
     "parts", "picture", "reason", "supplier",
 }
 """Keys of text that names nothing in a document: words for people, files, things of other libraries, settings of a workspace."""
-NUMBERED = {"allow", "cost", "noise", "cutoff", "groups", "targets"}
+NUMBERED = {"allow", "cost", "noise", "cutoff", "groups"}
 """Mappings whose keys are codes, numbers of pieces, words of ours, or names that only the same mapping uses."""
 
 

@@ -49,7 +49,7 @@ class FieldType(FrozenStruct):
             assert self.model is not None
             keys = model_keys(self.model)
             own = [key for key in self.model.__annotations__ if key in keys]
-            named = [key for key, (_, required) in keys.items() if required] or [*own, *keys][:3]
+            named = [key for key, (_, required) in keys.items() if required] or list(dict.fromkeys([*own, *keys]))[:3]
             return "a mapping with " + ", ".join(f"`{key}`" for key in named)
         if self.kind == "literal":
             return one_of([spoken(choice) for choice in self.choices])

@@ -444,7 +444,7 @@ class DefaultsSpec(Model):
     @model_validator(mode="after")
     def _no_shapes(self) -> DefaultsSpec:
         said = self.component.collision if self.component is not None else None
-        choices = (said, *said.targets.values()) if isinstance(said, CollisionSpec) else ()
+        choices = (said, *said.by_target.values()) if isinstance(said, CollisionSpec) else ()
         if any(choice.shapes for choice in choices if not isinstance(choice, str)):
             raise rule("`shapes` cannot be a default, because they are in the frame of one part", "list the shapes at the component")
         return self

@@ -138,13 +138,27 @@ class ChoiceSpec(Model):
 
     @model_validator(mode="after")
     def _one_form(self) -> ChoiceSpec:
-        keys = [f"`{key}`" for key in ("kind", "shapes", "decompose") if getattr(self, key, None) is not None]
+        known = [key for key in ("kind", "shapes", "decompose") if key in type(self).model_fields]
+        keys = [f"`{key}`" for key in known if getattr(self, key) is not None]
         if len(keys) > 1 or not keys and not getattr(self, "targets", None):
             raise rule(
-                f"`collision` must have exactly one of `shapes` and `decompose`, found {' and '.join(keys) or 'none'}",
+                f"collision shapes must have exactly one of {', '.join(f'`{key}`' for key in known)}, found {' and '.join(keys) or 'none'}",
                 "write, for example, `collision: {shapes: [{box: 40 20 10 mm}]}`",
             )
         return self
+
+
+class TargetChoicesSpec(Model):
+    """The collision shapes of a part in single formats."""
+
+    mjcf: Collision | ChoiceSpec | None = None
+    """The shapes in MuJoCo models."""
+    urdf: Collision | ChoiceSpec | None = None
+    """The shapes in URDF files and ROS packages."""
+    sdf: Collision | ChoiceSpec | None = None
+    """The shapes in SDF files."""
+    usd: Collision | ChoiceSpec | None = None
+    """The shapes in USD files."""
 
 
 class CollisionSpec(ChoiceSpec):
@@ -152,7 +166,10 @@ class CollisionSpec(ChoiceSpec):
 
     kind: Collision | None = None
     """The kind of collision shape; default with `targets`: `hull`."""
-    targets: dict[Literal["mjcf", "urdf", "sdf", "usd"], Collision | ChoiceSpec] = Field(
-        default={}, examples=[{"mjcf": {"decompose": {"pieces": 8}}, "urdf": "box"}],
-    )
-    """The collision shapes in single formats. A ROS package uses the shapes for `urdf`."""
+    targets: TargetChoicesSpec | None = Field(default=None, examples=[{"mjcf": {"decompose": {"pieces": 8}}, "urdf": "box"}])
+    """The collision shapes in single formats."""
+
+    @property
+    def by_target(self) -> dict[str, Collision | ChoiceSpec]:
+        """The collision shapes in single formats, by format."""
+        return {} if self.targets is None else {name: value for name, value in self.targets if value is not None}

@@ -63,7 +63,7 @@ def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
 
 def _collision(scope: Scope, said: str | CollisionSpec, path: Path) -> tuple[CollisionChoice, dict[str, CollisionChoice]]:
     """Return the collision shapes in all formats and in single formats, without lists of shapes."""
-    targets = said.targets if isinstance(said, CollisionSpec) else {}
+    targets = said.by_target if isinstance(said, CollisionSpec) else {}
     return _choice(scope, said, path), {name: _choice(scope, one, (*path, "targets", name)) for name, one in targets.items()}
 
 

@@ -39,7 +39,7 @@ def of_collision(context: ResolveRun, table: DocumentScope, node: ComponentScope
     if not isinstance(spec, CollisionSpec):
         return {}
     made: dict[str, LinkDefinition] = {}
-    choices: list[tuple[str, str | ChoiceSpec]] = [("", spec), *spec.targets.items()]
+    choices: list[tuple[str, str | ChoiceSpec]] = [("", spec), *spec.by_target.items()]
     for name, choice in choices:
         shapes = None if isinstance(choice, str) else choice.shapes
         at: Path = (*path, *(("targets", name) if name else ()), "shapes")
