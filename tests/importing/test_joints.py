@@ -105,6 +105,23 @@ def test_a_screw_is_accepted_only_by_name(run: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_the_arm_of_this_repository(run: Any, tmp_path: Path, root: Path, shared_store: str) -> None:
+    """The STEP file of the arm has no joints; imported, it has those of the document again."""
+    arm = str(root / "assemblies" / "arm.yaml")
+    assert run("build", arm, "--emit", "step", "-o", "build")[0] == 0
+    assert run("import", "build/arm/step/arm.step", "-o", "out")[0] == 0
+    code, said = run("joints", "out/arm.yaml", "--write")
+    assert code == 0 and said.count("joints.") == 4, said
+
+    def links(document: str) -> set[frozenset[str]]:
+        assembly = thingc.compile(document, store=shared_store).assembly
+        solid = [one.record is not None and one.record.box is not None for one in assembly.occurrences]
+        return {frozenset(assembly.occurrences[k].path for k in link.members if solid[k]) for link in assembly.links}
+
+    assert links("out/arm.yaml") == links(arm)
+
+
+@pytest.mark.slow
 def test_random_robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(BENCHMARK))
     from robots import generate

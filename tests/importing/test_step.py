@@ -12,10 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 from build123d import Box, Color, Compound, Cylinder, Location, Plane, Pos, Rot, Solid, Vector, export_step, import_step, mirror
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
 from OCP.Interface import Interface_Static
+from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TopLoc import TopLoc_Location
+from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
 import thingc
 from thingc.base.pose import Pose
+from thingc.geometry.worker.kernel.integrals import at_origin
+from thingc.geometry.worker.kernel.step_assembly import new_document, write_document
 from thingc.tools.cli.main import main
 
 Write = Callable[[Any, str], Path]
@@ -154,14 +161,60 @@ def test_colours_reach_every_target(run: Any, tmp_path: Path) -> None:
     assert wanted <= found
 
 
+def written(path: Path, parts: list[tuple[Any, gp_Trsf | None, str, float, str]]) -> None:
+    """Write an assembly of parts with a transformation, a material, a density [g/cm^3] and a colour of each solid, through the kernel."""
+    document = new_document()
+    shapes, materials = XCAFDoc_DocumentTool.ShapeTool_s(document.Main()), XCAFDoc_DocumentTool.MaterialTool_s(document.Main())
+    root = shapes.NewShape()
+    TDataStd_Name.Set_s(root, TCollection_ExtendedString("rig"))
+    for number, (shape, motion, material, density, colors) in enumerate(parts):
+        label = shapes.AddShape(at_origin(shape.wrapped), False)
+        TDataStd_Name.Set_s(label, TCollection_ExtendedString(f"part {number}"))
+        for one, color in zip(shape.solids(), colors.split(), strict=False):
+            own = shapes.AddSubShape(label, one.wrapped) if len(shape.solids()) > 1 else label
+            value = Color(color).wrapped
+            XCAFDoc_DocumentTool.ColorTool_s(document.Main()).SetColor(own, value, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
+        if material:
+            words = (TCollection_HAsciiString(word) for word in (material, "", "density", "POSITIVE_RATIO_MEASURE"))
+            name, about, what, kind = words
+            materials.SetMaterial(label, name, about, density, what, kind)
+        shapes.AddComponent(root, label, TopLoc_Location(motion or gp_Trsf()))
+    shapes.UpdateAssemblies()
+    path.write_bytes(write_document(document, "rig"))
+
+
 def test_solids_of_other_colours_become_a_nested_document(run: Any, tmp_path: Path) -> None:
-    shaft = solid(Pos(0, 0, 8) * Cylinder(2, 6), "shaft", "silver")
-    motor = Compound(label="motor", children=[solid(Box(10, 10, 10), "body", "black"), shaft])
-    whole = Compound(label="rig", children=[motor, solid(Pos(0, 0, -7) * Box(30, 30, 4), "plate", "red")])
-    export_step(whole, tmp_path / "rig.step")
-    assert run("import", "rig.step", "-o", "out")[0] == 0
+    motor = Compound([Box(10, 10, 10).solid(), (Pos(0, 0, 8) * Cylinder(2, 6)).solid()])
+    plate = (Pos(0, 0, -7) * Box(30, 30, 4)).solid()
+    written(tmp_path / "rig.step", [(motor, None, "", 0.0, "black silver"), (plate, None, "", 0.0, "red")])
+    code, said = run("import", "rig.step", "-o", "out")
+    assert code == 0 and "2 documents, 4 components and 3 parts" in said
     record = json.loads((tmp_path / "out/import.json").read_text())
     assert sorted(part["colors"][0] for part in record["parts"]) == ["#000000", "#c0c0c0", "#ff0000"]
+    assert run("check", f"out/{record['documents'][-1]['file']}")[0] == 0
+
+
+def test_mirrored_and_scaled_placements(run: Any, tmp_path: Path, shared_store: str) -> None:
+    mirrored, larger = gp_Trsf(), gp_Trsf()
+    mirrored.SetMirror(gp_Ax2(gp_Pnt(50, 0, 0), gp_Dir(1, 0, 0)))
+    larger.SetScale(gp_Pnt(0, 0, 100), 2.0)
+    block = wedge()
+    written(tmp_path / "rig.step", [(block, motion, "", 0.0, "") for motion in (None, mirrored, larger)])
+    assert run("import", "rig.step", "-o", "out")[0] == 0
+    image = mirror(block, Plane(origin=(50, 0, 0), z_dir=(1, 0, 0)))
+    source = Compound([block, image.solid(), (Pos(0, 0, -100) * block.scale(2.0)).solid()])
+    assert imported_rows(tmp_path / "out/rig.yaml", Pose(), shared_store) == measured(source)
+    assert len(json.loads((tmp_path / "out/import.json").read_text())["parts"]) == 3
+
+
+def test_materials(run: Any, tmp_path: Path) -> None:
+    rows = [("Steel", 7.85), ("Unobtainium", 1.234), ("PLA", 0.0), ("", 0.0), ("Häßlich", 0.0)]
+    written(tmp_path / "rig.step", [(Box(10 + k, 9, 8).solid(), None, *row, "") for k, row in enumerate(rows)])
+    code, said = run("import", "rig.step", "-o", "out")
+    assert code == 0 and "assumed 1000 kg/m^3" in said and "`part_3`, `part_4 (Häßlich)`" in said, said
+    found = re.findall("    material: (.*)", (tmp_path / "out/rig.yaml").read_text())
+    assert found == ["steel", "unobtainium", "pla", "unspecified", "unspecified"]
+    assert "unobtainium: {density: 1234 kg/m^3}" in (tmp_path / "out/materials.yaml").read_text() and run("check", "out/rig.yaml")[0] == 0
 
 
 def test_mounts_at_features(run: Any, tmp_path: Path) -> None:

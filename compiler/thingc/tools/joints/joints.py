@@ -92,7 +92,7 @@ def _body(name: str, parts: Sequence[tuple[Occurrence, Features]], assembly: Ass
         one, features = parts[0]
         lines = [line_through(each.point, each.axis) for each in features.cylinders if not each.hollow and each.sweep > 6.0]
         axes = round_axes(one.properties.inertia, one.properties.centre, lines, assembly.rest[one.index])
-    words = tuple(one.definition.text for one, _ in parts)
+    words = (parts[0][0].definition.text,) if len(parts) == 1 else ()
     return ComponentBody(name=name, words=words, mass=sum(one.properties.mass for one, _ in parts), round_about=axes)
 
 
@@ -140,8 +140,13 @@ def write_joints(
     if wrong or not accepted:
         return EditResult(found=tuple(wrong))
     document = proposed.document
+    groups = proposed.search.groups(accepted)
+    rigid = [one.name for one in accepted if any(one.parent in group and one.child in group for group in groups)]
+    if rigid:
+        message = f"other contacts connect the parts of `{rigid[0]}` rigidly"
+        return EditResult(found=(_refused(message, "accept other joints together with this joint, or write the joint into the document"),))
     try:
-        values, removed, done = _edits(proposed, accepted, proposed.search.groups(accepted))
+        values, removed, done = _edits(proposed, accepted, groups)
         _refuse_copies(document, values)
         changed = document
         for keys in removed:

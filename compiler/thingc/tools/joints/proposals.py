@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Literal
 
@@ -55,6 +55,11 @@ class JointProposal(FrozenStruct):
     doubt: str | None
     travel: float = 0.0
 
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """The components and the kind of the joint, which are different for every proposal."""
+        return self.parent, self.child, self.kind
+
 
 class JointSearch:
     """Finds joints between components. `contacts` maps pairs of components, in document order, to their contacts.
@@ -71,29 +76,37 @@ class JointSearch:
         self.rigid = [*rigid]
         self.joined = [*joined]
         self.released: dict[Pair, set[Pair]] = {}
+        self.found: list[JointProposal] = []
 
     def proposals(self) -> tuple[list[JointProposal], list[list[str]]]:
         """Return the proposals, and the groups of components that are rigidly connected if the proposals without doubt are accepted."""
         found = [*self._turning(), *self._sliding(), *self._bolt_circles()]
         found = list({(frozenset((one.parent, one.child)), one.kind): one for one in reversed(found)}.values())[::-1]
+        self.found = found
         while True:
             groups = self.groups([one for one in found if one.doubt is None])
             of = {name: number for number, group in enumerate(groups) for name in group}
-            between = [tuple(sorted((of[one.parent], of[one.child]))) for one in found]
-            kept = [ends for one, ends in zip(found, between, strict=True) if one.doubt is None]
-            checked = [
-                replace(one, doubt="other contacts connect the same parts rigidly") if one.doubt is None and ends[0] == ends[1]
-                else replace(one, doubt="another joint connects the same parts") if one.doubt is None and kept.count(ends) > 1 else one
-                for one, ends in zip(found, between, strict=True)
-            ]
-            if checked == found:
+            kept: dict[frozenset[int], list[JointProposal]] = {}
+            for one in found:
+                if one.doubt is None:
+                    kept.setdefault(frozenset((of[one.parent], of[one.child])), []).append(one)
+            doubts = {one.key: doubt for ends, joints in kept.items() for one, doubt in _doubts_between(ends, joints)}
+            if not doubts:
                 return self._named(found), groups
-            found = checked
+            found = [replace(one, doubt=doubts.get(one.key, one.doubt)) for one in found]
 
     def groups(self, accepted: Sequence[JointProposal]) -> list[list[str]]:
-        """Return the groups of components that are rigidly connected, except by the accepted joints."""
-        pairs = [self._pair(one.parent, one.child) for one in accepted]
-        free = {*pairs}.union(*(self.released.get(pair, set()) for pair in pairs))
+        """Return the groups of components that are rigidly connected, except by the accepted joints.
+
+        If a joint is accepted, parts that touch around the same axis can also turn.
+        """
+        axes = [one.line for one in accepted if one.kind == "revolute"]
+        around = [one for one in self.found if one.kind == "revolute" and any(one.line.same(axis) for axis in axes)]
+        pairs = [self._pair(one.parent, one.child) for one in (*accepted, *around)]
+        return self._rigid_groups({*pairs}.union(*(self.released.get(pair, set()) for pair in pairs)))
+
+    def _rigid_groups(self, free: Collection[Pair]) -> list[list[str]]:
+        """Return the groups of components that contacts connect, except the contacts of the pairs in `free`."""
         group = {name: name for name in self.order}
 
         def root(name: str) -> str:
@@ -139,11 +152,15 @@ class JointSearch:
             others.sort(key=self.order.index)
             pins = [name for name in pins if name not in others]
             doubt = self._doubt(line, others, pins, members)
-            for other in others[1:]:
-                direct = self.contacts.get(self._pair(others[0], other), Contact())
-                if _turns_or_rests(direct, line) and self._pair(others[0], other) not in self.joined:
-                    found.append(JointProposal(name="", kind="revolute", parent=others[0], child=other, line=line, doubt=doubt))
-            self.released |= {self._pair(others[0], other): self._held(others, pins) for other in others[1:]}
+            around = {pair for pair in combinations(members, 2) if _turns_or_rests(self.contacts.get(pair, Contact()), line)}
+            sides = [[name for name in group if name in others] for group in self._rigid_groups({*turns, *around})]
+            first, *rest = [side for side in sides if side] or [others]
+            for side in rest:
+                across = {self._pair(one, other) for one in first for other in side}
+                if across <= around and across.isdisjoint(self.joined):
+                    doubts = doubt or (f"{len(rest) + 1} parts share the axis" if len(rest) > 1 else None)
+                    found.append(JointProposal(name="", kind="revolute", parent=first[0], child=side[0], line=line, doubt=doubts))
+                    self.released[self._pair(first[0], side[0])] = across | self._held(first, side, pins)
         pairs = [(one.parent, one.child) for one in found]
         yield from (one for one, pair in zip(found, pairs, strict=True) if pairs.count(pair) == 1)
 
@@ -170,8 +187,6 @@ class JointSearch:
         fastener = next((name for name in members if self.bodies[name].fastens), None)
         if fastener is not None:
             return f"`{fastener}` may fasten the parts"
-        if len(others) > 2:
-            return f"{len(others)} parts share the axis"
         inside = [one for pair, one in self.contacts.items() if pair[0] in members and pair[1] in members]
         if not any(line.parallel(face.normal) for one in inside for face in one.faces):
             return "the parts can also slide along the axis"
@@ -187,11 +202,12 @@ class JointSearch:
             for pair, touching in self.contacts.items() if name in pair for one in touching.shafts if one.line.same(line)
         )
 
-    def _held(self, others: Sequence[str], pins: Sequence[str]) -> set[Pair]:
-        """Return the pairs that can turn if each pin is connected to only one of the parts that it holds together."""
-        held = {pin: [name for name in others if self._pair(pin, name) in self.contacts] for pin in pins}
-        free = {self._pair(pin, name) for pin, names in held.items() for name in names[1:]}
-        return free | {self._pair(one, two) for one, two in combinations(pins, 2) if held[one] and held[two] and held[one] != held[two]}
+    def _held(self, first: Sequence[str], other: Sequence[str], pins: Sequence[str]) -> set[Pair]:
+        """Return the pairs that can turn if each pin is connected to only one of the two sides of a joint."""
+        held = {pin: [[name for name in side if self._pair(pin, name) in self.contacts] for side in (first, other)] for pin in pins}
+        free = {self._pair(pin, name) for pin, (one, two) in held.items() if one for name in two}
+        sides = {pin: bool(one) for pin, (one, two) in held.items() if one or two}
+        return free | {self._pair(one, two) for one, two in combinations(sides, 2) if sides[one] != sides[two]}
 
     # --- joints that slide, and bolt circles ---------------------------------------------------------------------------
 
@@ -227,6 +243,19 @@ class JointSearch:
             if centre is not None:
                 doubt = "a bolt circle also fits a rigid connection"
                 yield JointProposal(name="", kind="revolute", parent=parent, child=child, line=centre, doubt=doubt)
+
+
+def _doubts_between(ends: frozenset[int], joints: Sequence[JointProposal]) -> Iterator[tuple[JointProposal, str]]:
+    """Yield the doubts that result from the groups of rigidly connected components at the ends of joints.
+
+    Of several joints about the same axis between the same groups, only the first has no doubt.
+    """
+    same_axis = all(one.kind == "revolute" and one.line.same(joints[0].line) for one in joints)
+    for number, one in enumerate(joints):
+        if len(ends) == 1:
+            yield one, "other contacts connect the same parts rigidly"
+        elif len(joints) > 1 and (number > 0 or not same_axis):
+            yield one, "another joint connects the same parts"
 
 
 def distinct_lines(shafts: Sequence[ShaftContact]) -> list[ContactAxis]:

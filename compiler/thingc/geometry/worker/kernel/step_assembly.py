@@ -31,7 +31,7 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
     """
     document = new_document()
     _fill(document, name, instances, store)
-    data = _written(document, name)
+    data = write_document(document, name)
     return {"sha256": store.put(data), "size": len(data)}
 
 
@@ -51,7 +51,7 @@ def write_part(name: str, shape: Any, color: str | None) -> bytes:
         colored = [label] if shape.ShapeType() == TopAbs_SOLID else [shapes.AddSubShape(label, one) for one in explored(shape, TopAbs_FACE)]
         for one in colored:
             XCAFDoc_DocumentTool.ColorTool_s(document.Main()).SetColor(one, _color(color), XCAFDoc_ColorType.XCAFDoc_ColorSurf)
-    return _written(document, name)
+    return write_document(document, name)
 
 
 def new_document() -> Any:
@@ -68,7 +68,7 @@ def new_document() -> Any:
     return document
 
 
-def _written(document: Any, name: str) -> bytes:
+def write_document(document: Any, name: str) -> bytes:
     """Write a document of the kernel as a STEP file (AP242, mm), and return its content."""
     from OCP.Interface import Interface_Static
     from OCP.STEPCAFControl import STEPCAFControl_Writer

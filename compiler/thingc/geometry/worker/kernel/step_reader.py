@@ -7,6 +7,7 @@ applied to the shape of the part.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -35,6 +36,8 @@ from thingc.geometry.worker.kernel.integrals import at_origin, compound_of, expl
 from thingc.geometry.worker.kernel.step_assembly import new_document, write_part
 
 _KINDS = (XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen, XCAFDoc_ColorType.XCAFDoc_ColorCurv)
+_NO_NAME = re.compile(r"\s*|=>\[.*|(NAUO)?\d+", re.DOTALL)
+"""Names of instances that the kernel or another program creates if an instance has no name."""
 SAME = 1e-4
 """Largest distance [mm] between the centres of corresponding faces of equal parts."""
 
@@ -125,8 +128,7 @@ class _Reading:
             self._known[key] = self._definition(label, color or self._label_color(label), warp)
         known = self._known[key]
         own = _name(label)
-        if name.startswith("=>[") or not name.strip():  # the kernel's name of an instance without a name
-            name = own
+        name = own if _NO_NAME.fullmatch(name) else name
         return None if known is None else StepChild(name=name, pose=pose @ known.pose, part=known.part, assembly=known.assembly)
 
     def _definition(self, label: TDF_Label, color: str | None, warp: gp_Trsf | None) -> StepChild | None:
@@ -236,6 +238,7 @@ def _name(label: TDF_Label) -> str:
     """Return the name of a label, or an empty string. Names that a program, such as build123d, encoded twice in UTF-8 are decoded."""
     name = TDataStd_Name()
     text = str(name.Get().ToExtString()) if label.FindAttribute(TDataStd_Name.GetID_s(), name) else ""
+    text = "" if text.startswith("Open CASCADE STEP translator") else text  # the kernel's name of a part without a name
     try:
         return text.encode("latin-1").decode()
     except UnicodeError:
