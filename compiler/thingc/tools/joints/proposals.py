@@ -80,7 +80,8 @@ class JointSearch:
 
     def proposals(self) -> tuple[list[JointProposal], list[list[str]]]:
         """Return the proposals, and the groups of components that are rigidly connected if the proposals without doubt are accepted."""
-        found = [*self._turning(), *self._sliding(), *self._bolt_circles()]
+        circles = [*self._bolt_circles()]
+        found = [*self._turning(circles), *self._sliding(), *circles]
         found = list({(frozenset((one.parent, one.child)), one.kind): one for one in reversed(found)}.values())[::-1]
         self.found = found
         while True:
@@ -139,8 +140,8 @@ class JointSearch:
 
     # --- joints that turn ---------------------------------------------------------------------------------------------
 
-    def _turning(self) -> Iterator[JointProposal]:
-        """Yield the proposed revolute joints."""
+    def _turning(self, circles: Sequence[JointProposal]) -> Iterator[JointProposal]:
+        """Yield the proposed revolute joints. A bolt circle around the axis of a joint may be its second bearing."""
         turns = {pair: line for pair, one in self.contacts.items() if (line := turning_about(one)) is not None}
         found: list[JointProposal] = []
         for line, members in self._clusters(turns):
@@ -153,6 +154,7 @@ class JointSearch:
             pins = [name for name in pins if name not in others]
             doubt = self._doubt(line, others, pins, members)
             around = {pair for pair in combinations(members, 2) if _turns_or_rests(self.contacts.get(pair, Contact()), line)}
+            around |= {self._pair(one.parent, one.child) for one in circles if one.line.same(line)}
             sides = [[name for name in group if name in others] for group in self._rigid_groups({*turns, *around})]
             first, *rest = [side for side in sides if side] or [others]
             for side in rest:
