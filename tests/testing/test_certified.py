@@ -18,7 +18,7 @@ from thingc.driver.environment import Environment, Options
 from thingc.model.resolve.types import JointRange
 from thingc.model.robot.types import Keyframe
 from thingc.model.solids import clearance
-from thingc.model.solids.clearance import Pair, Sweep, body_of, prove
+from thingc.model.solids.clearance import ComparedPair, Sweep, body_of, prove
 from thingc.model.solids.shapes import solid_of
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def pose(place: Array, turn: Rotation) -> str:
     return f"xyz: {vector(place)}, rpy: {vector(turn.as_euler('xyz'), 'rad')}"
 
 
-def sweeps(folder: Path, mechanisms: list[Mechanism]) -> Iterator[tuple[Sweep, Pair, Mechanism]]:
+def sweeps(folder: Path, mechanisms: list[Mechanism]) -> Iterator[tuple[Sweep, ComparedPair, Mechanism]]:
     """The range of each mechanism with its two parts, from a document of all of them."""
     texts = [one.written(f"m{number}") for number, one in enumerate(mechanisms)]
     document = folder / "many.yaml"
@@ -107,23 +107,26 @@ def sweeps(folder: Path, mechanisms: list[Mechanism]) -> Iterator[tuple[Sweep, P
     for number, one in enumerate(mechanisms):
         ends = (JointRange(joint=f"m{number}", lower=one.low, upper=one.high),)
         shape, ball = f"m{number}", f"m{number}_ball"
-        pair = Pair(parts[shape].index, parts[ball].index, (bodies[shape], bodies[ball]), False, 0.0, 1e-5)
+        pair = ComparedPair(parts[shape].index, parts[ball].index, (bodies[shape], bodies[ball]), False, 0.0, 1e-5)
         yield Sweep(robot, Keyframe(name="zero", q=q, origin=()), ends), pair, one
 
 
+Mechanisms = list[tuple[Sweep, ComparedPair, Mechanism]]
+
+
 @pytest.fixture(scope="module")
-def thousand(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Sweep, Pair, Mechanism]]:
+def thousand(tmp_path_factory: pytest.TempPathFactory) -> Mechanisms:
     source = np.random.default_rng(37)
     folder = tmp_path_factory.mktemp("mechanisms")
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
     return [each for _ in range(1000 // EACH) for each in sweeps(folder, [Mechanism(source) for _ in range(EACH)])]
 
 
-def fresh(pair: Pair, required: float) -> Pair:
-    return Pair(pair.one, pair.other, pair.bodies, False, required, pair.deep)
+def fresh(pair: ComparedPair, required: float) -> ComparedPair:
+    return ComparedPair(pair.one, pair.other, pair.bodies, False, required, pair.deep)
 
 
-def test_of_a_thousand_mechanisms_none_is_missed(thousand: list[tuple[Sweep, Pair, Mechanism]]) -> None:
+def test_of_a_thousand_mechanisms_none_is_missed(thousand: Mechanisms) -> None:
     """Contact, or a clearance that is just kept or just not kept. Facets of a cylinder are off by 0.1 % of its radius at most."""
     source, counts = np.random.default_rng(38), {"clear": 0, "touches": 0, "undecided": 0}
     for sweep, pair, mechanism in thousand:
@@ -141,7 +144,7 @@ def test_of_a_thousand_mechanisms_none_is_missed(thousand: list[tuple[Sweep, Pai
     assert counts["clear"] > 300 and counts["touches"] > 200 and counts["undecided"] < 50, counts
 
 
-def test_a_bound_that_is_too_small_is_caught(thousand: list[tuple[Sweep, Pair, Mechanism]], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bound_that_is_too_small_is_caught(thousand: Mechanisms, monkeypatch: pytest.MonkeyPatch) -> None:
     """With half the speed, some pairs that touch are taken for clear."""
     right = clearance.speed
     monkeypatch.setattr(clearance, "speed", lambda *arguments: 0.5 * right(*arguments))

@@ -13,7 +13,7 @@ from thingc.documents.checks.no_collision import CollisionCheck, CollisionCode
 from thingc.driver.testing.collisions import Collisions, NearPair, names_of
 from thingc.driver.testing.outcomes import TestCase, shown
 from thingc.driver.testing.poses import joints_text
-from thingc.model.solids.clearance import Pair
+from thingc.model.solids.clearance import ComparedPair
 
 WORDS = {"proved": "proved", "followed": "followed through loops", "sampled": "sampled"}
 """Descriptions of the methods by which pairs are compared."""
@@ -29,10 +29,10 @@ class Certificate:
         self._case, self._check, self._assembly = case, check, collisions.assembly
         self._pairs, self.missing = collisions.certified(case.robot, case.frames[0], check)
 
-    def _found(self, verdict: str) -> list[Pair]:
+    def _found(self, verdict: str) -> list[ComparedPair]:
         return [pair for pair in self._pairs if pair.verdict == verdict]
 
-    def _method(self, method: str) -> list[Pair]:
+    def _method(self, method: str) -> list[ComparedPair]:
         return [pair for pair in self._found("clear") if pair.method == method]
 
     def touching(self, allowed: Mapping[tuple[int, int], int]) -> Iterator[NearPair]:
@@ -57,7 +57,7 @@ class Certificate:
             )
         return needed
 
-    def _how(self, pair: Pair) -> str:
+    def _how(self, pair: ComparedPair) -> str:
         at = joints_text(self._assembly, {one.joint: pair.q[one.joint] for one in self._check.ranges}) if pair.q else ""
         gap = f" (gap of the meshes {shown(pair.gap, LENGTH)} at {at})" if pair.q else ""
         return f"`{names_of(self._assembly, pair.one, pair.other).replace(' and ', '` and `')}` touch{gap}"

@@ -15,7 +15,7 @@ from thingc.model.assembly.links import joined_links
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.resolve.types import JointRange
 from thingc.model.robot.types import Keyframe, Robot
-from thingc.model.solids.clearance import PROVED, Body, Pair, Sweep, body_of, prove, sample
+from thingc.model.solids.clearance import PROVED, BoundedSolid, ComparedPair, Sweep, body_of, prove, sample
 from thingc.model.solids.contact_cells import divide
 from thingc.model.solids.overlaps import Overlaps, contact_places, reason_to_skip
 from thingc.model.solids.shapes import Solid, Solids
@@ -63,7 +63,7 @@ class Collisions:
         self.assembly, self.overlaps = request.assembly, Overlaps(request.store, request.workspace.mesh.linear, request.memo)
         self._report, shapes = request.report, Solids(request.store)
         self._solids = {one.index: solid for one in self.assembly.occurrences if (solid := shapes.solid(one)) is not None}
-        self._bodies: dict[str, Body] = {}
+        self._bodies: dict[str, BoundedSolid] = {}
         near, link_of = {_ordered(*pair) for pair in joined_links(self.assembly)}, self.assembly.link_of
         indices = sorted(self._solids)
         self.pairs: list[tuple[int, int]] = []
@@ -110,7 +110,9 @@ class Collisions:
         places = [*other.origin, *(note.span for note in contact_places(self.assembly, one, other) if note.span)]
         return next((allowance.reason for allowance in self._report.allowances if allowance.covers(Code.OVERLAP, places)), None)
 
-    def moving_pairs(self, robot: Robot, start: Keyframe, ranges: Sequence[JointRange], clearance: float) -> tuple[Sweep, list[Pair]]:
+    def moving_pairs(
+        self, robot: Robot, start: Keyframe, ranges: Sequence[JointRange], clearance: float,
+    ) -> tuple[Sweep, list[ComparedPair]]:
         """Return the robot with moving joints, and the pairs of components that may collide and that move relative to each other."""
         parts, deep = self.assembly.occurrences, self.overlaps.deep
         sweep = Sweep(robot, start, ranges)
@@ -121,11 +123,11 @@ class Collisions:
                 self._bodies[parts[index].definition.text] = body_of(parts[index], self._solids[index], deep / 2.0)
         bodies = {index: self._bodies[parts[index].definition.text] for pair in moving for index in pair}
         return sweep, [
-            Pair(one, other, (bodies[one], bodies[other]), joined, 0.0 if joined else clearance, deep)
+            ComparedPair(one, other, (bodies[one], bodies[other]), joined, 0.0 if joined else clearance, deep)
             for one, other in moving for joined in ((one, other) in self.close,)
         ]
 
-    def certified(self, robot: Robot, start: Keyframe, check: CollisionCheck) -> tuple[list[Pair], int]:
+    def certified(self, robot: Robot, start: Keyframe, check: CollisionCheck) -> tuple[list[ComparedPair], int]:
         """Compare all pairs that move relative to each other in the ranges of a test, in all positions as far as possible.
 
         Pairs between which more than `PROVED` ranges move are compared in samples. Return the pairs, and the number of samples in which the

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thingc.base.joints.twist import Twist
-from thingc.base.numeric import hypot, inf
+from thingc.base.numeric import hypot, inf, sum_of
 from thingc.base.pose import Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.model.assembly.kinematics import coordinates, joints_of
@@ -77,7 +77,7 @@ class Balls:
         self.centres, self.radii = (self.low + self.high) / 2.0, np.linalg.norm(self.high - self.low, axis=1) / 2.0
 
 
-class Body:
+class BoundedSolid:
     """The solid of a part with its bounds: a sphere and a box [m] in the frame of the part. `error` [m] is the error of its surface."""
 
     def __init__(self, solid: Solid, error: float) -> None:
@@ -90,7 +90,7 @@ class Body:
         self.middle: Vector = (x, y, z)
         low, high = (bounds + np.array([[-1e-3], [1e-3]]) * self.radius).tolist()
         self.box: tuple[Vector, Vector] = (tuple(low), tuple(high))
-        self.triangles = sum(int(core.num_tri()) for core, _ in solid.cores)
+        self.triangles = sum_of(int(core.num_tri()) for core, _ in solid.cores)
         self.slack = 1e-3 * self.radius if any(radius for _, radius in solid.cores) else 0.0
 
     @cached_property
@@ -101,7 +101,7 @@ class Body:
         small = Balls(corners.min(axis=1), corners.max(axis=1), self.radius / SMALL)
         return small, Balls(small.low, small.high, self.radius / LARGE)
 
-    def apart(self, other: Body, at: Pose, within: float, *, coarse: bool = False) -> float:
+    def apart(self, other: BoundedSolid, at: Pose, within: float, *, coarse: bool = False) -> float:
         """Return a lower bound of the distance [m] to the surface of a body at a pose, or `within` if the distance is greater.
 
         With `coarse`, only large balls are compared.
@@ -123,7 +123,7 @@ def _between(ours: Array, radii: Array, theirs: Array, other_radii: Array) -> Ar
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)) - radii[:, None] - other_radii[None] - TOUCH)
 
 
-def body_of(part: Occurrence, solid: Solid, tolerance: float) -> Body:
+def body_of(part: Occurrence, solid: Solid, tolerance: float) -> BoundedSolid:
     """Return the solid of a part with its bounds. `tolerance` [m] is the error of meshes of curved surfaces.
 
     To save time, such meshes are simplified with a quarter of this error.
@@ -131,13 +131,13 @@ def body_of(part: Occurrence, solid: Solid, tolerance: float) -> Body:
     if part.record is not None:
         plane = part.record.exact and abs(float(solid.whole.surface_area()) - part.record.area) <= EXACT * part.record.area
         whole = solid.whole if plane else solid.whole.simplify(tolerance / 4.0)
-        return Body(Solid(whole, ((whole, 0.0),)), 0.0 if plane else 1.25 * tolerance)
+        return BoundedSolid(Solid(whole, ((whole, 0.0),)), 0.0 if plane else 1.25 * tolerance)
     curved = (one.solid for one in part.solids if isinstance(one.solid, Primitive) and one.solid.shape in ("cylinder", "ellipsoid"))
-    return Body(solid, max((1e-3 * (one.size[0] if one.shape == "cylinder" else max(one.size)) for one in curved), default=0.0))
+    return BoundedSolid(solid, max((1e-3 * (one.size[0] if one.shape == "cylinder" else max(one.size)) for one in curved), default=0.0))
 
 
 @dataclass(eq=False)
-class Pair:
+class ComparedPair:
     """Two parts that are compared, given by their indices and solids, and the result.
 
     `joined` pairs are on links that a joint connects, and may touch. All other pairs must be at least `clearance` [m] apart. Intersections
@@ -148,7 +148,7 @@ class Pair:
 
     one: int
     other: int
-    bodies: tuple[Body, Body]
+    bodies: tuple[BoundedSolid, BoundedSolid]
     joined: bool
     clearance: float
     deep: float
@@ -197,10 +197,10 @@ class Box:
 
     middle: dict[int, float]
     half: dict[int, float]
-    pairs: list[Pair]
+    pairs: list[ComparedPair]
     start: Mapping[str, float] | None
 
-    def halves(self, k: int, pairs: list[Pair], start: Mapping[str, float] | None) -> Iterator[Box]:
+    def halves(self, k: int, pairs: list[ComparedPair], start: Mapping[str, float] | None) -> Iterator[Box]:
         """Yield the two halves of the box along the range with the index `k`."""
         width = self.half[k] / 2.0
         for sign in (-1.0, 1.0):
@@ -222,7 +222,7 @@ class Place:
             self._at[part] = self.bodies[self.sweep.body_of[part]] @ self.sweep.in_link[part]
         return self._at[part]
 
-    def gap(self, pair: Pair, within: float) -> float:
+    def gap(self, pair: ComparedPair, within: float) -> float:
         """Return the distance [m] of two parts, or `within` if the distance is greater.
 
         A distance that is greater than the required distance plus `CLOSE` [m] is only a lower bound, unless the parts are simple.
@@ -245,15 +245,15 @@ class Place:
             bound = a.apart(b, relative, within)
         return bound if bound >= close else max(a.solid.gap(b.solid.at(relative), close), bound)
 
-    def relative(self, pair: Pair) -> Pose:
+    def relative(self, pair: ComparedPair) -> Pose:
         """Return the pose of the second part in the frame of the first part."""
         return self.at(pair.one).inverse() @ self.at(pair.other)
 
-    def overlap(self, pair: Pair) -> tuple[float, float]:
+    def overlap(self, pair: ComparedPair) -> tuple[float, float]:
         """Return the volume [m^3] and the mean thickness [m] of the intersection of two parts."""
         return pair.bodies[0].solid.overlap(pair.bodies[1].solid.at(self.relative(pair)))
 
-    def compare(self, pair: Pair, within: float) -> float:
+    def compare(self, pair: ComparedPair, within: float) -> float:
         """Measure the distance [m] of two parts up to `within`, or their intersection, and record the result in the pair."""
         apart = pair.clearance + pair.error + SKIN
         within = max(within, apart + TOUCH)
@@ -266,13 +266,13 @@ class Place:
             pair.gap, pair.depth, pair.volume, pair.q = gap, depth, volume, self.q
         return gap
 
-    def twists(self, pair: Pair) -> list[tuple[str, Twist]]:
+    def twists(self, pair: ComparedPair) -> list[tuple[str, Twist]]:
         """Return the joints between two parts, each with its twist in the world, in order from the first part to the second part."""
         up, down = self.sweep.between(pair.one, pair.other)
         chain = [each for body in up for each in self._twists(body)]
         return [*chain, *reversed([each for body in down for each in self._twists(body)])]
 
-    def travel(self, pair: Pair, steps: Mapping[str, float]) -> float:
+    def travel(self, pair: ComparedPair, steps: Mapping[str, float]) -> float:
         """Return the longest path [m] of a point of one part relative to the other part, if joints move by at most `steps` [rad or m].
 
         The joints between the parts move one after another, from a joint in the middle outwards to each part. The distance of a part from
@@ -281,7 +281,7 @@ class Place:
         moving = [(steps[path], twist) for path, twist in self.twists(pair) if steps.get(path)]
         ends = [(self.at(part).apply(body.middle), body.radius) for part, body in zip((pair.one, pair.other), pair.bodies, strict=True)]
         first, second = ([step * speed(twist, *end) for step, twist in moving] for end in ends)
-        return min((sum(first[:k]) + sum(second[k:]) for k in range(len(moving) + 1)), default=0.0)
+        return min((sum_of(first[:k]) + sum_of(second[k:]) for k in range(len(moving) + 1)), default=0.0)
 
     def _twists(self, body: int) -> list[tuple[str, Twist]]:
         if body not in self._chains:
@@ -392,7 +392,7 @@ class Sweep:
 
 def _steepest(mimic: Mimic, most: float) -> float:
     """Return a bound of the slope of a mimic for positions of the other joint whose absolute value is at most `most`."""
-    return sum(k * abs(c) * most ** (k - 1) for k, c in enumerate(mimic.polynomial) if k)
+    return sum_of(k * abs(c) * most ** (k - 1) for k, c in enumerate(mimic.polynomial) if k)
 
 
 def _inside(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> bool:
@@ -403,9 +403,9 @@ def _distance(a: Vector, b: Vector) -> float:
     return hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
-def prove(sweep: Sweep, pairs: Collection[Pair]) -> None:
+def prove(sweep: Sweep, pairs: Collection[ComparedPair]) -> None:
     """Compare pairs in all positions of the ranges that move them, and record the results in the pairs."""
-    groups: dict[frozenset[int], list[Pair]] = {}
+    groups: dict[frozenset[int], list[ComparedPair]] = {}
     for pair in pairs:
         moving, looped = sweep.moving(pair.one, pair.other)
         pair.method = "followed" if looped else "proved"
@@ -427,7 +427,7 @@ def _rest(sweep: Sweep, box: Box) -> Iterator[Box]:
             yield from box.halves(max(box.half, key=lambda k: box.half[k] / (sweep.ranges[k].upper - sweep.ranges[k].lower)), active, None)
         return
     steps = sweep.steps(place, box.middle, box.half)
-    rest: list[Pair] = []
+    rest: list[ComparedPair] = []
     for pair in active:
         motion = place.travel(pair, steps)
         gap = place.compare(pair, pair.floor + motion)
@@ -445,7 +445,7 @@ def _rest(sweep: Sweep, box: Box) -> Iterator[Box]:
         yield from box.halves(widest, rest, place.q)
 
 
-def sample(sweep: Sweep, pairs: Sequence[Pair], positions: Iterable[Sequence[float]]) -> int:
+def sample(sweep: Sweep, pairs: Sequence[ComparedPair], positions: Iterable[Sequence[float]]) -> int:
     """Compare pairs in `positions` of the ranges, which are points of the unit cube, and then descend to smaller distances.
 
     Record the results in the pairs. Return the number of positions in which the loops of the robot do not close.
@@ -468,7 +468,7 @@ def sample(sweep: Sweep, pairs: Sequence[Pair], positions: Iterable[Sequence[flo
                 place.compare(pair, max(pair.floor, min(pair.gap, SEE)))
                 best[id(pair)] = point if pair.q is not before else best.get(id(pair), point)
     for pair in sorted((pair for pair in pairs if id(pair) in best and not pair.joined), key=lambda pair: pair.gap)[:NEAREST]:
-        def descend(point: Sequence[float], pair: Pair = pair) -> float:
+        def descend(point: Sequence[float], pair: ComparedPair = pair) -> float:
             place = sweep.place(x_of(point))
             return SEE if place is None or pair.found else place.compare(pair, pair.floor + SEE)
 

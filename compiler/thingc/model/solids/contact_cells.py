@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import Pose, along
-from thingc.model.solids.clearance import SKIN, Body, Pair, Place, Sweep, prove
+from thingc.model.solids.clearance import SKIN, BoundedSolid, ComparedPair, Place, Sweep, prove
 from thingc.model.solids.shapes import Solid
 
 FACETS = 64
@@ -31,7 +31,7 @@ MARGIN = 1e-4
 Bounds = tuple[tuple[float, float], tuple[float, float]]
 
 
-def divide(sweep: Sweep, pair: Pair) -> bool:
+def divide(sweep: Sweep, pair: ComparedPair) -> bool:
     """Compare two parts that are in contact at a single joint, except for the cells in which they are always in contact.
 
     Return False if the parts are not in contact, or if more than one joint or a screw joint moves them.
@@ -75,7 +75,7 @@ class _Cells:
     length of the range is `motion` [rad or m].
     """
 
-    def __init__(self, place: Place, pair: Pair, twist: Twist, motion: float) -> None:
+    def __init__(self, place: Place, pair: ComparedPair, twist: Twist, motion: float) -> None:
         self.turns = twist.turns
         frame = along(twist.axis, twist.anchor)
         self.poses = [place.at(part).inverse() @ frame for part in (pair.one, pair.other)]
@@ -88,11 +88,11 @@ class _Cells:
         high = np.min([each.max(axis=0) for each in points], axis=0) + margin
         self.bounds: Bounds = ((0.0 if self.turns else float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
 
-    def _points(self, body: Body, pose: Pose) -> NDArray[np.float64]:
+    def _points(self, body: BoundedSolid, pose: Pose) -> NDArray[np.float64]:
         points: NDArray[np.float64] = np.asarray(body.solid.whole.to_mesh64().vert_properties)[:, :3]
         return np.asarray(points @ np.array(pose.rotation).T + np.array(pose.translation))
 
-    def cut(self, pair: Pair, bounds: Bounds) -> Pair | None:
+    def cut(self, pair: ComparedPair, bounds: Bounds) -> ComparedPair | None:
         """Return a copy of a pair with the parts of its solids inside a cell, or None if one of the solids is empty there."""
         (a, b), (c, d) = bounds
         if self.turns:
@@ -105,5 +105,5 @@ class _Cells:
         solids = [body.solid.whole ^ whole.at(pose).whole for body, pose in zip(pair.bodies, self.poses, strict=True)]
         if any(solid.is_empty() for solid in solids):
             return None
-        one, other = (Body(Solid(solid, ((solid, 0.0),)), body.error) for solid, body in zip(solids, pair.bodies, strict=True))
-        return Pair(pair.one, pair.other, (one, other), True, 0.0, pair.deep, PATIENCE)
+        one, other = (BoundedSolid(Solid(solid, ((solid, 0.0),)), body.error) for solid, body in zip(solids, pair.bodies, strict=True))
+        return ComparedPair(pair.one, pair.other, (one, other), True, 0.0, pair.deep, PATIENCE)

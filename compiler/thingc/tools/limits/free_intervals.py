@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.model.solids.clearance import Pair, Place, Sweep, prove
+from thingc.model.solids.clearance import ComparedPair, Place, Sweep, prove
 from thingc.model.solids.contact_cells import divide
 
 
@@ -17,19 +17,19 @@ class FreeIntervals(FrozenStruct):
     """
 
     intervals: tuple[tuple[float, float], ...]
-    blocked: tuple[tuple[float, Pair | None], ...]
+    blocked: tuple[tuple[float, ComparedPair | None], ...]
     proved: bool
 
     def around(self, q: float, width: float) -> tuple[float, float] | None:
         """Return the interval that contains `q`, or begins or ends within `width` of it."""
         return next((one for one in self.intervals if one[0] - width <= q <= one[1] + width), None)
 
-    def contact(self, q: float, width: float) -> Pair | None:
+    def contact(self, q: float, width: float) -> ComparedPair | None:
         """Return the pair that touches at a blocked position within `width` of `q`, or None."""
         return next((pair for at, pair in self.blocked if abs(at - q) <= width), None)
 
 
-def free_intervals(sweep: Sweep, pairs: Sequence[Pair], width: float) -> FreeIntervals:
+def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float) -> FreeIntervals:
     """Return the intervals of a sweep of one joint in which no pair touches.
 
     The ends of the intervals are at most `width` [rad or m] from the nearest position in which parts touch or are closer than the errors of
@@ -38,7 +38,7 @@ def free_intervals(sweep: Sweep, pairs: Sequence[Pair], width: float) -> FreeInt
     prove(sweep, [pair for pair in pairs if not divide(sweep, pair)])
     active = [pair for pair in pairs if pair.verdict in ("touches", "undecided")]
     free: list[tuple[float, float]] = []
-    blocked: list[tuple[float, Pair | None]] = []
+    blocked: list[tuple[float, ComparedPair | None]] = []
     one = sweep.ranges[0]
     waiting = [((one.lower + one.upper) / 2.0, (one.upper - one.lower) / 2.0)]
     while waiting:
@@ -56,7 +56,7 @@ def free_intervals(sweep: Sweep, pairs: Sequence[Pair], width: float) -> FreeInt
     return FreeIntervals(intervals=tuple(free), blocked=tuple(blocked), proved=certain)
 
 
-def _is_free(sweep: Sweep, place: Place, pair: Pair, middle: float, half: float, width: float) -> bool:
+def _is_free(sweep: Sweep, place: Place, pair: ComparedPair, middle: float, half: float, width: float) -> bool:
     """Return whether a pair does not touch within `half` of a position."""
     if not pair.apart:
         return 2.0 * half <= width and place.overlap(pair)[1] <= pair.deep
