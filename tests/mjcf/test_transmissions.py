@@ -263,3 +263,26 @@ def test_torque_margins_are_those_at_the_joint(tmp_path: Path, capsys: pytest.Ca
     assert main(["test", str(tmp_path / "arm.yaml")]) == 0
     weight = 9.81 * (0.7 * 0.12 + 0.4 * 0.34)
     assert f"margin {36.0 / weight:.3g} at shoulder" in capsys.readouterr().out
+
+
+def test_an_actuator_that_a_nested_document_uses_is_an_error(tmp_path: Path) -> None:
+    """In one document, the pass `resolve` finds it; across documents, only the linked robot has it."""
+    body = "frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}"
+    (tmp_path / "inner.yaml").write_text(f"""\
+thingc: assembly/1
+name: inner
+materials: [thingc_stock.materials]
+components: {{servo: {{part: thingc_stock.dynamixel:XL430}}, arm: {{{body}}}}}
+joints: {{turn: {{type: continuous, parent: servo.horn, child: arm.origin}}}}
+transmissions: {{gear: {{actuator: servo, joint: turn, ratio: 2}}}}
+""")
+    (tmp_path / "outer.yaml").write_text(f"""\
+thingc: assembly/1
+name: outer
+components: {{inner: {{assembly: inner.yaml}}, hand: {{{body}}}}}
+joints: {{wrist: {{type: continuous, parent: inner.arm.origin, child: hand.origin, drive: inner.servo}}}}
+""")
+    with pytest.raises(thingc.CompileError) as caught:
+        thingc.compile(tmp_path / "outer.yaml")
+    found = [(one.code.code, one.message) for one in caught.value.diagnostics]
+    assert found == [("TC365", "actuator `inner/servo` is used twice: it drives `wrist` and `inner/turn`")]

@@ -69,7 +69,7 @@ def actuator_of(instance: Instance, drive: Drive, origin: Origin) -> ActuatorMod
     return ActuatorModel(
         kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=drive.effort, velocity=drive.velocity, axis=drive.axis,
         origin=(drive.origin or origin) + instance.origin, transmission=None if gear is None else instance.within(gear.name),
-        ratio=1.0 if gear is None else gear.ratio, backlash=None if gear is None else gear.backlash,
+        ratio=None if gear is None else gear.ratio, backlash=None if gear is None else gear.backlash,
     )
 
 

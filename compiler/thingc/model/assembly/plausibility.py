@@ -31,7 +31,7 @@ from thingc.model.resolve.plausibility import (
     times_words,
     unit_meant,
 )
-from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Joint, StatedValue
+from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Drive, Joint, StatedValue
 
 CLOSE = 1e-6
 """Tolerance for comparing entries of rotation matrices, and for comparing positions [m]."""
@@ -320,7 +320,7 @@ def _check_actuators(
     Parts in `shown` are skipped: the top document exports their mounts, so a parent assembly may use the actuator. Parts on a joint with an
     inline drive are also skipped.
     """
-    driving: set[int] = set()
+    driving: dict[int, tuple[str, Drive]] = {}
     inline: set[str] = set()
     for instance, definition in tree.assemblies:
         drives = {instance.within(joint.path): joint.drive for joint in definition.joints if joint.drive is not None}
@@ -328,7 +328,13 @@ def _check_actuators(
         for path, drive in drives.items():
             named = tree.component(instance, drive.component) if drive.component is not None else None
             if named is not None and named.index is not None:
-                driving.add(named.index)
+                user, other = driving.setdefault(named.index, (path, drive))
+                if user.rpartition("/")[0] != instance.path and (drive.gear or other.gear):  # in one document, it is reported earlier
+                    findings.error(
+                        Code.TRANSMISSION, f"actuator `{named.path}` is used twice: it drives `{user}` and `{path}`",
+                        drive.origin + instance.origin, path=path, help="remove the actuator from one of the two",
+                        notes=noted(f"`{user}` uses it, too", other.origin),
+                    )
             else:
                 inline.add(path)
     for one in occurrences:

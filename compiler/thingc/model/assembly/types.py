@@ -222,7 +222,7 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
     axis: Vector | None = None
     name: str | None = None
     transmission: str | None = None
-    ratio: float = 1.0
+    ratio: float | None = None
     backlash: float | None = None
 
 

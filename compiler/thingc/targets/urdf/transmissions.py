@@ -46,7 +46,7 @@ def differentials(robot: Robot) -> dict[str, tuple[LinkedTendon, ...]]:
 def simple_transmission(joint: str, drive: ActuatorModel) -> RosTransmission:
     """Return the transmission of the drive of a joint. Without a transmission in the document, the ratio is 1."""
     name = f"{joint}_transmission" if drive.transmission is None else safe(drive.transmission)
-    return RosTransmission(name, "SimpleTransmission", {joint: 1.0}, {joint: drive.ratio}, drive.kind, drive.origin)
+    return RosTransmission(name, "SimpleTransmission", {joint: 1.0}, {joint: drive.ratio or 1.0}, drive.kind, drive.origin)
 
 
 def coupled_transmissions(robot: Robot) -> Iterator[RosTransmission]:
