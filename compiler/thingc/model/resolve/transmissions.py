@@ -72,9 +72,6 @@ class _Reader:
         if ratio == 0.0:
             self.fault(f"`ratio` of {self.what} is 0: the actuator would not move the joint", place,
                        "write the revolutions of the actuator per revolution of the joint, such as `ratio: 9`")
-        elif ratio is not None and abs(ratio) < 1.0 / LARGEST_RATIO:
-            self.scope.error(Code.OUT_OF_RANGE, f"the size of `ratio` of {self.what} must be at least {1.0 / LARGEST_RATIO:g} in SI units, "
-                             f"found {ratio:g}", place)
         drive = self.drive(self.spec.actuator, (*self.path, "actuator"), motor or ANGLE, ratio or 1.0)
         backlash = self.spec.backlash
         if joint.twist is not None and backlash is not None and drive is not None and drive.gear is not None:
@@ -86,20 +83,18 @@ class _Reader:
         """Resolve a differential, and store a tendon for each of its actuators."""
         path: Path = (*self.path, "differential")
         joints = [self.joint(text, (*path, "joints", k)) for k, text in enumerate(spec.joints)]
-        for joint in joints:
-            if joint is not None:
-                self.table.joints[joint.name] = replace(joint, drive=None, geared=True)
+        sound = [joint for joint in joints if joint is not None]
+        self.table.joints |= {joint.name: replace(joint, drive=None, geared=True) for joint in sound}
         rows: list[list[float]] = []
         for k, (actuator, raw) in enumerate(zip(spec.actuators, spec.matrix, strict=True)):
-            row, motor = self.row(raw, [joint for joint in joints if joint is not None], (*path, "matrix", k))
+            row, motor = self.row(raw, sound, (*path, "matrix", k)) if len(sound) == len(joints) else ([], ANGLE)
             place = (*path, "actuators", k)
-            drive = self.drive(actuator, place, motor, 1.0)
+            drive = self.drive(actuator, place, motor, 1.0) if row or isinstance(actuator, str) else None
             rows.append(row)
             if len(row) == len(joints) and drive is not None:
                 self.table.coupled.append(Tendon(
                     name=f"{self.item.name}_{k}", turns=motor == ANGLE, limit=NO_LIMIT, dynamics=NO_DYNAMICS, drive=drive,
-                    moves=tuple((joint.name, factor) for joint, factor in zip(joints, row, strict=True) if joint is not None),
-                    origin=self.scope.origin(place),
+                    moves=tuple((joint.name, factor) for joint, factor in zip(sound, row, strict=True)), origin=self.scope.origin(place),
                 ))
         if all(len(row) == len(joints) for row in rows):
             sizes = [maximum(map(abs, row)) for row in rows]
@@ -123,12 +118,11 @@ class _Reader:
     def factor(self, raw: Any, place: Path, joint: Joint, motor: Dimension | None, what: str) -> tuple[float | None, Dimension | None]:
         """Return the motion of an actuator per motion of a joint, and the physical dimension of the actuator's position."""
         factor, motor = factor_of(self.scope, raw, place, joint, motor, what)
-        if factor is not None and abs(factor) > LARGEST_RATIO:
-            self.scope.error(
-                Code.OUT_OF_RANGE, f"the size of {what} must be at most {LARGEST_RATIO:g} in SI units, found {factor:g}", place,
-            )
-            return None, motor
-        return factor, motor
+        if not factor or 1.0 / LARGEST_RATIO <= abs(factor) <= LARGEST_RATIO:
+            return factor, motor
+        bounds = f"between {1.0 / LARGEST_RATIO:g} and {LARGEST_RATIO:g} in SI units"
+        self.scope.error(Code.OUT_OF_RANGE, f"the size of {what} must be {bounds}, found {factor:g}", place)
+        return None, motor
 
     def joint(self, text: str, place: Path) -> Joint | None:
         """Return a joint that the transmission drives. Report an error if the joint is invalid or has another drive."""
