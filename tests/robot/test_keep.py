@@ -157,3 +157,22 @@ def test_the_mechanism_is_the_same(both: tuple[Built, Built]) -> None:
     one, other = mechanism_of_assembly(plain), mechanism_of_assembly(kept)
     assert len(one.links) == len(other.links) == len(mechanism_of_mode("bench", Modes.parse(both[1].text("modes.json"))["bench"]).links)
     assert sum(link.properties.mass for link in one.links) == pytest.approx(sum(link.properties.mass for link in other.links))
+
+
+def test_the_same_shapes_touch(both: tuple[Built, Built]) -> None:
+    """In states in which shapes overlap, MuJoCo finds the same contacts."""
+    rng, found = np.random.default_rng(5), 0
+    for mode in ("bench", "by_pad"):
+        models = [built.model(mode) for built in both]
+        modes = [Modes.parse(built.text("modes.json"))[mode] for built in both]
+        for _ in range(400):
+            q = {joint.name: float(rng.uniform(-3, 3)) for joint in modes[0].joints}
+            touching = []
+            for model, own in zip(models, modes, strict=True):
+                data = mujoco.MjData(model)
+                Modes({mode: own}).write(own.state(q=q), data)
+                mujoco.mj_forward(model, data)
+                touching.append({frozenset(model.geom(int(geom)).name for geom in pair) for pair in data.contact.geom})
+            assert touching[0] == touching[1]
+            found += len(touching[0])
+    assert found > 3
