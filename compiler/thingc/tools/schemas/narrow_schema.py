@@ -185,7 +185,8 @@ class _Narrowing:
             needs = self.definitions[params_name(reference)].get("required")
             rules.append(_if("part", reference, {"properties": then, **({"required": ["params"]} if needs else {})}))
         for name, symbols in self.around.assemblies.items():
-            rules.append(_if("assembly", name, {"properties": {"parameters": parameters_schema(name, symbols)}}))
+            own = {"mode": one_of((mode, f"A mode of `{name}`.") for mode in symbols.modes)} if symbols.modes else {}
+            rules.append(_if("assembly", name, {"properties": {"parameters": parameters_schema(name, symbols), **own}}))
         for section in ("params", "parameters"):  # a description of all values hides the descriptions of parameters
             self._put("ComponentSpec", section, {"type": "object"})
         self._put("ComponentSpec", "attach", {"type": "object", **_full_or_short({"additionalProperties": _ref("mount")}, {})})
@@ -308,8 +309,9 @@ class _Narrowing:
                 choice = one_of(choices[key])
                 self._put(name, key, {"anyOf": [choice, {"type": "array", "items": choice, "minItems": 1}]})
             if "joints" in fields:
-                swept = _each(fields["joints"])
-                fields["joints"]["properties"] = {joint: {**swept, "description": text} for joint, text in joints}
+                mapping = next(one for one in fields["joints"].get("anyOf", [fields["joints"]]) if one.get("type") == "object")
+                swept = _each(mapping)
+                mapping["properties"] = {joint: {**swept, "description": text} for joint, text in joints}
 
 
 def _each(section: Schema) -> Schema:

@@ -208,7 +208,7 @@ class ParameterSymbol(FrozenStruct):
 
 
 class DocumentSymbols(FrozenStruct):
-    """The header and the parameters of a document, to which other documents can refer.
+    """The header, the parameters and the modes of a document, to which other documents can refer.
 
     `kind` is an empty string for an unknown kind of document. `whole` specifies whether the document is well-formed.
     """
@@ -218,6 +218,7 @@ class DocumentSymbols(FrozenStruct):
     name: str = ""
     description: str = ""
     parameters: Mapping[str, ParameterSymbol] = {}
+    modes: tuple[str, ...] = ()
 
 
 _KIND = re.compile(rb"""^[^#\n]*thingc["']?[ \t]*[:=][ \t]*["']?(\w+)/""", re.MULTILINE)
@@ -237,11 +238,12 @@ def read_symbols(path: str) -> DocumentSymbols:
 
 
 def symbols_of(tree: MappingNode) -> DocumentSymbols:
-    """Return the header and the valid parameters in the syntax tree of a document."""
+    """Return the header, the valid parameters and the modes in the syntax tree of a document."""
     return DocumentSymbols(
         kind=text_of(tree.entries.get("thingc")).strip().partition("/")[0], name=text_of(tree.entries.get("name")).strip(),
         description=" ".join(text_of(tree.entries.get("description")).split()),
         parameters={name: _parameter(node) for name, node in entries_of(tree.entries.get("parameters")).items()},
+        modes=tuple(entries_of(tree.entries.get("modes"))),
     )
 
 
