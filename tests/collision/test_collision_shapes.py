@@ -326,6 +326,29 @@ def test_groups_collide_as_listed(tmp_path: Path, shared_store: str, groups: str
     assert pairs == expected
 
 
+def test_contacts_of_a_nested_robot_come_with_its_mode(tmp_path: Path, shared_store: str) -> None:
+    workspace(tmp_path)
+    tmp_path.joinpath("hand.yaml").write_text(PAIRS.replace("name: robot", "name: hand").replace("CONTACTS", (
+        "{pairs: [{between: [left, right], margin: 4 mm}], groups: {g: {components: [left, right], collide: [others]}}}"
+    )))
+    scene = """\
+thingc: assembly/1
+name: robot
+components:
+  ground: {frame: true}
+  one: {assembly: hand.yaml, mode: m, at: {in: ground.origin}}
+  two: {assembly: hand.yaml, mode: m, at: {in: ground.origin, xyz: 3 0 0 m}}
+modes: {m: {root: ground}}
+"""
+    _, made = built(tmp_path, scene, shared_store)
+    model = model_of(made["mjcf"], "robot_m")
+    ends = [(model.geom(int(model.pair_geom1[k])).name, model.geom(int(model.pair_geom2[k])).name) for k in range(model.npair)]
+    assert ends == [(f"{hand}/left:collision{k}", f"{hand}/right:collision") for hand in ("one", "two") for k in ("", "_1")]
+    assert set(model.pair_margin) == {0.004}
+    types = {hand: int(model.geom(f"{hand}/left:collision").contype[0]) for hand in ("one", "two")}
+    assert types == {"one": 2, "two": 4} and model.geom("one/floor:collision").contype[0] == 1
+
+
 @pytest.mark.parametrize(("contacts", "words"), [
     ("{pairs: [{between: [left, nobody]}]}", "no component `nobody`"),
     ("{pairs: [{between: [left, left]}]}", "`left` cannot collide with itself"),

@@ -175,6 +175,8 @@ class FaultReporter(FrozenStruct, eq=False):
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
             numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is a list of three numbers, `mass < 2 kg` is a single rule
             help = f"write `[{shortened(', '.join(value.split()) if numbers else value)}]`"
+        elif help is None and isinstance(value, bool):
+            help = choice_hint(spoken(value), [spoken(choice) for one in alternatives(shape) for choice in one.choices])
         self._add(Code.WRONG_TYPE, f"expected {shape.words}, found {found(value)}", self._place(fault.path), fault.path, help)
 
 
