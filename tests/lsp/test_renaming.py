@@ -150,3 +150,28 @@ def test_names_of_both_robots_are_exchanged_and_back() -> None:
         done = rename_edits(sight, name, f"x_{name.text}")
         again = rename_edits(done.after, replace(name, text=f"x_{name.text}"), name.text)
         assert done.texts and again.texts == {path: sight.read(path) for path in done.texts}
+
+
+def test_a_differential_whose_drives_are_used_is_not_renamed(tmp_path: Path) -> None:
+    """`wrist_0` in a mode would no longer be a drive."""
+    motor = "{kind: motor}"
+    body = "frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}"
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    text = f"""\
+thingc: assembly/1
+name: two
+components: {{a: {{{body}}}, b: {{{body}}}, c: {{{body}}}}}
+joints:
+  pitch: {{type: continuous, parent: a.origin, child: b.origin}}
+  roll: {{type: continuous, parent: b.origin, child: c.origin}}
+transmissions: {{wrist: {{differential: {{actuators: [{motor}, {motor}], joints: [pitch, roll], matrix: [[1, 1], [1, -1]]}}}}}}
+modes: {{all: {{root: a, actuators: [wrist_0]}}}}
+"""
+    (tmp_path / "two.yaml").write_text(text)
+    sight = seen(tmp_path)
+    with pytest.raises(RenameRefused, match=r"`two.yaml:8` uses a drive of the transmission `wrist`"):
+        rename_edits(sight, named(sight, "transmission", "wrist"), "both")
+    (tmp_path / "two.yaml").write_text(text.replace(", actuators: [wrist_0]", ""))
+    sight = seen(tmp_path)
+    edits = rename_edits(sight, named(sight, "transmission", "wrist"), "both")
+    assert [text.replace("wrist:", "both:").replace(", actuators: [wrist_0]", "")] == list(edits.texts.values())

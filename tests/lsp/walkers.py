@@ -55,7 +55,7 @@ joints:
     limit: {lower: -60 deg, upper: 60 deg}
     mimic: {joint: hip_0, multiplier: -1}
   sway: {type: universal, parent: tail.origin, child: flag.origin, limit: [{lower: -9 deg, upper: 9 deg}, {lower: -9 deg, upper: 9 deg}]}
-
+transmissions: {swing: {actuator: {kind: motor, effort: 1 N*m}, joint: "sway[0]", ratio: 3}}
 tendons: {stay: {joints: {hip_0: 10 mm/rad, "sway[0]": 5 mm/rad}, dynamics: {stiffness: 9 N/m}, drive: {kind: motor, effort: 5 N}}}
 links: {trunk: body}
 mounts: {crown: body.top, nose: head.face}

@@ -62,6 +62,9 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
         raise RenameRefused(f"cannot find the definition of the {what} `{name.text}` of `{name.owner}` without running its code")
     if name.what == "sensor" and any(one.name.what == "joint" and one.span == sight.index.declared(name) for one in sight.index.places):
         raise RenameRefused(f"the sensor `{name.text}` measures the joint with the same name: first add `joint: {name.text}` to the sensor")
+    if name.what == "transmission" and (drive := re.search(rf"\b{name.text}_[\d*?[]", text := sight.read(name.file) or "")):
+        where = f"{sight.relative(name.file)}:{text.count(chr(10), 0, drive.start()) + 1}"
+        raise RenameRefused(f"`{where}` uses a drive of the transmission `{name.text}`: rename the transmission by hand")
     for path, text in sight.broken.items():
         if mentioned(text, name.text):
             raise RenameRefused(f"`{sight.relative(path)}` contains `{name.text}` but cannot be parsed: fix the file first")
