@@ -462,3 +462,37 @@ modes: {free: {root: b, base: free}}
     assert isinstance(sdf[0], bytes) and b"<collision" not in sdf[0]
     (usd,) = (data for path, data in made["usd"].files.items() if path.endswith(".usda"))
     assert isinstance(usd, bytes) and usd.count(b"def Cube") == 1
+
+
+@pytest.mark.parametrize(("contacts", "loads"), [
+    ("{}", False), ("{groups: {g: {components: [a, b], collide: [others]}}}", True),
+    ("{groups: {g: {components: [a, b], collide: [others]}}, pairs: [{between: [a, b]}]}", False),
+])
+def test_the_check_for_mjx_knows_groups_and_pairs(
+    tmp_path: Path, shared_store: str, contacts: str, loads: bool,
+) -> None:
+    """MJX has no contacts between a cylinder and a box: thingc replaces the cylinder exactly if `mjx.put_model` refuses the model."""
+    from mujoco import mjx
+
+    workspace(tmp_path)
+    text = GROUPS.replace("  a: {link: true, mass: 1 kg, shapes: [{sphere: {radius: 50 mm}}]}", (
+        "  a: {link: true, mass: 1 kg, shapes: [{cylinder: {radius: 50 mm, length: 100 mm}}]}"
+    )).replace("  b: {link: true, mass: 1 kg, shapes: [{sphere: {radius: 50 mm}}]}", (
+        "  b: {link: true, mass: 1 kg, shapes: [{box: 100 100 100 mm}]}"
+    )).replace("  floor: {link: true, shapes: [{box: 1 1 0.1 m}]}", "  floor: {frame: true}").replace("contacts:\n      groups: CONTACTS", (
+        f"contacts: {contacts}"
+    ))
+    tmp_path.joinpath("robot.yaml").write_text(text)
+    words = ["--emit", "mjcf", "--store", shared_store, "-o", str(tmp_path / "out")]
+    assert main(["build", str(tmp_path / "robot.yaml"), *words]) == 0
+    model = mujoco.MjModel.from_xml_path(str(next((tmp_path / "out").rglob("robot_m.xml"))))
+    if loads:
+        mjx.put_model(model)
+    else:
+        with pytest.raises(NotImplementedError):
+            mjx.put_model(model)
+    assert main(["build", str(tmp_path / "robot.yaml"), *words, "--compat", "mjx"]) == 0
+    suited = mujoco.MjModel.from_xml_path(str(next((tmp_path / "out").rglob("robot_m.xml"))))
+    mjx.put_model(suited)
+    replaced = suited.geom("a:collision").type[0] == mujoco.mjtGeom.mjGEOM_MESH
+    assert replaced is not loads  # a cylinder becomes a prism only if MJX needs it

@@ -284,16 +284,17 @@ class _Reader:
                 None if mode.actuators is None else _sorted(Named(what="joint", path=path) for path in mode.actuators), "actuators",
             ),
             "exclude": fact(tuple(sorted((_sorted(component(one) for one in pair) for pair in mode.exclude), key=repr)), "exclude"),
-            "pairs": fact(tuple(sorted((
-                (_sorted(map(component, (pair.one, pair.other))), pair.friction, pair.margin, pair.gap) for pair in mode.pairs
-            ), key=repr)), "contacts", "pairs"),
-            "groups": fact(tuple(
-                (group.name, _sorted(map(component, group.members)), tuple(sorted(group.collides))) for group in mode.groups
-            ), "contacts", "groups"),
             "cut": fact(_sorted(Named(what="joint", path=cut.joint) for cut in mode.cut), "cut"),
             "standing_on": fact(None if standing is None else _sorted(component(mount) for mount in standing.mounts), "standing_on"),
             "standing_on.friction": fact(None if standing is None else standing.friction, "standing_on", "friction"),
         }
+        for pair in mode.pairs:
+            ends = ", ".join(sorted(component(one).text for one in (pair.one, pair.other)))
+            for key, setting in (("friction", pair.friction), ("margin", pair.margin), ("gap", pair.gap)):
+                facts[f"pairs.[{ends}].{key}"] = fact(setting, "contacts", "pairs")
+        for group in mode.groups:
+            facts[f"groups.{group.name}.components"] = fact(_sorted(map(component, group.members)), "contacts", "groups", group.name)
+            facts[f"groups.{group.name}.collide"] = fact(tuple(sorted(group.collides)), "contacts", "groups", group.name)
         for hold in mode.holds:
             value = (*(part for _, part in _pose(hold.pose)),) if hold.pose is not None else "here"
             facts[f"hold.{component(hold.mount).text}"] = fact((value, "force" if hold.turns else "all"), "hold")
@@ -352,7 +353,7 @@ def _overrides(overrides: Overrides) -> Iterator[tuple[str, Value]]:
         key = f"collision.targets.{target}" if target else "collision"
         yield key, choice.collision
         if choice.shapes is not None:
-            yield f"{key}.shapes", choice.shapes.text
+            yield f"{key}.shapes", f"{choice.shapes.label.removeprefix('link ')}, {choice.shapes.text.removeprefix('link-')}"
         yield f"{key}.decompose.pieces", choice.pieces or None
     yield "visual", overrides.visual
     yield "print.up", overrides.up
