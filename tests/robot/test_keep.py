@@ -9,7 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from loops.robots import Array, Built, compiled
+from loops.robots import Array, Built, compiled, pose_of
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
 from thingc.modes import Modes
 from thingc.tools.same.mechanism import mechanism_of_assembly, mechanism_of_mode
 
@@ -176,3 +178,32 @@ def test_the_same_shapes_touch(both: tuple[Built, Built]) -> None:
             assert touching[0] == touching[1]
             found += len(touching[0])
     assert found > 3
+
+
+def test_other_formats_have_the_fixed_joints(tmp_path: Path) -> None:
+    """MuJoCo reads the URDF file of every mode with the same poses, and SDF and USD have a fixed joint for each separate link."""
+    for name, text in (("robot.yaml", HAND), ("finger.yaml", FINGER), ("thingc.toml", 'thingc = "workspace/1"\n')):
+        tmp_path.joinpath(name).write_text(text.replace("KEEP", "keep: true"))
+    with Environment(str(tmp_path / "robot.yaml"), Options(store=str(tmp_path / "store"))) as environment:
+        made = pipeline.build(environment, pipeline.compile(environment), ["mjcf", "urdf", "sdf", "usd"])
+    files = {path: content for one in made.values() for path, content in one.files.items()}
+    for mode in ("bench", "by_sensor", "by_tip", "by_pad", "by_knob"):
+        mjcf, urdf = (
+            mujoco.MjModel.from_xml_string(text.decode()) for path in (f"mjcf/hand_{mode}.xml", f"urdf/hand_{mode}.urdf")
+            if isinstance(text := files[path], bytes)
+        )
+        data, other = mujoco.MjData(mjcf), mujoco.MjData(urdf)
+        mujoco.mj_forward(mjcf, data)
+        mujoco.mj_forward(urdf, other)
+        names = [mjcf.body(number).name for number in range(1, mjcf.nbody)]
+        links = {urdf.body(number).name for number in range(urdf.nbody)}
+        frames = [f"{name.replace('/', '_')}_frame" for name in names]
+        frames = [frame if frame in links else frame.removesuffix("_frame") for frame in frames]
+        ours, theirs = ([pose_of(one.body(name)) for name in own] for one, own in ((data, names), (other, frames)))
+        for X, Y in zip(ours, theirs, strict=True):
+            assert np.linalg.inv(theirs[0]) @ Y == pytest.approx(np.linalg.inv(ours[0]) @ X, abs=1e-12)
+    fixed = ["elbow", "tip_fixed", "left_pad_fixed", "right_pad_fixed", "knob_fixed"]
+    patterns = {"sdf/hand_by_tip/model.sdf": '<joint name="{}" type="fixed">', "usd/hand_by_tip.usda": 'PhysicsFixedJoint "{}"'}
+    for path, pattern in patterns.items():
+        text = files[path]
+        assert isinstance(text, bytes) and all(pattern.format(name).encode() in text for name in fixed)
