@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     if proposed.document is not None and (arguments.write or arguments.diff):
         outcome = write_joints(proposed, arguments.name, options, strict=arguments.strict, dry=not arguments.write or arguments.diff)
         if not outcome.found and not outcome.done and arguments.format == "text":
-            console.say("no proposal without a doubt")
+            console.say("nothing to write: there is no proposal without a doubt")
         return report_edit(outcome, arguments, diff=arguments.diff)
     if arguments.format == "text" and proposed.document is not None:
         console.say(*_lines(proposed))
@@ -61,7 +61,7 @@ def _lines(proposed: JointProposals) -> list[str]:
         return ["no joints found: no part touches another part in a way that allows exactly one motion"]
     rows = []
     for one in proposed.proposals:
-        at = " ".join(f"{1000.0 * value + 0.0:.6g}" for value in one.line.point)
+        at = " ".join(f"{round(1000.0 * value, 6) + 0.0:.6g}" for value in one.line.point)
         axis = " ".join(f"{round(value, 6) + 0.0:g}" for value in one.line.axis)
         rows.append((one.name, one.kind, f"axis {axis} at {at} mm", "" if one.doubt is None else f"doubt: {one.doubt}"))
     widths = [max(len(row[column]) for row in rows) for column in range(3)]

@@ -76,7 +76,8 @@ class StepDocuments:
         self.assembly, self.source, self.digest, self.store = assembly, source, digest, store
         stem = plain_name(without_suffix(source), "robot")
         groups = [group.name if group.name.strip() else stem for group in assembly.assemblies]
-        self.documents = distinct_words(groups, "assembly", [without_suffix(MATERIALS)])
+        # the outermost assembly is last, and has precedence over nested assemblies of the same name
+        self.documents = distinct_words(groups[::-1], "assembly", [without_suffix(MATERIALS)])[::-1]
         self.files = distinct_words([part.name for part in assembly.parts], "part")
         self.mounts = [feature_mounts(part.features) for part in assembly.parts]
         self.components = [distinct_words([child.name for child in group.children], "part") for group in assembly.assemblies]

@@ -52,7 +52,9 @@ def propose_joints(path: str, options: Options, *, strict: bool = False) -> Join
             report = Report()
             report.add(Code.INTERNAL, f"the CAD kernel cannot read a part: {fault.reason}", assembly.definition.origin, detail=fault.detail)
             return JointProposals(found=(*found, *report.diagnostics))
-    search = JointSearch(*_bodies_and_contacts(assembly, features), *_mated(assembly))
+    bodies, contacts, moved = _bodies_and_contacts(assembly, features)
+    rigid, joined = _mated(assembly)
+    search = JointSearch(bodies, contacts, [*rigid, *moved], joined)
     proposals, groups = search.proposals()
     return JointProposals(
         found=found, document=compilation.documents.root, proposals=tuple(proposals), frames=_frames(assembly),
@@ -64,8 +66,19 @@ def _component(occurrence: Occurrence) -> str:
     return occurrence.path.partition("/")[0]
 
 
-def _bodies_and_contacts(assembly: Assembly, features: Mapping[str, Features]) -> tuple[list[ComponentBody], dict[Pair, Contact]]:
-    """Return the components of the document, and the contacts between the parts of different components."""
+def _bodies_and_contacts(
+    assembly: Assembly, features: Mapping[str, Features],
+) -> tuple[list[ComponentBody], dict[Pair, Contact], list[Pair]]:
+    """Return the components of the document, and the contacts between the parts of different components.
+
+    The last result contains the pairs of components that touch at a part which a joint of a nested document moves.
+    """
+    link_of = {member: link.index for link in assembly.links for member in link.members}
+    moves = {
+        one.index for one in assembly.occurrences
+        if one.path != (name := _component(one)) and link_of[one.index] != link_of[_bases(assembly, f"{name}/")[0]]
+    }
+    moved: list[Pair] = []
     parts = [
         (one, placed(features[one.record.brep], assembly.rest[one.index]), assembly.rest[one.index].around(one.box))
         for one in assembly.occurrences if one.record is not None and one.record.brep is not None and one.box is not None
@@ -83,7 +96,8 @@ def _bodies_and_contacts(assembly: Assembly, features: Mapping[str, Features]) -
                 contacts[pair] = Contact(
                     shafts=known.shafts + new.shafts, faces=known.faces + new.faces, holes=known.holes + new.holes,
                 )
-    return [_body(name, of, assembly) for name, of in members.items()], contacts
+                moved += [pair] if new != Contact() and not moves.isdisjoint((one.index, other.index)) else []
+    return [_body(name, of, assembly) for name, of in members.items()], contacts, moved
 
 
 def _body(name: str, parts: Sequence[tuple[Occurrence, Features]], assembly: Assembly) -> ComponentBody:
@@ -181,10 +195,11 @@ def _edits(
     values: dict[Keys, Written] = {}
     removed: list[Keys] = []
     done: list[tuple[str, str | None, str]] = []
+    mounts: dict[str, dict[str, Written]] = {}
     for one, parent, child, closes in _outwards(accepted, of, of[proposed.base]):
         frame = along(one.line.axis, one.line.point)
         for name in (parent, child):
-            values["components", name, "mounts", one.name] = _pose_values(proposed.frames[name].inverse() @ frame)
+            mounts.setdefault(name, {})[one.name] = _pose_values(proposed.frames[name].inverse() @ frame)
         joint: dict[str, Written] = {
             "type": "continuous" if one.kind == "revolute" else "prismatic", "parent": f"{parent}.{one.name}",
             "child": f"{child}.{one.name}", "axis": ["0", "0", "1"],
@@ -201,6 +216,10 @@ def _edits(
                     values["components", name, "at"] = {"in": f"{child}.origin", **_pose_values(pose)}
         values["joints", one.name] = joint
         done.append((f"joints.{one.name}", None, f"{one.kind}, {parent} -> {child}"))
+    for name, added in mounts.items():
+        place = ("components", name, "mounts")
+        exist = proposed.document is not None and node_at(proposed.document.tree, place) is not None
+        values |= {(*place, mount): pose for mount, pose in added.items()} if exist else {place: added}
     return values, removed, done
 
 

@@ -24,6 +24,8 @@ FASTENERS = re.compile(r"screw|bolt|nut(?![a-z])|washer|rivet|dowel|standoff|spa
 """Names of parts that fasten other parts rigidly."""
 _ROUND = 0.02
 """Largest relative difference of the two moments of inertia across the axis of a round part."""
+DECIMALS = 6
+"""Number of decimals [m] of the position and the travel of a slide, which are estimates."""
 Pair = tuple[str, str]
 
 
@@ -82,7 +84,8 @@ class JointSearch:
         """Return the proposals, and the groups of components that are rigidly connected if the proposals without doubt are accepted."""
         circles = [*self._bolt_circles()]
         found = [*self._turning(circles), *self._sliding(), *circles]
-        found = list({(frozenset((one.parent, one.child)), one.kind): one for one in reversed(found)}.values())[::-1]
+        connected = {*self.rigid, *self.joined}
+        found = [*{one.key: one for one in reversed(found) if self._pair(one.parent, one.child) not in connected}.values()][::-1]
         self.found = found
         while True:
             groups = self.groups([one for one in found if one.doubt is None])
@@ -159,7 +162,7 @@ class JointSearch:
             first, *rest = [side for side in sides if side] or [others]
             for side in rest:
                 across = {self._pair(one, other) for one in first for other in side}
-                if across <= around and across.isdisjoint(self.joined):
+                if across <= around:
                     doubts = doubt or (f"{len(rest) + 1} parts share the axis" if len(rest) > 1 else None)
                     found.append(JointProposal(name="", kind="revolute", parent=first[0], child=side[0], line=line, doubt=doubts))
                     self.released[self._pair(first[0], side[0])] = across | self._held(first, side, pins)
@@ -226,15 +229,14 @@ class JointSearch:
                 axis = None if lines else _enclosed_direction(normals)
                 if axis is None:
                     continue
-                centre = one.faces[0].corners[0]
-                line = ContactAxis(point=centre, axis=axis)
-                reach = [dot(corner, axis) for face in one.faces for corner in face.corners]
+                corners = [corner for face in one.faces for corner in face.corners]
+                x, y, z = (round((min(values) + max(values)) / 2.0, DECIMALS) for values in zip(*corners, strict=True))
+                line, reach = ContactAxis(point=(x, y, z), axis=axis), [dot(corner, axis) for corner in corners]
             fastener = next((name for name in (parent, child) if self.bodies[name].fastens), None)
             if fastener is not None:
                 doubt = f"`{fastener}` may fasten the parts"
-            yield JointProposal(
-                name="", kind="prismatic", parent=parent, child=child, line=line, doubt=doubt, travel=(max(reach) - min(reach)) / 2.0,
-            )
+            travel = round((max(reach) - min(reach)) / 2.0, DECIMALS)
+            yield JointProposal(name="", kind="prismatic", parent=parent, child=child, line=line, doubt=doubt, travel=travel)
 
     def _bolt_circles(self) -> Iterator[JointProposal]:
         """Yield revolute joints about the centres of bolt circles, such as those of horns of servos."""
@@ -250,7 +252,7 @@ class JointSearch:
 def _doubts_between(ends: frozenset[int], joints: Sequence[JointProposal]) -> Iterator[tuple[JointProposal, str]]:
     """Yield the doubts that result from the groups of rigidly connected components at the ends of joints.
 
-    Of several joints about the same axis between the same groups, only the first has no doubt.
+    If several joints about the same axis connect the same groups, only the first has no doubt.
     """
     same_axis = all(one.kind == "revolute" and one.line.same(joints[0].line) for one in joints)
     for number, one in enumerate(joints):
