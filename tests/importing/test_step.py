@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import gzip
 import json
 import re
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pygltflib
 import pytest
 from build123d import Box, Color, Compound, Cylinder, Location, Plane, Pos, Rot, Solid, Vector, export_step, import_step, mirror
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
@@ -18,6 +20,7 @@ from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDataStd import TDataStd_Name
 from OCP.TopLoc import TopLoc_Location
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
+from pxr import Usd
 
 import thingc
 from thingc.base.pose import Pose
@@ -156,6 +159,12 @@ def test_colours_reach_every_target(run: Any, tmp_path: Path) -> None:
         values = [words.split()[:3] for words in re.findall(r'(?:rgba="|<diffuse>)([\d. ]+)', text)]
         found = {tuple(round(float(value), 2) for value in words) for words in values}
         assert wanted <= found, (name, found)
+    linear = {tuple(round(value / 12.92 if value < 0.04 else ((value + 0.055) / 1.055) ** 2.4, 1) for value in one) for one in wanted}
+    stage = Usd.Stage.Open(str(next((tmp_path / "build").rglob("*.usda"))))
+    inputs = [prim.GetAttribute("inputs:diffuseColor").Get() for prim in stage.Traverse() if prim.HasAttribute("inputs:diffuseColor")]
+    assert linear <= {tuple(round(value, 1) for value in color) for color in inputs}
+    materials = pygltflib.GLTF2().load(str(next((tmp_path / "build").rglob("*.glb")))).materials
+    assert linear <= {tuple(round(value, 1) for value in one.pbrMetallicRoughness.baseColorFactor[:3]) for one in materials}
     shape = import_step(next((tmp_path / "build").rglob("*.step")))
     found = {tuple(round(value, 2) for value in tuple(one.color)[:3]) for one in shape.descendants if one.color is not None}
     assert wanted <= found
@@ -245,3 +254,25 @@ def test_a_file_that_is_not_an_assembly(run: Any, tmp_path: Path, content: str, 
         path.write_text("ISO-10303-21;\nHEADER;\n" if content == "damaged" else "")
     got, said = run("import", "a.step", "-o", "out", *options)
     assert got == code and expected in said and said.count("error[") == 1 and not (tmp_path / "out").exists()
+
+
+CADQUERY = [
+    [735.1327, 0.0, 0.0, 26.0], [2560.0, 0.0, 0.0, 98.0], [3430.354, -10.0, 0.0, 20.7527], [3430.354, 10.0, 0.0, 20.7527],
+    [3960.0, 0.0, 0.0, 91.0], [14206.9805, 0.0, 0.0, 3.0], [16404.1593, 0.0, 0.0, 46.4826],
+]
+"""Volumes and centres of the solids of `cadquery.step`, as CadQuery computed them [mm]."""
+
+
+def test_an_assembly_of_cadquery(run: Any, tmp_path: Path, shared_store: str) -> None:
+    """A fork of two separate legs, one of which has its own coordinates, with a pin and a nested assembly with a slide."""
+    (tmp_path / "crane.step").write_bytes(gzip.decompress((Path(__file__).parent / "step" / "cadquery.step.gz").read_bytes()))
+    assert run("import", "crane.step")[0] == 0
+    rows = imported_rows(tmp_path / "crane/crane.yaml", Pose(), shared_store)
+    assert np.allclose(sorted(row[:4] for row in rows), CADQUERY, atol=1e-3)
+    parts = json.loads((tmp_path / "crane/import.json").read_text())["parts"]
+    assert {part["name"]: (part["colors"], part["also"]) for part in parts}["leg/left"] == (["#ffa500"], ["Bein rechts ü"])
+    for document, joint in (("arm", "tube_to_bar"), ("crane", "leg_left_to_arm")):
+        code, said = run("joints", f"crane/{document}.yaml", "--write")
+        assert code == 0 and said.startswith(f"joints.{joint}: ") and said.count("joints.") == 1
+    assert run("check", "crane/crane.yaml")[0] == 0
+    assert len(thingc.compile("crane/crane.yaml", store=shared_store).assembly.links) == 3
