@@ -8,6 +8,9 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.solids.clearance import ComparedPair, Place, Sweep, prove
 from thingc.model.solids.contact_cells import divide
 
+COARSE = 16.0
+"""Length of the shortest interval that is surely found, relative to the accuracy of the ends of intervals."""
+
 
 class FreeIntervals(FrozenStruct):
     """The intervals [rad or m] of a joint in which no parts touch, in ascending order.
@@ -25,40 +28,66 @@ class FreeIntervals(FrozenStruct):
         return next((one for one in self.intervals if one[0] - width <= q <= one[1] + width), None)
 
     def contact(self, q: float, width: float) -> ComparedPair | None:
-        """Return the pair that touches at a blocked position within `width` of `q`, or None."""
-        return next((pair for at, pair in self.blocked if abs(at - q) <= width), None)
+        """Return the pair that touches at the blocked position next to `q`, or None if it is farther than `width`."""
+        return min(((abs(at - q), pair) for at, pair in self.blocked if abs(at - q) <= width), key=lambda one: one[0], default=(q, None))[1]
 
 
 def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float) -> FreeIntervals:
     """Return the intervals of a sweep of one joint in which no pair touches.
 
     The ends of the intervals are at most `width` [rad or m] from the nearest position in which parts touch or are closer than the errors of
-    their meshes. Pairs that are in contact in all positions are compared in samples at this distance.
+    their meshes. Intervals that are shorter than `COARSE` times this distance can be missing. Pairs that are in contact in all positions
+    are compared in samples.
     """
     prove(sweep, [pair for pair in pairs if not divide(sweep, pair)])
-    active = [pair for pair in pairs if pair.verdict in ("touches", "undecided")]
+    search = _Search(sweep, [pair for pair in pairs if pair.verdict in ("touches", "undecided")], width)
     free: list[tuple[float, float]] = []
-    blocked: list[tuple[float, ComparedPair | None]] = []
     one = sweep.ranges[0]
     waiting = [((one.lower + one.upper) / 2.0, (one.upper - one.lower) / 2.0)]
     while waiting:
         middle, half = waiting.pop()
-        place = sweep.place({0: middle})
-        left = sorted(active, key=lambda pair: pair is not (blocked[-1][1] if blocked else None))  # the last contact is likely to remain
-        pair = next((pair for pair in left if place is None or not _is_free(sweep, place, pair, middle, half, width)), None)
-        if pair is None:
+        if search.is_free(middle, half):
             free.append((free.pop()[0] if free and free[-1][1] >= middle - half - 1e-9 else middle - half, middle + half))
-        elif 2.0 * half > width:
+        elif 2.0 * half > COARSE * width:
             waiting += [(middle + half / 2.0, half / 2.0), (middle - half / 2.0, half / 2.0)]
-        else:
-            blocked.append((middle, pair if place is not None else None))
+    grown: list[tuple[float, float]] = []
+    for low, high in free:
+        low, high = search.advance(low, -1.0, one.lower), search.advance(high, 1.0, one.upper)
+        grown.append((grown.pop()[0] if grown and grown[-1][1] >= low - 1e-9 else low, high))
     certain = all(pair.method == "proved" and pair.verdict in ("clear", "touches", "undecided") and pair.apart for pair in pairs)
-    return FreeIntervals(intervals=tuple(free), blocked=tuple(blocked), proved=certain)
+    return FreeIntervals(intervals=tuple(grown), blocked=tuple(search.blocked), proved=certain)
 
 
-def _is_free(sweep: Sweep, place: Place, pair: ComparedPair, middle: float, half: float, width: float) -> bool:
-    """Return whether a pair does not touch within `half` of a position."""
-    if not pair.apart:
-        return 2.0 * half <= width and place.overlap(pair)[1] <= pair.deep
-    within = pair.floor + place.travel(pair, sweep.steps(place, {0: middle}, {0: half}))
-    return place.gap(pair, within) >= within
+class _Search:
+    """A search for positions of a joint in which no pair of `pairs` touches, with the positions in which a pair touches (`blocked`)."""
+
+    def __init__(self, sweep: Sweep, pairs: Sequence[ComparedPair], width: float) -> None:
+        self._sweep, self._pairs, self._width = sweep, list(pairs), width
+        self.blocked: list[tuple[float, ComparedPair | None]] = []
+
+    def is_free(self, middle: float, half: float) -> bool:
+        """Return whether no pair touches within `half` of a position."""
+        place = self._sweep.place({0: middle})
+        for number, pair in enumerate(self._pairs):
+            if place is None or not self._is_clear(place, pair, middle, half):
+                self._pairs.insert(0, self._pairs.pop(number))  # this pair is likely to touch in the next position, too
+                self.blocked.append((middle, pair if place is not None else None))
+                return False
+        return True
+
+    def advance(self, end: float, sign: float, last: float) -> float:
+        """Move an end of a free interval towards `last` as far as no pair touches, and return it."""
+        step = COARSE * self._width
+        while step > self._width / 4.0 and end != last:
+            step = min(step, abs(last - end))
+            if self.is_free(end + sign * step / 2.0, step / 2.0):
+                end = last if step == abs(last - end) else end + sign * step
+            else:
+                step /= 2.0
+        return end
+
+    def _is_clear(self, place: Place, pair: ComparedPair, middle: float, half: float) -> bool:
+        if not pair.apart:
+            return 2.0 * half <= COARSE * self._width and place.overlap(pair)[1] <= pair.deep
+        within = pair.floor + place.travel(pair, self._sweep.steps(place, {0: middle}, {0: half}))
+        return place.gap(pair, within) >= within
