@@ -16,6 +16,7 @@ from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation
 from thingc.targets.artifact import Artifacts
 from thingc.tools.cli.main import main
+from thingc.tools.cli.render import with_collision
 
 PARTS = """\
 from build123d import Box, Location, Pos
@@ -496,3 +497,28 @@ def test_the_check_for_mjx_knows_groups_and_pairs(
     mjx.put_model(suited)
     replaced = suited.geom("a:collision").type[0] == mujoco.mjtGeom.mjGEOM_MESH
     assert replaced is not loads  # a cylinder becomes a prism only if MJX needs it
+
+
+def test_the_picture_shows_transparent_collision_shapes_over_the_parts(tmp_path: Path, shared_store: str) -> None:
+    workspace(tmp_path)
+    _, made = built(tmp_path, ROBOT, shared_store)
+    files = made["mjcf"].files
+    text = with_collision(files["mjcf/robot_free.xml"].decode())  # type: ignore[union-attr]
+    model = model_of(Artifacts(files={**files, "mjcf/robot_free.xml": text.encode()}), "robot_free")
+    shown = {model.geom(k).name: (int(model.geom_group[k]), round(float(model.geom_rgba[k][3]), 6)) for k in range(model.ngeom)}
+    assert shown == {"bracket": (2, 1.0), "bracket:collision": (1, 0.4), **{f"bracket:collision_{k}": (1, 0.4) for k in range(1, 5)}}
+
+
+def test_shapes_are_measured_in_the_format_that_is_asked_for(
+    tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str],
+) -> None:
+    workspace(tmp_path)
+    component = "{part: parts:Bracket, collision: {kind: mesh, targets: {urdf: box, sdf: none}}}"
+    tmp_path.joinpath("robot.yaml").write_text(f"thingc: assembly/1\nname: robot\ncomponents: {{b: {component}}}\n")
+    ratios = {}
+    for target in ("mjcf", "urdf", "sdf"):
+        words = ["--target", target, "--format", "json", "--store", shared_store]
+        assert main(["collision", str(tmp_path / "robot.yaml"), *words]) == 0
+        (found,) = json.loads(capsys.readouterr().out)["collision"]
+        ratios[target] = found["ratio"]
+    assert ratios == {"mjcf": pytest.approx(1.0), "urdf": pytest.approx(40 * 20 * 40 / (40 * 20 * 4 + 4 * 20 * 36), rel=1e-4), "sdf": None}

@@ -60,7 +60,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc collision` to the parser."""
     parser.epilog = EPILOG
     console.add_document(parser)
-    parser.add_argument("--target", metavar="TARGET", default="", help="measure the shapes in this format (default: in all formats)")
+    formats = ("mjcf", "urdf", "sdf", "usd")
+    parser.add_argument("--target", choices=formats, default="", help="measure the shapes in this format (default: in all formats)")
     parser.add_argument("-o", "--output", metavar="PNG", help="also draw the collision shapes over the parts of the first mode")
     console.add_format(parser)
     console.add_compiling(parser)
