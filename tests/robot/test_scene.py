@@ -166,3 +166,21 @@ def test_what_bad_scenes_get(tmp_path: Path, written: str) -> None:
     instead, code, message = BAD[written]
     made = compiled(tmp_path, {**DOCUMENTS, "desk.yaml": SCENE.replace(written, instead)})
     assert [(one, text) for one, text, _, _ in made.said] == [(code, message)] and made.said[0][2]
+
+
+def test_scenes_can_be_nested(tmp_path: Path) -> None:
+    """The modes of robots in a nested scene determine drives, start poses and places there, too."""
+    hall = (
+        "thingc: assembly/1\nname: hall\ncomponents:\n  floor: {frame: true}\n"
+        "  one: {assembly: desk.yaml, at: {in: floor.origin}}\n  two: {assembly: desk.yaml, at: {in: floor.origin, xyz: 0 5 0 m}}\n"
+        "poses: {zero: {}}\nmodes: {all: {root: floor, pose: zero}}\n"
+    )
+    made = compiled(tmp_path, {"hall.yaml": hall, **DOCUMENTS})
+    assert {code for code, *_ in made.said} <= {"TC517", "TC522", "TC792"}, made.said
+    data = at_start(made.model("all"), "zero")
+    assert {data.model.actuator(number).name for number in range(data.model.nu)} == {
+        f"{desk}/{drive}" for desk in ("one", "two")
+        for drive in ("left/shoulder", "left/wrist_0", "right/shoulder", "fourth/shoulder", "fourth/wrist_0")
+    }
+    assert data.joint("two/left/shoulder").qpos == pytest.approx([0.5]) and data.joint("two/third/shoulder").qpos == pytest.approx([-0.7])
+    assert data.body("two/cube/cube").xpos - data.body("one/cube/cube").xpos == pytest.approx([0, 5, 0])

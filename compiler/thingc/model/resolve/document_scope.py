@@ -134,6 +134,17 @@ class DocumentScope:
                 for path, inner in node.table.all_nodes():
                     yield f"{node.name}.{path}", inner
 
+    def all_modes(self) -> Iterator[tuple[str, DocumentScope, Mode]]:
+        """Yield the path of each nested assembly that is placed in a mode, with dots, its scope and the mode.
+
+        Modes below such an assembly are part of its mode.
+        """
+        for node in self.nodes.values():
+            if node.table is not None and node.name in self.by_mode:
+                yield node.name, node.table, self.by_mode[node.name]
+            elif node.table is not None:
+                yield from ((f"{node.name}.{path}", inner, mode) for path, inner, mode in node.table.all_modes())
+
     def unsure_joints(self) -> bool:
         """Return whether joints may be missing because of errors.
 
@@ -230,7 +241,7 @@ class ResolveRun:
                 (name, joint and (joint.kind.name, joint.drive is not None, joint.mimic is not None, joint.loop))
                 for name, joint in table.joints.items()
             ],
-            dict(table.exports), list(table.poses), table.base, table.by_mode,
+            dict(table.exports), list(table.poses), table.base, [(path, mode) for path, _, mode in table.all_modes()],
         )
 
     def sound(self, place: Hashable, inputs: tuple[object, ...], make: Callable[[], Answer]) -> Answer:

@@ -226,7 +226,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
     said = layers.sub("contacts")
     exclude, adhesion = list(contacts.excluded(table, scope, said)), list(contacts.adhesions(table, scope, said))
     pairs, groups = list(contacts.pairs(table, scope, said, exclude)), list(contacts.groups(table, scope, said))
-    for component, one in table.by_mode.items():
+    for component, _, one in table.all_modes():
         exclude += ((_below(component, a), _below(component, b)) for a, b in one.exclude)
         adhesion += ((_below(component, mount), force) for mount, force in one.adhesion)
         pairs += (replace(pair, one=_below(component, pair.one), other=_below(component, pair.other)) for pair in one.pairs)
@@ -238,7 +238,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
         )
     stepped = layers.sub("simulation")
     held, cut = holds(table, scope, layers), cuts(table, scope, layers)
-    cut += tuple(replace(own, joint=f"{name}/{own.joint}") for name, one in table.by_mode.items() for own in one.cut)
+    cut += tuple(replace(own, joint=f"{path.replace('.', '/')}/{own.joint}") for path, _, one in table.all_modes() for own in one.cut)
     stands = standing(table, scope, name, layers, kind)
     if on_floor:
         _check_holds_on_floor(scope, name, layers, held)
@@ -373,16 +373,17 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
 
 def _actuators_of_nested(table: DocumentScope) -> tuple[str, ...] | None:
     """Return the paths of the driven joints whose drives the modes of nested assemblies do not exclude, or None for all joints."""
-    chosen = {name: mode.actuators for name, mode in table.by_mode.items() if mode.actuators is not None}
+    chosen = {f"{path.replace('.', '/')}/": mode.actuators for path, _, mode in table.all_modes() if mode.actuators is not None}
     if not chosen:
         return None
-    paths = (name.path for name, joint in table.all_joints() if joint is not None and joint.drive is not None)
-    return tuple(path for path in paths if (own := chosen.get(path.partition("/")[0])) is None or path.partition("/")[2] in own)
+    paths = [name.path for name, joint in table.all_joints() if joint is not None and joint.drive is not None]
+    paths += [name.path for name, _ in coupled_drives(table)]
+    return tuple(path for path in paths if all(path.removeprefix(top) in own for top, own in chosen.items() if path.startswith(top)))
 
 
 def _below(component: str, reference: Reference) -> Reference:
     """Return a reference in a nested assembly as a reference in the enclosing document."""
-    return replace(reference, path=(component, *reference.path))
+    return replace(reference, path=(*component.split("."), *reference.path))
 
 
 def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:

@@ -65,11 +65,11 @@ def poses(table: DocumentScope, scope: Scope) -> None:
 def _starts(table: DocumentScope) -> Settings:
     """Return the positions of joints in the start poses of the modes in which nested assemblies are placed."""
     starts: Settings = {}
-    for component, mode in table.by_mode.items():
-        inner = table.nodes[component].table
-        pose = None if inner is None or mode.pose is None else inner.poses.get(mode.pose)
+    for component, inner, mode in table.all_modes():
+        pose = None if mode.pose is None else inner.poses.get(mode.pose)
         if pose is not None:
-            starts.update((f"{component}/{path}", (q, pose.origins[path])) for path, q in pose.values.items())
+            top = component.replace(".", "/")
+            starts.update((f"{top}/{path}", (q, pose.origins[path])) for path, q in pose.values.items())
     return starts
 
 
