@@ -286,3 +286,19 @@ joints: {{wrist: {{type: continuous, parent: inner.arm.origin, child: hand.origi
         thingc.compile(tmp_path / "outer.yaml")
     found = [(one.code.code, one.message) for one in caught.value.diagnostics]
     assert found == [("TC365", "actuator `inner/servo` is used twice: it drives `wrist` and `inner/turn`")]
+
+
+def test_loops_are_not_cut_at_joints_of_a_differential(tmp_path: Path) -> None:
+    """Four bars whose joints are alike: without the differential, the joint that closes the loop is cut."""
+    body = "frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}, mounts: {end: {xyz: 100 0 0 mm}}"
+    bars = (("one", "a", "b", ""), ("two", "b", "c", ""), ("three", "c", "d", ""), ("four", "d", "a", ", loop: true"))
+    hinges = "".join(
+        f"  {name}: {{type: continuous, parent: {parent}.end, child: {child}.origin, axis: [0, 0, 1], offset: 90 deg{more}}}\n"
+        for name, parent, child, more in bars
+    )
+    text = f"thingc: assembly/1\nname: bars\ncomponents: {{a: {{{body}}}, b: {{{body}}}, c: {{{body}}}, d: {{{body}}}}}\njoints:\n{hinges}"
+    both = f"transmissions: {{x: {{differential: {{actuators: [{MOTOR}, {MOTOR}], joints: [one, four], matrix: [[1, 1], [1, -1]]}}}}}}\n"
+    for more, cut in (("", "four"), (both, "three")):
+        (tmp_path / "bars.yaml").write_text(text + more)
+        (mode,) = thingc.compile(tmp_path / "bars.yaml").modes.values()
+        assert [closure.path for closure in mode.robot.closures] == [cut]

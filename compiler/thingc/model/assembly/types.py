@@ -416,6 +416,11 @@ class LinkedTendon(OneLineRepr, FrozenStruct):
     width: float | None = None
 
     @property
+    def transmission(self) -> str | None:
+        """The path of the differential, if the tendon is the drive of a differential."""
+        return None if self.actuator is None else self.actuator.transmission
+
+    @property
     def mounts(self) -> tuple[LinkedMount, ...]:
         """The mounts through which the tendon passes, and the mounts of the shapes around which the tendon wraps."""
         return tuple(one for step in self.steps for one in (step.mount, step.side) if one is not None)

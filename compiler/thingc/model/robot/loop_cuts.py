@@ -77,10 +77,12 @@ def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPrior
     cut = {one.joint: rank for rank, one in enumerate(mode.cut)}
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
     followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
+    driven = {joint.path for _, mate in mates for joint in mate.joints if joint.actuator is not None and _drives(mode, joint.path)}
+    driven |= {path for one in assembly.tendons if one.transmission is not None and _drives(mode, one.path) for path in one.moves}
     for number, mate in mates:
         yield number, CutPriority(
             uncut=cut.get(mate.name or "", len(cut)),
-            driven=any(j.actuator is not None and (mode.actuators is None or j.path in mode.actuators) for j in mate.joints),
+            driven=any(joint.path in driven for joint in mate.joints),
             coupled=any(joint.mimic is not None or joint.path in followed for joint in mate.joints),
             unclosable=_unclosable(mate),
             limited=any(joint.limit.bounded for joint in mate.joints),
@@ -88,6 +90,11 @@ def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPrior
             placing=mate.loop is None,
             earlier=-number,
         )
+
+
+def _drives(mode: LinkedMode, path: str) -> bool:
+    """Return whether the drive of a joint or tendon exists in a mode."""
+    return mode.actuators is None or path in mode.actuators
 
 
 def _unclosable(mate: Mate) -> int:

@@ -98,7 +98,7 @@ def _within(robot: Robot, tendon: LinkedTendon) -> LinkedTendon:
 
     The positions limit only the control. Other tendons, and drives of joints without limits, are returned unchanged.
     """
-    if tendon.actuator is None or tendon.actuator.transmission is None:
+    if tendon.transmission is None:
         return tendon
     limits = {joint.path: joint.limit for body in robot.bodies for joint in body.joints}
     lower = upper = 0.0

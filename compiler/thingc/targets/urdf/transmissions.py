@@ -37,7 +37,7 @@ def differentials(robot: Robot) -> dict[str, tuple[LinkedTendon, ...]]:
     in_tree = {joint.path for body in robot.bodies for joint in body.joints}
     found: dict[str, tuple[LinkedTendon, ...]] = {}
     for tendon in robot.assembly.tendons:
-        name = None if tendon.actuator is None else tendon.actuator.transmission
+        name = tendon.transmission
         if name is not None and tendon.path in robot.pulled and in_tree.issuperset(tendon.moves):
             found[name] = (*found.get(name, ()), tendon)
     return found

@@ -167,7 +167,11 @@ def _of_joint(analysis: Analysis, name: str) -> str:
             unit = TORQUE if edge.twist.coordinate == ANGLE else FORCE
             effort = "" if edge.limit.effort is None else f", up to {Quantity(edge.limit.effort, unit).shown(5)}"
             lines.append(f"Driven ({edge.actuator.kind}{effort}).")
-        if edge.mimic is None and edge.actuator is None and mate.loop is None:
+        drives = () if analysis.assembly is None else analysis.assembly.tendons
+        coupled = [one.transmission for one in drives if one.transmission is not None and edge.path in one.moves]
+        if coupled:
+            lines.append(f"Driven by the differential `{coupled[0]}`.")
+        elif edge.mimic is None and edge.actuator is None and mate.loop is None:
             lines.append("Not driven.")
     return "\n\n".join(lines)
 
