@@ -433,7 +433,8 @@ def _rest(sweep: Sweep, box: Box) -> Iterator[Box]:
         gap = place.compare(pair, pair.floor + motion)
         if gap >= pair.floor + motion:
             continue
-        if motion <= FINE or (gap >= pair.clearance + motion and (gap < pair.floor or pair.near)):
+        fine = FINE if gap > TOUCH else max(FINE, pair.deep / 2.0)  # parts in contact then overlap by less than an error
+        if motion <= fine or (gap >= pair.clearance + motion and (gap < pair.floor or pair.near)):
             pair.near = True
         else:
             rest.append(pair)
