@@ -356,6 +356,7 @@ modes: {m: {root: ground}}
     ("{pairs: [{between: [left, right]}, {between: [right, left]}]}", "the contact pair of `right` and `left` is listed twice"),
     ("{pairs: [{between: [left, right]}], exclude: [[right, left]]}", "the contacts of `left` and `right` are excluded"),
     ("{pairs: [{between: [left, right], margin: 1 mm, gap: 2 mm}]}", "`gap` is larger than `margin`"),
+    ("{pairs: [{between: [left, right], margin: -1 mm, gap: 2 mm}]}", "`margin` must be at least 0"),
     ("{pairs: [{between: [left, right], margin: -1 mm}]}", "`margin` must be at least 0"),
     ("{groups: {g: {components: [left], collide: [fingers]}}}", "there is no contact group `fingers`"),
     ("{groups: {others: {components: [left], collide: []}}}", "`others` is the group of all components without a group"),
@@ -522,3 +523,16 @@ def test_shapes_are_measured_in_the_format_that_is_asked_for(
         (found,) = json.loads(capsys.readouterr().out)["collision"]
         ratios[target] = found["ratio"]
     assert ratios == {"mjcf": pytest.approx(1.0), "urdf": pytest.approx(40 * 20 * 40 / (40 * 20 * 4 + 4 * 20 * 36), rel=1e-4), "sdf": None}
+
+
+def test_a_mode_has_at_most_31_groups(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    workspace(tmp_path)
+    for count, code in ((31, 0), (32, 1)):
+        members = ["left", "right", *(f"f{k}" for k in range(2, count))]
+        groups = ", ".join(f"g{k}: {{components: [{member}], collide: []}}" for k, member in enumerate(members))
+        frames = "".join(f"  f{k}: {{link: true, at: {{in: floor.origin}}}}\n" for k in range(2, count))
+        text = PAIRS.replace("CONTACTS", f"{{groups: {{{groups}}}}}").replace("joints:\n", f"{frames}joints:\n")
+        tmp_path.joinpath("robot.yaml").write_text(text)
+        assert main(["check", str(tmp_path / "robot.yaml"), "--format", "json"]) == code
+        messages = [one["message"] for one in json.loads(capsys.readouterr().out)["diagnostics"]]
+        assert messages == ([] if code == 0 else ["mode `m` has 32 contact groups, but at most 31 are possible"])

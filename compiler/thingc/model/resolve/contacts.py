@@ -109,7 +109,7 @@ def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) ->
         for key, raw in (("margin", spec.margin), ("gap", spec.gap))
     )
     origin = scope.origin((*path, "between"))
-    if gap is not None and gap > (margin or 0.0):
+    if gap is not None and gap > (margin or 0.0) and (margin is None) is (spec.margin is None):
         scope.error(
             Code.CONTACTS, "`gap` is larger than `margin`, so the contact transmits no force", (*path, "gap"),
             help="write a `gap` of at most the `margin`",
@@ -129,8 +129,6 @@ def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) ->
 def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[ContactGroup, ...]:
     """Return the contact groups of a mode. Unknown names of groups, and components in two groups, are reported."""
     said, path = contacts.pick("groups") or ({}, ())
-    if len(said) > MOST_GROUPS:
-        scope.error(Code.TOO_MANY, f"a mode has {len(said)} contact groups, but at most {MOST_GROUPS} are possible", path, key=True)
     made: list[ContactGroup] = []
     owners: dict[str, str] = {}
     for name, spec in said.items():

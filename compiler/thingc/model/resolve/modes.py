@@ -236,6 +236,9 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
                 collides=tuple(name if name == OTHERS else f"{component}.{name}" for name in group.collides),
             ) for group in one.groups
         )
+    if len(groups) > contacts.MOST_GROUPS:
+        message = f"mode `{name}` has {len(groups)} contact groups, but at most {contacts.MOST_GROUPS} are possible"
+        scope.error(Code.TOO_MANY, message, ("modes", name), key=True, help="combine some of the groups")
     stepped = layers.sub("simulation")
     held, cut = holds(table, scope, layers), cuts(table, scope, layers)
     cut += tuple(replace(own, joint=f"{path.replace('.', '/')}/{own.joint}") for path, _, one in table.all_modes() for own in one.cut)
