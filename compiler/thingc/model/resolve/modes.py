@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
-from typing import cast
+from typing import Any, cast
 
 from msgspec.structs import replace
 
@@ -223,22 +223,6 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
     pose = _pose(table, scope, layers)
     poses = _poses(table, scope, layers)
     actuators = _actuators(table, scope, layers)
-    said = layers.sub("contacts")
-    exclude, adhesion = list(contacts.excluded(table, scope, said)), list(contacts.adhesions(table, scope, said))
-    pairs, groups = list(contacts.pairs(table, scope, said, exclude)), list(contacts.groups(table, scope, said))
-    for component, _, one in table.all_modes():
-        exclude += ((_below(component, a), _below(component, b)) for a, b in one.exclude)
-        adhesion += ((_below(component, mount), force) for mount, force in one.adhesion)
-        pairs += (replace(pair, one=_below(component, pair.one), other=_below(component, pair.other)) for pair in one.pairs)
-        groups += (
-            replace(
-                group, name=f"{component}.{group.name}", members=tuple(_below(component, member) for member in group.members),
-                collides=tuple(name if name == OTHERS else f"{component}.{name}" for name in group.collides),
-            ) for group in one.groups
-        )
-    if len(groups) > contacts.MOST_GROUPS:
-        message = f"mode `{name}` has {len(groups)} contact groups, but at most {contacts.MOST_GROUPS} are possible"
-        scope.error(Code.TOO_MANY, message, ("modes", name), key=True, help="combine some of the groups")
     stepped = layers.sub("simulation")
     held, cut = holds(table, scope, layers), cuts(table, scope, layers)
     cut += tuple(replace(own, joint=f"{path.replace('.', '/')}/{own.joint}") for path, _, one in table.all_modes() for own in one.cut)
@@ -259,12 +243,32 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
         return None
     return Mode(
         name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
-        poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=tuple(exclude),
-        adhesion=tuple(adhesion), pairs=tuple(pairs), groups=tuple(groups), simulation=simulation(scope, stepped),
+        poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators,
+        **_contacts(table, scope, name, layers.sub("contacts")), simulation=simulation(scope, stepped),
         origin=scope.origin(("modes", name), key=True), holds=held, cut=cut, on_floor=on_floor, standing=stands,
         step_origin=step_origin(scope, stepped), gravity_origin=gravity_origin,
         worked_out=any(scope.works_out(path) for _, path in layers.items), at_in=_at_in(table, scope, layers, kind),
     )
+
+
+def _contacts(table: DocumentScope, scope: Scope, name: str, said: DefaultLayers) -> dict[str, Any]:
+    """Return the contact settings of a mode by field of `Mode`, with those of the modes of nested assemblies."""
+    exclude, adhesion = list(contacts.excluded(table, scope, said)), list(contacts.adhesions(table, scope, said))
+    pairs, groups = list(contacts.pairs(table, scope, said, exclude)), list(contacts.groups(table, scope, said))
+    for component, _, one in table.all_modes():
+        exclude += ((_below(component, a), _below(component, b)) for a, b in one.exclude)
+        adhesion += ((_below(component, mount), force) for mount, force in one.adhesion)
+        pairs += (replace(pair, one=_below(component, pair.one), other=_below(component, pair.other)) for pair in one.pairs)
+        groups += (
+            replace(
+                group, name=f"{component}.{group.name}", members=tuple(_below(component, member) for member in group.members),
+                collides=tuple(name if name == OTHERS else f"{component}.{name}" for name in group.collides),
+            ) for group in one.groups
+        )
+    if len(groups) > contacts.MOST_GROUPS:
+        message = f"mode `{name}` has {len(groups)} contact groups, but at most {contacts.MOST_GROUPS} are possible"
+        scope.error(Code.TOO_MANY, message, ("modes", name), key=True, help="combine some of the groups")
+    return {"exclude": tuple(exclude), "adhesion": tuple(adhesion), "pairs": tuple(pairs), "groups": tuple(groups)}
 
 
 def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: BaseType) -> dict[str, Pose]:
