@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # For two cores. Many tests wait for processes, so that three of them leave a tenth of the cores idle.
 JOBS ?= 4
 
-.PHONY: demo test lint same bench bench-naming bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb plan bridge-search codesign mutants mutation slips fuzz kills docs site pictures viewer constraints release wheel notebook image-steps test-pythons freeze frozen structure clean
+.PHONY: demo test lint same bench bench-naming bench-step bench-designs bench-variants bench-viewer gradients conformance bench-weld print-masses walk climb plan bridge-search codesign mutants mutation slips fuzz kills docs site pictures viewer constraints release wheel notebook image-steps test-pythons freeze frozen structure clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -83,6 +83,9 @@ slips: $(VENV)/.thingc-dev
 
 bench-naming: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/naming/study.py
+
+bench-step: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/step/study.py assemblies/arm.yaml assemblies/minchw/minchw.yaml
 
 # `CHECKERS="NAME ..."` only runs these checkers of other projects.
 conformance: $(VENV)/.thingc-dev
