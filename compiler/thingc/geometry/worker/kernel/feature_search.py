@@ -61,7 +61,7 @@ def features_in_store(breps: Iterable[str], store: Store) -> dict[str, Any]:
     return {brep: to_builtins(features_of(load_shape(store, brep))) for brep in breps}
 
 
-def _surface(face: TopoDS_Face) -> tuple[float, Vector]:
+def area_and_centre(face: TopoDS_Face) -> tuple[float, Vector]:
     """Return the area and the centre of a face."""
     properties = GProp_GProps()
     BRepGProp.SurfaceProperties_s(face, properties)
@@ -72,7 +72,7 @@ def _plane(face: TopoDS_Face, surface: Any) -> PlanarFace:
     position = surface.Plane().Position()
     outwards = position.Direct() != (face.Orientation() == TopAbs_REVERSED)
     x, y, z = (_rounded(value if outwards else -value) for value in position.Direction().Coord())
-    area, centre = _surface(face)
+    area, centre = area_and_centre(face)
     loops = tuple(tuple(map(convert.vector, _polygon(wire, face))) for wire in map(TopoDS.Wire, explored(face, TopAbs_WIRE)))
     return PlanarFace(normal=(x, y, z), centre=convert.vector(centre), area=convert.area(area), loops=loops)
 
@@ -107,7 +107,7 @@ def _cylinder(face: TopoDS_Face, surface: Any) -> tuple[Vector, Vector, float, b
         axis, lower, upper = tuple(-value + 0.0 for value in axis), -upper, -lower
     x, y, z = axis
     along = dot(origin, (x, y, z))
-    return added(origin, (x, y, z), -along), (x, y, z), cylinder.Radius(), hollow, lower + along, upper + along, _surface(face)[0]
+    return added(origin, (x, y, z), -along), (x, y, z), cylinder.Radius(), hollow, lower + along, upper + along, area_and_centre(face)[0]
 
 
 def _rounded(value: float) -> float:

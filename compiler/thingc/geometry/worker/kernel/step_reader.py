@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 from msgspec import to_builtins
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-from OCP.BRepGProp import BRepGProp
 from OCP.collections import Sequence_TDF_Label
 from OCP.gp import gp_Trsf
-from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.Quantity import Quantity_Color, Quantity_ColorRGBA
 from OCP.STEPCAFControl import STEPCAFControl_Reader
@@ -31,7 +29,7 @@ from thingc.base.pose import NO_POSE, Pose
 from thingc.geometry.features import StepAssembly, StepChild, StepGroup, StepPart
 from thingc.geometry.store.local import Store
 from thingc.geometry.worker.kernel import convert
-from thingc.geometry.worker.kernel.feature_search import features_of
+from thingc.geometry.worker.kernel.feature_search import area_and_centre, features_of
 from thingc.geometry.worker.kernel.integrals import at_origin, compound_of, explored, measure, solids_of
 from thingc.geometry.worker.kernel.step_assembly import new_document, write_part
 
@@ -183,9 +181,7 @@ class _Reading:
         for face in explored(solid, TopAbs_FACE):
             color = self._shape_color(face) or whole
             if color is not None:
-                properties = GProp_GProps()
-                BRepGProp.SurfaceProperties_s(face, properties)
-                areas[color] = areas.get(color, 0.0) + properties.Mass()
+                areas[color] = areas.get(color, 0.0) + area_and_centre(face)[0]
         return tuple(sorted(areas, key=lambda color: (-areas[color], color)))
 
 
@@ -198,12 +194,8 @@ class _Outline:
         self.size = max(high - low for low, high in zip(*measures.box, strict=True))
         self.moments, self.axes = np.linalg.eigh(np.array(measures.inertia))
         self.numbers = np.array([measures.volume ** (1 / 3), measures.area ** 0.5, *np.maximum(self.moments, 0.0) ** 0.2])
-        faces = []
-        for face in explored(shape, TopAbs_FACE):
-            properties = GProp_GProps()
-            BRepGProp.SurfaceProperties_s(face, properties)
-            faces.append((*properties.CentreOfMass().Coord(), properties.Mass() ** 0.5))
-        self.faces = np.array(faces)
+        faces = [area_and_centre(face) for face in explored(shape, TopAbs_FACE)]
+        self.faces = np.array([(*centre, area ** 0.5) for area, centre in faces])
 
     def motion_to(self, other: _Outline) -> Pose | None:
         """Return the rigid motion that maps this shape to an equal shape, or None if there is no such motion.
