@@ -134,7 +134,7 @@ def test_the_whole_robot_has_its_size(arm: Path, compiled: thingc.Compiled) -> N
 
 def test_the_bill_of_materials_weighs_what_the_robot_weighs(arm: Path, compiled: thingc.Compiled) -> None:
     rows = list(csv.DictReader(io.StringIO((arm / "bom.csv").read_text())))
-    assert ",".join(rows[0]) == "number,name,definition,quantity,make,material,mass,mass_source,supplier,cost"
+    assert ",".join(rows[0]) == "number,name,definition,quantity,make,material,mass,mass_source,supplier,cost,total,link,picture"
     assert sum(int(row["quantity"]) * float(row["mass"]) for row in rows) == pytest.approx(compiled.properties.mass, rel=1e-12)
     wanted = Counter(o.definition.text for o in compiled.assembly.occurrences)
     assert {row["definition"]: int(row["quantity"]) for row in rows} == wanted

@@ -203,7 +203,8 @@ def test_documents_are_spoken_of_in_their_own_words(pair: thingc.Compiled) -> No
 
 
 PLAIN = {
-    "ActuatorModel.name", "Adhesion.mount", "Assembly.name", "Closure.name", "ExportedMount.mount", "LinkedMode.name",
+    "ActuatorModel.name", "ActuatorModel.transmission", "Adhesion.mount", "Assembly.name", "Closure.name", "ExportedMount.mount",
+    "LinkedGroup.collides", "LinkedGroup.name", "LinkedMode.name",
     "LinkedMode.simulation", "LinkedMount.mount", "LinkedSensor.cutoff", "LinkedSensor.noise", "LinkedSensor.parts",
     "Mate.child_mount", "Mate.parent_mount", "Mimic.name",
     "RawAttribute.target", "RawAttribute.value", "RawElement.section", "RawElement.tag",

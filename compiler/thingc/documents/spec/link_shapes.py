@@ -151,13 +151,13 @@ class ChoiceSpec(Model):
 class TargetChoicesSpec(Model):
     """The collision shapes of a part in single formats."""
 
-    mjcf: Collision | ChoiceSpec | None = None
+    mjcf: Collision | ChoiceSpec | None = Field(default=None, examples=["box", {"decompose": {"pieces": 8}}])
     """The shapes in MuJoCo models."""
-    urdf: Collision | ChoiceSpec | None = None
+    urdf: Collision | ChoiceSpec | None = Field(default=None, examples=["box", {"decompose": {"pieces": 8}}])
     """The shapes in URDF files and ROS packages."""
-    sdf: Collision | ChoiceSpec | None = None
+    sdf: Collision | ChoiceSpec | None = Field(default=None, examples=["box", {"decompose": {"pieces": 8}}])
     """The shapes in SDF files."""
-    usd: Collision | ChoiceSpec | None = None
+    usd: Collision | ChoiceSpec | None = Field(default=None, examples=["box", {"decompose": {"pieces": 8}}])
     """The shapes in USD files."""
 
 

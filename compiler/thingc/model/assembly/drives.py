@@ -43,7 +43,10 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
     path = instance.within(joint.path)
     limit, dynamics = joint.limit, joint.dynamics
     actuator: ActuatorModel | None = None
-    drive = filled(tree, instance, f"joint `{joint.name}`", joint.path, joint.drive, findings, turns=twist.turns) if joint.drive else None
+    drive = None
+    if joint.drive is not None:
+        stated = replace(joint.drive, origin=joint.drive.origin or joint.origin)
+        drive = filled(tree, instance, f"joint `{joint.name}`", joint.path, stated, findings, turns=twist.turns)
     if drive is not None:
         if limit.effort is not None and drive.effort is not None and limit.effort > drive.effort:
             span = joint.spans.get("limit.effort")
