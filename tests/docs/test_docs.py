@@ -282,7 +282,8 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
     from thingc.geometry.worker.kernel.mesh_files import MOST as MOST_OF_PART
     from thingc.model.resolve import raw_protected
     from thingc.model.resolve.assembly import MAX_DEFINITIONS
-    from thingc.model.resolve.modes import GRAVITY, MAX_EXCLUDED, MAX_EXTENDED
+    from thingc.model.resolve.contacts import MAX_EXCLUDED
+    from thingc.model.resolve.modes import GRAVITY, MAX_EXTENDED
     from thingc.model.resolve.repeats import MAX_OCCURRENCES, MAX_REPEAT
     from thingc.targets.mjcf import raw
     said = {row[0].strip("`"): tuple(map(float, row[1].strip("`").split())) for row in table(LANGUAGE, "gravity")}
