@@ -21,7 +21,6 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 from conformance.harness import once, thingc_here
-from forked_processes import pytest_addoption, pytest_runtestloop
 from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.geometry import client
 from thingc.geometry.client import Workers
@@ -29,7 +28,6 @@ from thingc.geometry.key.environment_variables import environment
 from thingc.tools.cli import console, signals
 from thingc.tools.templates import TEMPLATES
 
-__all__ = ["pytest_addoption", "pytest_runtestloop"]
 ROOT = Path(__file__).resolve().parent.parent
 
 # Neither chance nor how fast the machine is today decides about a test. `--hypothesis-profile search` looks at other examples every time.
@@ -93,10 +91,8 @@ def begun(request: pytest.FixtureRequest, shared_store: str) -> Path:
     return once(folder, begin) / "rover" / "rover.yaml"
 
 
-@pytest.fixture(scope="session", autouse=True)
-def kernels() -> Iterator[None]:
+def pytest_sessionfinish() -> None:
     """End what was kept."""
-    yield
     for workers in _KEPT.values():
         Workers.close(workers)
 
@@ -107,7 +103,7 @@ _SAID = re.compile(rb'error\[TC899\]|title=TC899|\\*"(?:code|id|ruleId)\\*": ?\\
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first, so that no process is left alone with one at the end (`--forks` keeps this order)."""
+    """Files with slow tests first, so that no worker is left alone with one at the end (`make test` tells xdist to keep this order)."""
     slow = Counter(item.path for item in items if item.get_closest_marker("slow") is not None)
     items.sort(key=lambda item: -slow[item.path])
 

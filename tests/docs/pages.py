@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import io
 import math
 import os
@@ -11,9 +10,8 @@ import re
 import runpy
 import shlex
 import shutil
+import subprocess
 import sys
-import tempfile
-import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -149,8 +147,10 @@ def leaves(page: Path) -> float:
 def run(command: str) -> str:
     """What a `thingc` or `python FILE` command prints here, standard output first, without progress; `cd FOLDER` goes there."""
     words = shlex.split(command, comments=True)
-    if words[0] == "python" and "import jax" in Path(words[1]).read_text():
-        return _in_a_fork(words[1])
+    if words[0] == "python" and "import jax" in Path(words[1]).read_text():  # it starts threads, and other tests fork
+        environment = {**os.environ, "XLA_FLAGS": XLA_FLAGS}
+        done = subprocess.run([sys.executable, words[1]], capture_output=True, text=True, env=environment)
+        return done.stdout + _PROGRESS.sub("", done.stderr)
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         if words[0] == "thingc":
@@ -159,43 +159,16 @@ def run(command: str) -> str:
             os.chdir(words[1])
         else:
             assert words[0] == "python", command
-            _run_file(words[1])
-    return out.getvalue() + _PROGRESS.sub("", err.getvalue())
-
-
-def _run_file(name: str) -> None:
-    before, modules = sys.path[:], set(sys.modules)
-    try:
-        sys.path.insert(0, os.getcwd())
-        runpy.run_path(os.path.abspath(name), run_name="__main__")
-    finally:
-        sys.path[:] = before
-        for name in set(sys.modules) - modules:
-            if (getattr(sys.modules[name], "__file__", None) or "").startswith(os.getcwd() + os.sep):
-                del sys.modules[name]
-
-
-def _in_a_fork(name: str) -> str:
-    """The same of a script that uses JAX: it starts threads (importing it does not), and other tests fork."""
-    importlib.import_module("jax.numpy")
-    err = io.StringIO()
-    with tempfile.TemporaryFile("w+") as printed:
-        child = os.fork()
-        if child == 0:
+            before, modules = sys.path[:], set(sys.modules)
             try:
-                os.environ["XLA_FLAGS"] = XLA_FLAGS
-                with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(err):
-                    _run_file(name)
-            except BaseException:
-                traceback.print_exc(file=err)
-            try:
-                printed.write(_PROGRESS.sub("", err.getvalue()))
-                printed.flush()
+                sys.path.insert(0, os.getcwd())
+                runpy.run_path(os.path.abspath(words[1]), run_name="__main__")
             finally:
-                os._exit(0)
-        os.waitpid(child, 0)
-        printed.seek(0)
-        return printed.read()
+                sys.path[:] = before
+                for name in set(sys.modules) - modules:
+                    if (getattr(sys.modules[name], "__file__", None) or "").startswith(os.getcwd() + os.sep):
+                        del sys.modules[name]
+    return out.getvalue() + _PROGRESS.sub("", err.getvalue())
 
 
 def shows(shown: str, printed: str) -> bool:
