@@ -124,6 +124,8 @@ def test_the_arm_of_this_repository(run: Any, tmp_path: Path, root: Path, shared
 @pytest.mark.slow
 def test_random_robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(BENCHMARK))
+    for name in ("robots", "study"):  # of another benchmark
+        monkeypatch.delitem(sys.modules, name, raising=False)
     from robots import generate
     from study import Results
 

@@ -65,8 +65,8 @@ def test_the_walker_means_everything_that_can_be_meant(walker: WorkspaceIndex) -
     from thingc.documents.spec.name_types import Declared, DeclaresName, ReferenceKind, RefersTo
 
     said = {mention.names for written in walker.documents.values() for mention in written.mentions}
-    of_parts = {RefersTo("part"), RefersTo("parameter of a part")}  # in the arm
-    assert said == {*map(DeclaresName, get_args(Declared)), *map(RefersTo, get_args(ReferenceKind))} - of_parts
+    of_others = {RefersTo("part"), RefersTo("parameter of a part"), RefersTo("mode of a nested assembly")}  # in the arm; in a scene, below
+    assert said == {*map(DeclaresName, get_args(Declared)), *map(RefersTo, get_args(ReferenceKind))} - of_others
 
 
 def exchanged(sight: WorkspaceIndex, old: str, new: str) -> tuple[WorkspaceIndex, dict[str, str]]:
@@ -175,3 +175,25 @@ modes: {{all: {{root: a, actuators: [wrist_0]}}}}
     sight = seen(tmp_path)
     edits = rename_edits(sight, named(sight, "transmission", "wrist"), "both")
     assert [text.replace("wrist:", "both:").replace(", actuators: [wrist_0]", "")] == list(edits.texts.values())
+
+
+def test_a_scene_follows_a_renamed_mode(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("arm.yaml").write_text("""\
+thingc: assembly/1
+name: arm
+components: {foot: {frame: true, mass: 1 kg}}
+modes: {bench: {root: foot}, loose: {root: foot, base: free}}
+""")
+    scene = """\
+thingc: assembly/1
+name: desk
+components:
+  room: {frame: true}
+  left: {assembly: arm.yaml, mode: bench, at: {in: room.origin}}
+  right: {assembly: arm.yaml, mode: loose, at: {in: room.origin}}
+modes: {bench: {root: room}}
+"""
+    Path("desk.yaml").write_text(scene)
+    assert main(["rename", "arm.yaml", "modes.bench", "stand"]) == 0
+    assert Path("desk.yaml").read_text() == scene.replace("mode: bench", "mode: stand")

@@ -126,7 +126,7 @@ def test_what_will_likely_be_sliced_is_sliced_where_it_is_modelled(spot: Place, 
     on_its_side, wanted = replace(HOW, up=(1.0, 0.0, 0.0)), {block.text: [HOW], lying.text: [replace(HOW, up=(1.0, 0.0, 0.0))]}
     likely = {block.text: {(HOW, False)}, lying.text: {(HOW, True)}}
     with spot.service() as service:
-        found = service.slice([foil, block, lying], service.realize([foil, block, lying], (), lambda: likely), wanted)
+        found = service.slice([foil, block, lying], service.realize([foil, block, lying], {}, lambda: likely), wanted)
         assert counted.asked == ["model"] * 3
     with spot.service() as later:
         assert not later.realize([foil, block, lying], (), lambda: pytest.fail("nothing is modelled"))[foil.text].slices

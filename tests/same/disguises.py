@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import math
 import random
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -69,10 +70,13 @@ class Graph:
 
 
 def read(model: mujoco.MjModel) -> Graph:
-    """Read the bodies and joints of a model. A free joint of the root body is ignored."""
+    """Read the bodies and joints of a model. A free joint of the root body is ignored, and so are smaller robots that float beside it."""
     names = [model.body(n).name for n in range(model.nbody)]
     graph = Graph({}, [])
-    for n in range(1, model.nbody):
+    sizes = Counter(model.body_rootid[1:].tolist())
+    floating = {int(model.jnt_bodyid[j]) for j in range(model.njnt) if model.jnt_type[j] == 0}
+    beside = {top for top in floating if sizes[top] < max(sizes.values())}
+    for n in (one for one in range(1, model.nbody) if model.body_rootid[one] not in beside):
         turn = matrix(model.body_iquat[n])
         inertia = turn @ np.diag(model.body_inertia[n]) @ turn.T
         graph.bodies[names[n]] = Body(names[n], float(model.body_mass[n]), model.body_ipos[n].copy(), inertia)
@@ -81,7 +85,7 @@ def read(model: mujoco.MjModel) -> Graph:
             graph.edges.append(Edge(names[parent], names[n], pose(matrix(model.body_quat[n]), model.body_pos[n]), axes))
         elif any(model.jnt_bodyid[j] == n and model.jnt_type[j] != 0 for j in range(model.njnt)):
             raise ValueError("the root moves relative to the world")
-    if sum(int(model.body_parentid[n]) == 0 for n in range(1, model.nbody)) != 1:
+    if len(sizes.keys() - beside) != 1:
         raise ValueError("several bodies in the world")
     known = {axis.name: axis for axis in graph.axes()}
     for n in range(model.neq):

@@ -221,7 +221,8 @@ class _Reader:
         for body in range(1, len(self.parents)):
             group[body] = body if body in groups else group[self.parents[body]]
             groups[group[body]].add(body)
-        chosen = max(groups, key=lambda one: (sum(len(self.joints[body]) for body in groups[one] - self.free), len(groups[one]), -one))
+        joints = {one: sum(len(self.joints[body]) for body in bodies - self.free) for one, bodies in groups.items()}
+        chosen = max(groups, key=lambda one: (joints[one], len(groups[one] - {WORLD}), -one))
         for body in tops:
             if group[body] != chosen and body not in self.free:
                 what = f"body `{self.original.bodies[body]}`, with everything attached to it"
