@@ -20,6 +20,7 @@ from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspa
 from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import compile
+from thingc.tools.cli.main import main
 from thingc.tools.diff.comparison import compare
 from thingc.tools.diff.snapshot import Snapshot
 from thingc.tools.diff.take_snapshot import take_snapshot

@@ -129,7 +129,7 @@ def test_what_will_likely_be_sliced_is_sliced_where_it_is_modelled(spot: Place, 
         found = service.slice([foil, block, lying], service.realize([foil, block, lying], {}, lambda: likely), wanted)
         assert counted.asked == ["model"] * 3
     with spot.service() as later:
-        assert not later.realize([foil, block, lying], (), lambda: pytest.fail("nothing is modelled"))[foil.text].slices
+        assert not later.realize([foil, block, lying], {}, lambda: pytest.fail("nothing is modelled"))[foil.text].slices
     spot.store = type(spot.store)(f"{spot.store.root}-empty")
     with spot.service() as other:
         assert sliced(other, [block], HOW)[block.text].slices == found[block.text].slices
