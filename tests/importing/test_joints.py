@@ -12,23 +12,8 @@ from build123d import Box, Compound, Cylinder, Pos, Rot, export_step
 
 import thingc
 from thingc.base.pose import Pose
-from thingc.tools.cli.main import main
 
 BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "step"
-
-
-@pytest.fixture
-def run(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """Run a command in the folder of the test, and return its exit code and its output."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("THINGC_STORE", shared_store)
-
-    def command(*words: str) -> tuple[int, str]:
-        code = main([*words])
-        out = capsys.readouterr()
-        return code, out.out + out.err
-
-    return command
 
 
 def named(shape: Any, label: str) -> Any:

@@ -26,7 +26,6 @@ import thingc
 from thingc.base.pose import Pose
 from thingc.geometry.worker.kernel.integrals import at_origin
 from thingc.geometry.worker.kernel.step_assembly import new_document, write_document
-from thingc.tools.cli.main import main
 
 Write = Callable[[Any, str], Path]
 
@@ -101,20 +100,6 @@ def transformation(pose: Pose) -> Any:
     from thingc.geometry.worker.kernel.convert import transformation as of_pose
 
     return of_pose(pose)
-
-
-@pytest.fixture
-def run(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """Run a command in the folder of the test, and return its exit code and its output."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("THINGC_STORE", shared_store)
-
-    def command(*words: str) -> tuple[int, str]:
-        code = main([*words])
-        out = capsys.readouterr()
-        return code, out.out + out.err
-
-    return command
 
 
 def test_an_assembly_comes_along(run: Any, tmp_path: Path, shared_store: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import zipfile
 from collections import Counter
@@ -130,7 +131,7 @@ def test_a_bed_has_three_lengths(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert code == 1 and "thingc.toml:2:" in said
 
 
-@pytest.mark.skipif(subprocess.run(["which", "prusa-slicer"], capture_output=True).returncode != 0, reason="PrusaSlicer is not installed")
+@pytest.mark.skipif(shutil.which("prusa-slicer") is None, reason="PrusaSlicer is not installed")
 def test_prusaslicer_reads_names_instances_and_settings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The wedges are sliced with 15 % and the long part with 100 % infill, whatever the preset."""
     build(tmp_path, capsys)

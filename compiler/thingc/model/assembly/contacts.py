@@ -14,7 +14,7 @@ from thingc.model.resolve.types import Mode, PairSettings, Reference
 def pairs_of(
     tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int], findings: LinkReport,
 ) -> tuple[LinkedPair, ...]:
-    """Return the pairs of occurrences that always collide in a mode. A nested assembly stands for all of its occurrences.
+    """Return the pairs of occurrences that always collide in a mode. A nested assembly represents all of its occurrences.
 
     A pair of one link, a pair without collision shapes, and a pair that is listed twice are reported and omitted.
     """

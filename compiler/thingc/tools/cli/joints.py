@@ -64,8 +64,7 @@ def _lines(proposed: JointProposals) -> list[str]:
         at = " ".join(f"{round(1000.0 * value, 6) + 0.0:.6g}" for value in one.line.point)
         axis = " ".join(f"{round(value, 6) + 0.0:g}" for value in one.line.axis)
         rows.append((one.name, one.kind, f"axis {axis} at {at} mm", "" if one.doubt is None else f"doubt: {one.doubt}"))
-    widths = [max(len(row[column]) for row in rows) for column in range(3)]
-    return ["  ".join((*(f"{word:{width}}" for word, width in zip(row, widths, strict=False)), row[3])).rstrip() for row in rows]
+    return console.table(rows)
 
 
 def _as_data(one: JointProposal) -> dict[str, object]:
