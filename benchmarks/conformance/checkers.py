@@ -71,36 +71,56 @@ class Checker:
 CHECKERS: tuple[Checker, ...] = (
     Checker(
         "simready-validate", ("USD",), ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0"),
-        "The required features of the profile Robot-Body 3.0.0 of NVIDIA SimReady.", version="3.12", explained={
-            "^VG.008": "A link may collide with the mesh that it shows. The collision mesh has the purpose `guide` and is not drawn.",
-            "site-packages/simready/": "The checker warns of its own code.",
-            "^VG.MESH.001": "A robot of boxes, spheres and cylinders has no mesh. USD has exact types for these shapes.",
+        "The checker tests the required features of the profile Robot-Body 3.0.0 of NVIDIA SimReady.", version="3.12", explained={
+            "^VG.008": (
+                "A collision mesh may be equal to the visual mesh of the link, because a collision mesh has the purpose "
+                "`guide` and is not drawn."
+            ),
+            "site-packages/simready/": "Some warnings concern the Python code of the checker.",
+            "^VG.MESH.001": (
+                "A robot whose shapes are boxes, spheres and cylinders does not contain a mesh, because USD has exact types"
+                " for these shapes."
+            ),
         },
     ),
     Checker(
-        "ros-openusd-compliance-checker", ("USD",), ("ros-openusd-compliance-checker==0.1.2",), "All rules of the draft of REP 158.",
-        version="3.12", explained={
-            r"^1\.2\.13": "Meshes are text, so that a file contains the whole robot and can be compared line by line.",
-            r"^1\.3\.4.*approximation": "Simulators use the convex hull of a mesh that moves. Primitives have no approximation.",
-            r"^3\.1\.1.*_friction'": "A physics material is not drawn and needs no shader.",
-            r"^3\.4\.3": "An open surface in an imported robot is visible from both sides.",
+        "ros-openusd-compliance-checker", ("USD",), ("ros-openusd-compliance-checker==0.1.2",),
+        "The checker tests all rules of the draft of REP 158.", version="3.12", explained={
+            r"^1\.2\.13": "Meshes are stored as text, so that one file contains the whole robot and a text diff of two files is possible.",
+            r"^1\.3\.4.*approximation": (
+                "For a moving mesh, simulators use the convex hull. Primitive shapes do not need a collision approximation."
+            ),
+            r"^3\.1\.1.*_friction'": "A physics material is not drawn, so it does not need a shader.",
+            r"^3\.4\.3": "Open surfaces of imported robots are drawn from both sides.",
         },
     ),
-    Checker("usdchecker", ("USD",), ("usd-core==26.11", "numpy==2.4.6"), "All validators of usd-core, including UsdPhysics."),
+    Checker(
+        "usdchecker", ("USD",), ("usd-core==26.11", "numpy==2.4.6"), "The checker runs all validators of usd-core, including UsdPhysics.",
+    ),
     Checker(
         "isaaclab-robot-doctor", ("URDF", "USD"), ("isaaclab-robot-doctor[usd]==0.1.0",), explained={
-            "^mass.tiny": "Some links are that light. A joint with several axes has links of 1e-9 kg in between.",
-            "^joint.effort_missing|^joint.velocity_missing": "The documents specify no drive or no limit for these joints.",
-            "^joint.mimic": "The robot has mimic joints.",
-            "^tree.kinematic_loop|^tree.no_root": "Holds and joints that close loops are excluded from the articulation.",
-            r"^names.invalid_prim_name.*\[humanoid/": "Imported robots keep their names in URDF. USD files have valid names.",
-            r"^inertia.not_positive_definite.*'chassis'.*\[plane/": "The inertia of `plane` is 0 in its file.",
+            "^mass.tiny": (
+                "Some robots contain links with a very small mass, and between the axes of a joint with several axes, links"
+                " have a mass of 1e-9 kg."
+            ),
+            "^joint.effort_missing|^joint.velocity_missing": (
+                "If a document does not specify a drive or a limit for a joint, the effort or velocity of this joint is "
+                "missing."
+            ),
+            "^joint.mimic": "Mimic joints are intended.",
+            "^tree.kinematic_loop|^tree.no_root": "Holds, and joints that close loops, are excluded from the USD articulation.",
+            r"^names.invalid_prim_name.*\[humanoid/": (
+                "URDF files of imported robots contain the original names, but USD files contain only valid names."
+            ),
+            r"^inertia.not_positive_definite.*'chassis'.*\[plane/": "The inertia in the source file of the robot `plane` is 0.",
         },
     ),
     Checker("urdf-validator", ("URDF",), ("urdf-validator==1.6.0",), explained={
         '^Unknown tag "mujoco"': "`<mujoco>` is an extension of URDF that MuJoCo reads.",
-        "stability margin is negative|^--deep skipped": "The balancing robot cannot stand by itself.",
-        r"^\[INERTIA\].*diverges": "The checker compares inertias with those of a solid box or cylinder around the visual shapes.",
+        "stability margin is negative|^--deep skipped": "The balancing robot cannot stand without a controller.",
+        r"^\[INERTIA\].*diverges": (
+            "The checker compares each inertia with the inertia of a solid box or cylinder around the visual shapes."
+        ),
     }),
     Checker("check_urdf", ("URDF",), needs=("sh -c 'command -v check_urdf'",), install="apt install liburdfdom-tools"),
     Checker(
@@ -111,19 +131,28 @@ CHECKERS: tuple[Checker, ...] = (
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"), alone=True,
     ),
     Checker("pinocchio", ("URDF",), ("pin==4.1.0",)),
-    Checker("pybullet", ("URDF",), PYBULLET, explained={"^pybullet build time": "PyBullet prints when it was built."}),
-    Checker("ikpy", ("URDF",), ("ikpy==4.2.1",), explained={"is of type 'fixed' but set as active": "ikpy warns of all fixed joints."}),
+    Checker("pybullet", ("URDF",), PYBULLET, explained={
+        "^pybullet build time": "PyBullet prints its build time, which the study counts as a message.",
+    }),
+    Checker("ikpy", ("URDF",), ("ikpy==4.2.1",), explained={
+        "is of type 'fixed' but set as active": "ikpy reports a warning for every fixed joint.",
+    }),
     Checker("placo", ("URDF",), ("placo==0.10.2",), explained={
-        "self collisions|collides with": "At q = 0, shapes of neighbouring links overlap, and those of some imported robots.",
+        "self collisions|collides with": (
+            "At q = 0, the shapes of neighbouring links overlap. In some imported robots, the shapes of other links also "
+            "overlap."
+        ),
     }),
     Checker("scikit-robot", ("URDF",), ("scikit-robot==0.4.7",)),
     Checker("roboticstoolbox", ("URDF",), ("roboticstoolbox-python==1.5.0",)),
     Checker("mjcf-doctor", ("MJCF",), ("mjcf-doctor==0.2.1",), explained={
-        rf"_penetration.*\[{OVERLAPPING}/": "Collision shapes of some imported robots overlap, also in the imported files.",
-        r"^timestep_large.*\[ant/": "The time step of `ant` is that of the imported file.",
+        rf"_penetration.*\[{OVERLAPPING}/": "Collision shapes of some imported robots also overlap in the source files.",
+        r"^timestep_large.*\[ant/": "The time step of the robot `ant` comes from its source file.",
     }),
     Checker("mujoco", ("MJCF", "URDF"), ("mujoco==4.0.0",), explained={
-        r"^WARNING: Geom with duplicate name.*\[(ant|humanoid)/": "A shape that is drawn and collides keeps its imported name for both.",
+        r"^WARNING: Geom with duplicate name.*\[(ant|humanoid)/": (
+            "If an imported geom is both visual and collision geometry, the two geoms in the model have the same name."
+        ),
     }),
     Checker(
         "libsdformat", ("SDF",), needs=("g++ --version", "pkg-config --exists sdformat12"), install="apt install libsdformat-dev",
@@ -133,7 +162,9 @@ CHECKERS: tuple[Checker, ...] = (
     Checker("newton", ("URDF", "USD"), (
         "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
     ), explained={
-        "^Inertia validation corrected": "Newton enlarges the inertia of links of 1e-9 kg, which lie between the axes of a joint.",
+        "^Inertia validation corrected": (
+            "Newton enlarges the inertia of links of 1e-9 kg, which are between the axes of a joint with several axes."
+        ),
         "^Warp CUDA warning": "The study runs on a CPU.",
     }),
 )

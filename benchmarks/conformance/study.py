@@ -85,11 +85,11 @@ READERS = (
     ),
     Reader(
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"),
-        "yourdfpy computes only kinematics. The study sets the independent joints, and yourdfpy computes the mimic joints.", alone=True,
+        "yourdfpy only computes kinematics. The study sets the independent joints, and yourdfpy computes the mimic joints.", alone=True,
     ),
     Reader(
         "pybullet", ("URDF",), ("pybullet==3.2.7", "numpy==2.4.6"),
-        "The base is fixed. Link poses are in single precision.", floats=True,
+        "PyBullet fixes the base to the world, and returns link poses in single precision.", floats=True,
     ),
     Reader(
         "urdf_parser_py", ("URDF", "ROS"), ("urdf-parser-py==0.0.4", "lxml==6.1.3", "PyYAML==6.0.4"),
@@ -98,16 +98,18 @@ READERS = (
     ),
     Reader(
         "ikpy", ("URDF",), ("ikpy==4.2.1",),
-        "ikpy computes only kinematics, of the chain from the root to each leaf. The chain that ikpy selects "
-        "automatically must contain a moving joint.",
+        "ikpy only computes the kinematics of each chain from the root to a leaf. The chain that ikpy selects by default must"
+        " contain a moving joint.",
     ),
     Reader(
         "drake", ("MJCF", FOR_DRAKE, "URDF", "SDF"), ("drake==1.51.1",),
         "Drake does not support loops, so the study removes joints that close loops or hold mounts. Drake does not report mimics, "
-        "so the study moves the independent joints with a force and observes the other joints for 0.4 s. Efforts are reported for "
-        "joints with one axis; except in SDF, each of these joints has a drive of the same name. A floating base is placed at the "
-        "origin. In MJCF, Drake ignores sites and mimics. Without `--compat drake`, command ranges are read as efforts, which are "
-        "not compared. Several joints of one body then use the axes of the parent, which changes the robot if the body is rotated.",
+        "so the study moves the independent joints with a force and observes the other joints for 0.4 s. Drake reports the "
+        "efforts of joints with one axis. Except in SDF files, each of these joints must have a drive with the name of the "
+        "joint. A floating base is placed at the "
+        "origin. In MJCF, Drake ignores sites and mimics. Without `--compat drake`, Drake reads command ranges as efforts, so"
+        " the study does not compare these efforts. For a body with several joints, Drake then uses the axes of the parent, "
+        "which changes the robot if the body is rotated.",
         refuses="several joints of one body",
     ),
     Reader(
@@ -123,8 +125,9 @@ READERS = (
     Reader("catkin_pkg", ("ROS",), ("catkin_pkg==1.1.1",), "colcon reads manifests with catkin_pkg, which must not report warnings."),
     Reader(
         "pinocchio_srdf", ("ROS",), ("pin==4.1.0",),
-        "The study loads URDF and SRDF with pinocchio, and compares frames in every pose, with mimics and continuous joints set to "
-        "their values. At 200 configurations, the study also checks whether links with disabled collisions collide.",
+        "The study loads URDF and SRDF with pinocchio, and compares frames in every pose, after the study has set the "
+        "positions of mimic joints and continuous joints. At 200 configurations, the study also checks whether links with "
+        "disabled collisions collide.",
     ),
     Reader(
         "pymjcf", (COMPAT,), ("dm_control==1.0.50", "mujoco==3.17.0"),
@@ -160,7 +163,8 @@ READERS = (
     ),
     Reader(
         "usdchecker", ("USD",), ("usd-core==26.11", "numpy==2.4.6"),
-        "usdchecker runs all validators of usd-core, including UsdPhysics, which must not report anything. The study also checks "
+        "usdchecker runs all validators of usd-core, including UsdPhysics, and no validator may report an error or a warning."
+        " The study also checks "
         "that the file contains one articulation and every link, frame and joint.",
         floats=True,
     ),
