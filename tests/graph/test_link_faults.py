@@ -272,7 +272,7 @@ def test_two_links_of_one_name() -> None:
         (
             "DUPLICATE_LINK",
             "`cap` names two links: this link and the link of component `cap`",
-            "choose another name, or also name the link of `cap` under `links:`",
+            "choose another name, or give the link of `cap` another name under `links:`",
             110,
         )
     ]

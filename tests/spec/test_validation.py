@@ -132,7 +132,7 @@ def in_doubt(documents: Documents, report: Report) -> bool:
      "[a, b, c]"),
     ("modes: {b: {poses: home}}", Code.WRONG_TYPE, "expected a list, found the string `home`", "write `[home]`", "home"),
     # references
-    ("links: {b: a/b}", Code.BAD_REFERENCE, "`a/b` is not a valid reference", "separate levels by `.`: `a.b`", "a/b"),
+    ("links: {b: a/b}", Code.BAD_REFERENCE, "`a/b` is not a valid reference", "separate names with dots: `a.b`", "a/b"),
     ("links: {b: a..b}", Code.BAD_REFERENCE, "`a..b` is not a valid reference: a name is missing next to a `.`", None, "."),
     ("links: {b: a.2b}", Code.BAD_REFERENCE, "`a.2b` is not a valid reference: `2b` in it is not a valid name", None, "2b"),
     ("links: {b: 3}", Code.WRONG_TYPE, "expected a reference such as `plate.servo_seat`, found the number `3`", None, "3"),

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class ClearanceCode(DiagnosticCode):
     """The diagnostic codes that `ground_clearance` tests can report."""
 
-    TEST_CLEARANCE = ("TC662", "part too close to the ground", "Change a part or a pose, or list parts that may be lower under `except`.")
+    TEST_CLEARANCE = ("TC662", "part too close to the ground", "Change a part or a pose, or exclude components with `except`.")
 
 
 class GroundClearanceTest(Model):
@@ -38,7 +38,7 @@ class GroundClearanceTest(Model):
     at_least: LengthField
     """The smallest allowed height of the lowest point above the plane."""
     except_: list[ComponentField] = Field(
-        default=[], alias="except", description="Components that may be lower, such as feet and wheels; patterns allowed.",
+        default=[], alias="except", description="Components that the test ignores, such as feet and wheels. The list can contain patterns.",
         examples=[["foot", "wheel_*"]],
     )
 

@@ -360,7 +360,7 @@ def _reference(value: Any) -> str:
             message = f"`{shortened(value)}` is not a valid reference"
             if word != value:
                 message += f": `{shortened(word)}` in it is not a valid name" if word else ": a name is missing next to a `.`"
-            help = f"separate levels by `.`: `{shortened(value.replace('/', '.'))}`" if "/" in word else None
+            help = f"separate names with dots: `{shortened(value.replace('/', '.'))}`" if "/" in word else None
             if re.fullmatch(r"\w+ +\w+", word):
                 help = f"write `{'.'.join(word.split())}`"
             raise fault("reference", message, help=help, offset=at, end=at + max(1, len(word)))

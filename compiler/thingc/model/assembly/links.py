@@ -127,7 +127,7 @@ def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurr
     first = occurrences[called.members[0]]
     findings.error(
         Code.DUPLICATE_LINK, f"`{link.name}` names two links: this link and the link of component `{first.path}`", written.origin,
-        path=link.name, help=f"choose another name, or also name the link of `{first.path}` under `links:`",
+        path=link.name, help=f"choose another name, or give the link of `{first.path}` another name under `links:`",
         notes=noted(f"`{first.path}` is defined here", called.origin),
     )
 

@@ -125,7 +125,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
             findings.warn(
                 Code.ALIKE, f"mode `{mode.name}` is identical to mode `{first.name}`", mode.origin, path=mode.name,
                 notes=noted(f"mode `{first.name}` is defined here", first.origin),
-                help="add the intended differences (check `extends`), or remove one of the two modes", allow=True,
+                help="change or remove one of the two modes, and check the key `extends`", allow=True,
             )
 
 

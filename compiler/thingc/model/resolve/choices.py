@@ -189,7 +189,7 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
         return True
     if not table.materials_unreadable:
         context.say_of_option(
-            path, f"there is no material `{shortened(name)}` in scope of `{table.spec.name}`",
+            path, f"there is no material `{shortened(name)}` in `{table.spec.name}` or its `materials`",
             did_you_mean(name, table.materials, what="materials"),
         )
     return False

@@ -149,7 +149,7 @@ def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | No
         help = did_you_mean(name, known, what="materials")
         if not known:
             help = "list a materials document: `materials: [materials.yaml]`"
-        scope.error(Code.UNKNOWN_MATERIAL, f"there is no material `{name}` in scope", path, help=help)
+        scope.error(Code.UNKNOWN_MATERIAL, f"there is no material `{name}` in the document or its `materials`", path, help=help)
     # Return a placeholder with a density, so that no later pass reports the density as missing.
     return Material(name=name, density=1000.0, origin=scope.origin(path))
 

@@ -168,7 +168,7 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
             continue
         if joint.mimic is not None:
             scope.error(
-                Code.POSE, f"joint `{name}` mimics `{joint.mimic.joint}`: a pose cannot set it", path, key=True,
+                Code.POSE, f"a pose cannot set joint `{name}`, because this joint mimics `{joint.mimic.joint}`", path, key=True,
                 help=f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`",
                 notes=[Note(message="`mimic` is set here", span=joint.mimic.origin[0])],
             )

@@ -39,7 +39,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
 
 SAID_BY: Mapping[str, str] = {
     "actuator": "set `drive:` of the joint: a drive has the name of its joint",
-    "body": "rename links under `links:`: each link is a body",
+    "body": "rename the link under `links:`: each link becomes a body",
     "camera": "define the camera under `sensors:`",
     "equality": "set `mimic:` or `loop: true` on the joint",
     "geom": "set `material:`, `visual:` or `collision:` of the component",
@@ -49,7 +49,7 @@ SAID_BY: Mapping[str, str] = {
     "mesh": "meshes come from the parts: set `part:`, `visual:` or `collision:` of the component",
     "numeric": "a velocity limit has the name of its joint: rename the joint under `joints:`",
     "sensor": "define the sensor under `sensors:`",
-    "site": "rename mounts under `mounts:`: each mount is a site",
+    "site": "rename the mount under `mounts:`: each mount becomes a site",
     "tendon": "define the tendon under `tendons:`",
 }
 """Help texts that explain where a document specifies names of elements and references to elements, by kind of element."""

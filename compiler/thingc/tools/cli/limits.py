@@ -76,7 +76,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--resolution", metavar="SIZE", action="append", default=[], help="largest error of an end of an interval, an angle or a length "
         "(default: 0.25 deg and 0.1 mm; may be repeated)",
     )
-    parser.add_argument("--write", action="store_true", help="write the limits to the document; preserves comments and layout")
+    parser.add_argument("--write", action="store_true", help="write the limits to the document, and preserve comments and layout")
     console.add_format(parser)
     console.add_compiling(parser)
 
