@@ -213,7 +213,7 @@ class Code(DiagnosticCode):
     UNCLOSED = ("TC604", "loop that does not close", "Move the hold, widen the limits of the joints, or start from another pose.")
     CUT = ("TC605", "cut at a joint that is not in a loop", "List one joint of each loop under `cut`.")
     HEIGHT = ("TC606", "a height that is specified twice", "Use `on: floor`, or write the height, but not both.")
-    STANDING = ("TC608", "mode with invalid `standing_on`", "Use `base: free`. List each foot only once, and no foot under `hold`.")
+    STANDING = ("TC608", "mode with invalid `standing_on`", "Use `base: free`. List each foot only once, and remove feet from `hold`.")
     NOTHING_TOUCHES = ("TC607", "no shape can touch the floor", "Add a `collision` shape to a part, or specify the position of the root.")
     START_BELOW = ("TC610", "mode that starts below the floor", "Raise the root: `at: {xyz: ...}`, or `at: {on: floor}`.", Stage.BUILD)
     START_CONTACT = ("TC611", "links that overlap at the start", "Change the pose or a collision shape, or exclude the pair.", Stage.BUILD)
