@@ -72,21 +72,15 @@ CHECKERS: tuple[Checker, ...] = (
     Checker(
         "simready-validate", ("USD",), ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0"),
         "The checker tests the required features of the profile Robot-Body 3.0.0 of NVIDIA SimReady.", version="3.12", explained={
-            "^VG.008": (
-                "A collision mesh may be equal to the visual mesh of the link, because a collision mesh has the purpose "
-                "`guide` and is not drawn."
-            ),
+            "^VG.008": "A collision mesh may be equal to the visual mesh, because collision meshes have the purpose `guide`.",
             "site-packages/simready/": "Some warnings concern the Python code of the checker.",
-            "^VG.MESH.001": (
-                "A robot whose shapes are boxes, spheres and cylinders does not contain a mesh, because USD has exact types"
-                " for these shapes."
-            ),
+            "^VG.MESH.001": "Robots with only boxes, spheres and cylinders do not contain a mesh.",
         },
     ),
     Checker(
         "ros-openusd-compliance-checker", ("USD",), ("ros-openusd-compliance-checker==0.1.2",),
         "The checker tests all rules of the draft of REP 158.", version="3.12", explained={
-            r"^1\.2\.13": "Meshes are stored as text, so that one file contains the whole robot and a text diff of two files is possible.",
+            r"^1\.2\.13": "Meshes are stored as text, so that one file contains the whole robot.",
             r"^1\.3\.4.*approximation": (
                 "For a moving mesh, simulators use the convex hull. Primitive shapes do not need a collision approximation."
             ),
@@ -99,19 +93,11 @@ CHECKERS: tuple[Checker, ...] = (
     ),
     Checker(
         "isaaclab-robot-doctor", ("URDF", "USD"), ("isaaclab-robot-doctor[usd]==0.1.0",), explained={
-            "^mass.tiny": (
-                "Some robots contain links with a very small mass, and between the axes of a joint with several axes, links"
-                " have a mass of 1e-9 kg."
-            ),
-            "^joint.effort_missing|^joint.velocity_missing": (
-                "If a document does not specify a drive or a limit for a joint, the effort or velocity of this joint is "
-                "missing."
-            ),
+            "^mass.tiny": "Some robots contain links with a very small mass, such as links between the axes of a joint.",
+            "^joint.effort_missing|^joint.velocity_missing": "Some joints have no drive or no limit.",
             "^joint.mimic": "Mimic joints are intended.",
             "^tree.kinematic_loop|^tree.no_root": "Holds, and joints that close loops, are excluded from the USD articulation.",
-            r"^names.invalid_prim_name.*\[humanoid/": (
-                "URDF files of imported robots contain the original names, but USD files contain only valid names."
-            ),
+            r"^names.invalid_prim_name.*\[humanoid/": "URDF files of imported robots contain the original names.",
             r"^inertia.not_positive_definite.*'chassis'.*\[plane/": "The inertia in the source file of the robot `plane` is 0.",
         },
     ),
@@ -162,9 +148,7 @@ CHECKERS: tuple[Checker, ...] = (
     Checker("newton", ("URDF", "USD"), (
         "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
     ), explained={
-        "^Inertia validation corrected": (
-            "Newton enlarges the inertia of links of 1e-9 kg, which are between the axes of a joint with several axes."
-        ),
+        "^Inertia validation corrected": "Newton enlarges the inertia of links of 1e-9 kg between the axes of a joint.",
         "^Warp CUDA warning": "The study runs on a CPU.",
     }),
 )
