@@ -113,7 +113,7 @@ class ReachSpec(Model):
 
     of: ShownMountField
     """The first mount, such as `tip` or `hand.tip`."""
-    from_: ShownMountField = Field(alias="from", description="The mount from which it is measured.")
+    from_: ShownMountField = Field(alias="from", description="The mount from which the reach is measured.")
 
 
 class VariantsSpec(Model):
@@ -138,7 +138,7 @@ class VariantsSpec(Model):
     )
     """Choices of parts, assemblies, files and materials, by path in the assembly. A list is an axis of the grid."""
     list_: list[ListedSpec] = Field(
-        default=[], alias="list", description="Single variants, before those of the grid.",
+        default=[], alias="list", description="Single variants, which come before the variants of the grid.",
         examples=[[{"name": "short", "parameters": {"leg_length": "80 mm"}}]],
     )
     sample: SampleSpec | None = Field(
