@@ -118,7 +118,7 @@ CHECKERS: tuple[Checker, ...] = (
     ),
     Checker("pinocchio", ("URDF",), ("pin==4.1.0",)),
     Checker("pybullet", ("URDF",), PYBULLET, explained={
-        "^pybullet build time": "PyBullet prints its build time, which the study counts as a message.",
+        "^pybullet build time": "PyBullet prints its build time.",
     }),
     Checker("ikpy", ("URDF",), ("ikpy==4.2.1",), explained={
         "is of type 'fixed' but set as active": "ikpy reports a warning for every fixed joint.",
