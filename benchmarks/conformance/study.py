@@ -107,8 +107,8 @@ READERS = (
         "so the study moves the independent joints with a force and observes the other joints for 0.4 s. Drake reports the "
         "efforts of joints with one axis. Except in SDF files, each of these joints has a drive with the name of the "
         "joint. A floating base is placed at the origin. In MJCF, Drake ignores sites and mimics. Without "
-        "`--compat drake`, Drake reads command ranges as efforts, so the study does not compare these efforts. For a body with several joints, Drake then uses the axes of the parent, "
-        "which changes the robot if the body is rotated.",
+        "`--compat drake`, Drake reads command ranges as efforts, so the study does not compare these efforts. For a body "
+        "with several joints, Drake then uses the axes of the parent, which changes the robot if the body is rotated.",
         refuses="several joints of one body",
     ),
     Reader(
