@@ -180,7 +180,7 @@ def test_where_a_force_is_read_elsewhere_is_a_loss(walker: Built) -> None:
         ("imu", "gravity in the accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"),
         ("hip", "the force at the mount: the sensor measures the force between its link and the world at `body/origin`", "approximated"),
     ]
-    assert lost("adrift") == [("hip", "this sensor: no other link supports the root of a free base", "omitted")]
+    assert lost("adrift") == [("hip", "this sensor: the root of a free base has no parent link", "omitted")]
     assert lost("stand") == [
         (
             "leg/load", "the force at the mount: the sensor measures the force between its link and the world at `leg/sole`",

@@ -140,7 +140,7 @@ class AxisParser:
             key = (type(one), plain(one))
             if key in first:
                 self.report.warn(
-                    Code.DUPLICATE_VARIANT, f"`{words_of(one)}` is listed twice: its variants are built once",
+                    Code.DUPLICATE_VARIANT, f"`{words_of(one)}` is listed twice, so thingc builds its variants only once",
                     self.document.span((*path, index)), help="remove one of the two values", path=dotted(path),
                     notes=[Note(message="also listed here", span=self.document.span((*path, first[key])))],
                 )

@@ -232,7 +232,10 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
                 Code.DRIVE, f"drive {number} of ball joint `{name}` needs an `axis`" if isinstance(spec, DriveSpec)
                 else f"drive {number} of ball joint `{name}` is a component, which has no `axis`: it must be written inline",
                 (*path, number),
-                help="write, for example, `{axis: [1, 0, 0], kind: motor, effort: 2 N*m}`; axis in the parent mount's frame, at q = 0",
+                help=(
+                    "write, for example, `{axis: [1, 0, 0], kind: motor, effort: 2 N*m}`; the axis is in the frame of the parent mount "
+                    "at q = 0"
+                ),
             )
             continue
         place = (*path, number, "axis")

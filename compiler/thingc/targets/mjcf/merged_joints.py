@@ -49,5 +49,5 @@ def losses(robot: Robot) -> Iterator[Loss]:
     paths = {one.path for one in robot.assembly.occurrences}
     for site in robot.sites:
         if joins(robot, site.body) and site.path not in paths:
-            what = "this frame: MuJoCo has no frame between two joints of a body"
+            what = "this frame: MuJoCo does not support sites between two joints of a body"
             yield Loss.of(site.origin, "mjcf", robot.mode.name, site.path, what, "omitted")

@@ -139,9 +139,9 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
     """
     sites = merged_joints.sites(robot)
     if any(mount.path not in sites for mount in sensor.mounts):
-        return "MuJoCo has no frame between two joints of a body for it"
+        return "MuJoCo does not support sites between two joints of a body"
     if sensor.kind == "force" and on_free_root(robot, sensor):
-        return "no other link supports the root of a free base"
+        return "the root of a free base has no parent link"
     bodies = {body.link for body in merged_joints.model_bodies(robot).values()}
     if not bodies.issuperset(sensor.touching):
         return "the link of the sensor does not exist in MuJoCo, because it only connects two joints of a body"

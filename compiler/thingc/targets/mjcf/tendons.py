@@ -129,6 +129,6 @@ def losses(robot: Robot) -> Iterator[Loss]:
     there = present(robot)
     for one in robot.assembly.tendons:
         if one not in there:
-            between = "MuJoCo has no frame between two joints of a body for it"
+            between = "MuJoCo does not support sites between two joints of a body"
             what = f"this tendon: {between if one.steps else 'a loop is cut at a joint of the tendon'}"
             yield Loss.of(one.origin, "mjcf", robot.mode.name, one.path, what, "omitted")

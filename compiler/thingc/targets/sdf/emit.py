@@ -88,7 +88,7 @@ def _of_sensors(robot: Robot) -> Iterator[Loss]:
     mode = robot.mode.name
     for sensor in robot.assembly.sensors:
         if sensor.kind == "force" and on_free_root(robot, sensor):
-            yield _loss(mode, sensor.path, "this sensor: no other link supports the root of a free base", "omitted", sensor.origin)
+            yield _loss(mode, sensor.path, "this sensor: the root of a free base has no parent link", "omitted", sensor.origin)
         elif sensor.kind == "force" and (place := elsewhere(robot, sensor)) is not None:
             what = f"the force at the mount: the sensor measures the force {place}"
             yield _loss(mode, sensor.path, what, "approximated", sensor.origin)
