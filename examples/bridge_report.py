@@ -96,8 +96,8 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
         f"- Robot {first} of {len(found)} has the longest bridge. In its MuJoCo model, the bridge is {1e3 * seen.bridge:.1f} mm long.",
         f"  Inverse dynamics gives the smallest torque margin, {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
         "- The torque margin does not include the magnet. The robot can tip about the rim of the magnet, which has a radius of",
-        f"  {1e3 * RADIUS:.0f} mm. To prevent this, the magnet must pull with {seen.pull:.1f} N, {'but' if seen.pull > PULL else 'and'} it "
-        f"pulls with at most {PULL:.0f} N.{verdict}", "",
+        f"  {1e3 * RADIUS:.0f} mm. To prevent tipping, the magnet must pull with {seen.pull:.1f} N, "
+        f"{'but' if seen.pull > PULL else 'and'} it pulls with at most {PULL:.0f} N.{verdict}", "",
         "To build the longest bridge, run:", "", "```text", best.command, "```", "",
         "With `python examples/longest_bridge.py --driver optuna`, [Optuna](https://optuna.org) chooses eight robots per round",
         "(`pip install 'thingc[search]'`), and thingc builds each round as a batch. `--count N` stops after N robots.",

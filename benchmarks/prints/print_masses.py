@@ -254,7 +254,7 @@ def _percent(value: float) -> str:
 def tables(found: Sequence[Case], unsliced: Sequence[str]) -> str:
     """Format the generated section of the page."""
     refused = {(name.partition(",")[0], words) for name, _, words in (line.partition(": ") for line in unsliced)}
-    lines = [f"- {name}: {words}" for name, words in sorted(refused)]
+    lines = [f"- {name}: `{words}`" for name, words in sorted(refused)]
     return "\n".join([
         f"{version()} sliced {len(found)} prints"
         + (f". PrusaSlicer rejected {len(unsliced)} other prints, which are not included in the results:" if unsliced else "."),
