@@ -11,7 +11,7 @@ import thingc
 from loops.robots import compiled
 from thingc.base.diagnostics import Report
 from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Cell, Supported, losses
-from thingc.targets.geometry import solid_geometry
+from thingc.targets.geometry import collect_geometry
 from thingc.targets.mjcf import body_tree as mjcf
 from thingc.targets.mjcf.capabilities import CAPABILITIES as MJCF
 from thingc.targets.sdf import model_element as sdf
@@ -179,7 +179,7 @@ def test_a_loss_of_a_nested_tendon_shows_both_documents(tmp_path: Path) -> None:
 def text_of(robot: Any, target: str) -> str:
     """What a target writes of the mode `still`."""
     still, report = robot.robots[0], Report()
-    geometry, _ = solid_geometry(robot.assembly, target, "meshes", report)
+    geometry, _ = collect_geometry(robot.assembly, target, "meshes", report)
     match target:
         case "mjcf":
             return write(mjcf.model(still, geometry), "").text

@@ -169,6 +169,11 @@ def moments_fault(low: float, middle: float, high: float) -> str | None:
     return None
 
 
+def named_moments(a: Matrix) -> dict[str, float]:
+    """Return the six different entries of an inertia matrix by their names in URDF and SDF, such as `ixx`."""
+    return {"ixx": a[0][0], "ixy": a[0][1], "ixz": a[0][2], "iyy": a[1][1], "iyz": a[1][2], "izz": a[2][2]}
+
+
 def within_triangle(a: Matrix) -> Matrix:
     """Return an inertia matrix that satisfies the triangle inequality of principal moments exactly, as MuJoCo requires.
 

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import importlib.machinery
 import os
+import re
 import sys
+from collections.abc import Iterable
 from functools import cache
 
-from thingc.base.filesystem import without_suffix, working_folder
+from thingc.base.filesystem import listing, without_suffix, working_folder
+
+_METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$")
 
 
 @cache
@@ -64,3 +68,17 @@ def dotted_name(file: str) -> str:
         folder, name = os.path.split(folder)
         words.insert(0, name)
     return ".".join(words)
+
+
+def distribution_versions(folders: Iterable[str]) -> dict[str, str]:
+    """Return the versions of the distributions in folders, by normalised name, such as `cadquery_ocp`. The first version counts.
+
+    The versions are read from the names of the metadata folders (see "Recording installed projects" in the PyPA specifications). The module
+    `importlib.metadata` is not used, because importing it is slow.
+    """
+    versions: dict[str, str] = {}
+    for folder in folders:
+        for name in listing(folder or "."):
+            if (match := _METADATA.match(name)) is not None:
+                versions.setdefault(re.sub(r"[-.]+", "_", match["name"]).lower(), match["version"])
+    return versions

@@ -11,7 +11,7 @@ features the robot uses, in the same way for all targets.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never, get_args
+from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never, cast, get_args
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, physical_fault
@@ -245,6 +245,16 @@ class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
 
 AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
 """Type of the capabilities of an arbitrary target."""
+
+
+def uniform(cell: Cell[Any]) -> AnyCapabilities:
+    """Create the tables of a target in which all features have the same support. Only the table of joints is missing."""
+    tables = {
+        "of_joints": OfJoints, "drives": Drives, "loops": LoopKinds, "bases": Bases, "modes": Modes, "links": Links,
+        "shapes": ContactShapes, "of_sensors": OfSensors,
+    }
+    cells = {name: dict.fromkeys(table.__annotations__, cell) for name, table in tables.items()}
+    return cast("AnyCapabilities", {**cells, "sensors": all_sensors(cell)})
 
 
 def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:

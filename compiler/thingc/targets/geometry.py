@@ -4,7 +4,7 @@ definition share.
 The module also computes the size of a robot.
 
 The shapes of an occurrence are the same in every mode, and are therefore computed only once. Meshes are copied from the store by their
-hash, and are not parsed. Each target reports an error or an export loss for shapes that it does not accept (see `Takes`).
+hash, and are not parsed.
 """
 
 from __future__ import annotations
@@ -27,9 +27,6 @@ from thingc.targets.artifact import Loss, StoredArtifact
 
 ENDLESS = 100.0
 """Half of the side length [m] of a plane that replaces an infinite plane. Some formats do not support infinite planes."""
-
-Takes = Callable[[Occurrence, Mesh | Primitive], bool]
-"""A function that returns whether a target accepts a collision shape of an occurrence. The function also reports export losses."""
 
 
 class MeshAsset(FrozenStruct):
@@ -176,37 +173,27 @@ def inputs_of(assembly: Assembly) -> tuple[object, ...]:
     )
 
 
-def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report, *, own: bool = False) -> Geometry:
-    """Compute the visual and collision shapes of every occurrence.
+def collect_geometry(
+    assembly: Assembly, target: str, folder: str, report: Report, *, own: bool = False,
+    why: Callable[[Mesh | Primitive], str] = lambda _: "the collision shape has no volume",
+) -> tuple[Geometry, list[Loss]]:
+    """Compute the visual and collision shapes of every occurrence. Also return the export losses of collision shapes without a volume.
 
-    The function `takes` returns whether the target accepts a collision shape. If `own` is True, meshes have the content of their original
-    mesh files, if it is available. If meshes of two definitions have the same file name in `folder`, an error is reported.
+    If `own` is True, meshes have the content of their original mesh files, if it is available. If meshes of two definitions have the same
+    file name in `folder`, an error is reported. `why` describes the reason why a shape cannot collide.
     """
-    return _Collector(folder, takes, report, own).collect(assembly)
-
-
-def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report) -> tuple[Geometry, list[Loss]]:
-    """Compute the geometry for a target that only accepts collision shapes that have a volume or are planes. Also return the export losses
-    of the collision shapes.
-    """
-    flat: list[Loss] = []
-
-    def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        if has_inside(piece):
-            return True
-        what = "the contacts: the collision shape has no volume"
-        flat.append(Loss.of(occurrence.origin, target, None, occurrence.path, what, "omitted"))
-        return False
-
-    return geometry(assembly, folder, takes, report), flat
+    collector = _Collector(target, folder, report, own, why)
+    return collector.collect(assembly), collector.losses
 
 
 class _Collector:
-    def __init__(self, folder: str, takes: Takes, report: Report, own: bool) -> None:
+    def __init__(self, target: str, folder: str, report: Report, own: bool, why: Callable[[Mesh | Primitive], str]) -> None:
+        self.target = target
         self.folder = folder
-        self.own = own
-        self.takes = takes
         self.report = report
+        self.own = own
+        self.why = why
+        self.losses: list[Loss] = []
         self.meshes: dict[str, MeshAsset] = {}
         self.owners: dict[str, Occurrence] = {}
 
@@ -235,7 +222,9 @@ class _Collector:
         choice = occurrence.overrides.collision
         shapes: list[Shape] = []
         for index, piece in enumerate(occurrence.touching):
-            if not self.takes(occurrence, piece.solid):
+            if not has_inside(piece.solid):
+                what = f"the contacts: {self.why(piece.solid)}"
+                self.losses.append(Loss.of(occurrence.origin, self.target, None, occurrence.path, what, "omitted"))
                 continue
             if piece.name:
                 shape = self.shape(occurrence, piece, piece.name)

@@ -6,13 +6,12 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import re
 import sys
 from collections.abc import Mapping, Sequence
 
 from thingc import __version__
-from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.installed_packages import distribution_versions
 from thingc.documents.workspace import Workspace
 from thingc.model.assembly.types import Assembly
 from thingc.targets import json_writer
@@ -110,22 +109,9 @@ def sha256_of(content: Content) -> str:
 def versions() -> Mapping[str, str]:
     """Return the installed versions of Python, thingc and `DISTRIBUTIONS` by name. The result is cached.
 
-    If the import path contains several versions of a distribution, the first version is returned. Versions are read from the names of the
-    folders `NAME-VERSION.dist-info` (see "Recording installed projects" in the PyPA specifications). The module `importlib.metadata` is not
-    used, because importing it would take longer than writing all other files.
+    If the import path contains several versions of a distribution, the first version is returned.
     """
-    wanted = {_normal(name): name for name in DISTRIBUTIONS}
-    version_of: dict[str, str] = {}
-    for folder in sys.path:
-        for entry in listing(folder or "."):
-            name, dash, version = entry.removesuffix(".dist-info").rpartition("-")
-            if dash and entry.endswith(".dist-info") and _normal(name) in wanted:
-                version_of.setdefault(wanted[_normal(name)], version)
-    version_of["thingc"] = __version__
-    version_of["python"] = ".".join(map(str, sys.version_info[:3]))
-    return dict(sorted(version_of.items()))
-
-
-def _normal(name: str) -> str:
-    """Normalise the name of a Python distribution (PEP 503)."""
-    return re.sub("[-_.]+", "-", name).lower()
+    installed = distribution_versions(sys.path)
+    versions = {name: installed[key] for name in DISTRIBUTIONS if (key := name.replace("-", "_")) in installed}
+    own = {"thingc": __version__, "python": ".".join(map(str, sys.version_info[:3]))}
+    return dict(sorted({**versions, **own}.items()))

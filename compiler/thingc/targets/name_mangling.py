@@ -13,6 +13,11 @@ from thingc.base.pose import NO_POSE
 from thingc.base.source import Origin
 from thingc.model.robot.types import Robot, Site
 
+LINK = "_link"
+"""Suffix of the name of an intermediate link in a chain of joints. The suffix is appended to the name of the preceding joint. The suffix is
+needed because a component can have the same name as a joint.
+"""
+
 
 def safe(path: str) -> str:
     """Convert a path to a name for an output file, such as `hand/tip` to `hand_tip`."""

@@ -86,6 +86,12 @@ class Element:
         """Add a child element whose content is a string or numbers."""
         self.children.append(Element(tag=tag, attributes=dict(attributes or {}), text=text))
 
+    def fill(self, values: Mapping[str, XmlValue | None]) -> None:
+        """Add a child element with the content of each value, by tag. Values that are None are omitted."""
+        for tag, value in values.items():
+            if value is not None:
+                self.say(tag, value)
+
     def find(self, tag: str) -> Element | None:
         """Return the first child element with this tag, or None."""
         return next((child for child in self.children if child.tag == tag), None)

@@ -5,14 +5,12 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-import re
 import sys
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
-from thingc.base.filesystem import listing
-from thingc.base.installed_packages import import_path
+from thingc.base.installed_packages import distribution_versions, import_path
 from thingc.geometry.key.environment_variables import passed
 from thingc.geometry.key.file_states import state_of
 from thingc.geometry.key.modules import OWN_FOLDER, is_installed
@@ -25,7 +23,6 @@ OF_FILES = ("fast_simplification", "trimesh")
 """Packages that read and simplify meshes."""
 
 _DISTRIBUTIONS = {"OCP": ("cadquery_ocp", "cadquery_ocp_novtk"), "sklearn": ("scikit_learn",), "yaml": ("pyyaml",), "PIL": ("pillow",)}
-_METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$")
 
 
 def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], store: Store | None = None) -> dict[str, str]:
@@ -81,18 +78,8 @@ def compiler_version() -> dict[str, str]:
 
 @cache
 def _installed() -> dict[str, str]:
-    """Return the versions of all installed distributions by normalised name. The names of the distributions are read from the names of
-    their metadata folders.
-    """
-    versions: dict[str, str] = {}
-    for folder in reversed(import_path()):
-        if not is_installed(os.path.join(folder, "")):
-            continue
-        for name in listing(folder):
-            match = _METADATA.match(name)
-            if match is not None:
-                versions[re.sub(r"[-.]+", "_", match["name"]).lower()] = match["version"]
-    return versions
+    """Return the versions of all installed distributions by normalised name."""
+    return distribution_versions(folder for folder in import_path() if is_installed(os.path.join(folder, "")))
 
 
 def _by_import_name(store: Store | None) -> dict[str, str]:

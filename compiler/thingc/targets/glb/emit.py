@@ -27,7 +27,7 @@ from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Surface
 from thingc.model.robot.types import Body, Robot
 from thingc.targets.artifact import Artifacts, Loss
-from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors, joint_cell, losses
+from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Lossy, Omitted, Supported, joint_cell, losses, uniform
 from thingc.targets.geometry import ENDLESS, channels, linear, material_name, numbered
 from thingc.targets.request import EmitRequest
 
@@ -40,41 +40,25 @@ ROUND = (16, 16)
 JointForm = Literal["nodes", "node"]
 """How a joint is written: as one node for each coordinate, or as a single node for all coordinates."""
 
-_OPENS = Omitted(": rotating the nodes of joints opens the loop")
 _NODE: Supported[JointForm] = Supported("nodes")
 _CHAIN: Supported[JointForm] = Supported("nodes", "a node for each coordinate")
 
+_BESIDE = uniform(BESIDE)
+
 CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
+    **_BESIDE,
     "joints": {
         "single": _NODE, "several": _CHAIN, "universal": _CHAIN, "ball": Supported("node"), "free": Supported("node"),
         "screw": Lossy("nodes", "omitted", ": glTF cannot couple the rotation and the translation of a node"),
     },
-    "of_joints": {
-        "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,
-        "mimic": Omitted(": the node of the joint does not follow the other joint"), "polynomial": BESIDE, "tendon": BESIDE,
-        "differential": BESIDE, "backlash": BESIDE,
-    },
-    "drives": {"position": BESIDE, "velocity": BESIDE, "motor": BESIDE, "universal": BESIDE, "ball": BESIDE},
+    "of_joints": {**_BESIDE["of_joints"], "mimic": Omitted(": the node of the joint does not follow the other joint")},
     "loops": {
+        **uniform(Omitted(": rotating the nodes of joints opens the loop"))["loops"],
         "hold": Omitted(": rotating the nodes of joints moves the held mount"),
-        "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
-        "screw": _OPENS, "universal": _OPENS, "several": _OPENS,
     },
-    "bases": {"held": BESIDE, "free": BESIDE, "start": SAYS, "planar": BESIDE, "ball": BESIDE},
-    "modes": {
-        "gravity": BESIDE, "poses": Supported(None, "only the start pose of the mode"),
-        "exclude": BESIDE, "pairs": BESIDE, "groups": BESIDE, "timestep": BESIDE, "simulation": BESIDE,
-    },
-    "links": {
-        "frames": BESIDE, "colours": SAYS, "friction": BESIDE, "rolling": BESIDE, "adhesion": BESIDE, "weightless": BESIDE,
-        "weightless_base": BESIDE, "point": BESIDE, "line": BESIDE,
-    },
-    "shapes": {
-        "box": BESIDE, "cylinder": BESIDE, "capsule": BESIDE, "sphere": BESIDE, "ellipsoid": BESIDE, "plane": BESIDE, "hull": BESIDE,
-        "mesh": BESIDE,
-    },
-    "sensors": all_sensors(BESIDE),
-    "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
+    "bases": {**_BESIDE["bases"], "start": SAYS},
+    "modes": {**_BESIDE["modes"], "poses": Supported(None, "only the start pose of the mode")},
+    "links": {**_BESIDE["links"], "colours": SAYS},
 }
 """The features of a robot that glTF can express. Masses, drives and similar properties are not reported as export losses, because users do
 not expect them in glTF files.

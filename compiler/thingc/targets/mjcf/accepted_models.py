@@ -20,9 +20,9 @@ from thingc.base.memo import Memo
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
-from thingc.model.assembly.types import Assembly, Occurrence
+from thingc.model.assembly.types import Assembly
 from thingc.targets.artifact import Loss
-from thingc.targets.geometry import Geometry, MeshAsset, geometry, has_inside, inputs_of
+from thingc.targets.geometry import Geometry, MeshAsset, collect_geometry, inputs_of
 from thingc.targets.manifest import versions
 from thingc.targets.xml_writer import Element
 
@@ -197,24 +197,12 @@ def is_shell(mesh: MeshAsset) -> bool:
 
 
 def _collected(assembly: Assembly) -> tuple[Geometry, tuple[Loss, ...], Report]:
-    limits = _Limits()
-    shapes = geometry(assembly, FOLDER, limits.takes, limits.report, own=True)
-    return shapes, tuple(limits.losses), limits.report
+    report = Report()
+    shapes, losses = collect_geometry(assembly, "mjcf", FOLDER, report, own=True, why=_no_solid)
+    return shapes, tuple(losses), report
 
 
-class _Limits:
-    def __init__(self) -> None:
-        self.report = Report()
-        self.losses: list[Loss] = []
-
-    def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        """Return whether MuJoCo supports contacts of a shape. If MuJoCo does not support contacts of the shape, record an export loss."""
-        if has_inside(piece):
-            return True
-        what = f"the enclosing {piece.shape} has no volume" if isinstance(piece, Primitive) else "the collision mesh is flat"
-        self.flat(occurrence, what)
-        return False
-
-    def flat(self, occurrence: Occurrence, why: str) -> None:
-        what = f"the contacts: {why}, but MuJoCo needs a solid"
-        self.losses.append(Loss.of(occurrence.origin, "mjcf", None, occurrence.path, what, "omitted"))
+def _no_solid(piece: Mesh | Primitive) -> str:
+    """Return the reason why MuJoCo does not support contacts of a shape."""
+    what = f"the enclosing {piece.shape} has no volume" if isinstance(piece, Primitive) else "the collision mesh is flat"
+    return f"{what}, but MuJoCo needs a solid"

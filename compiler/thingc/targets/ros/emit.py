@@ -11,7 +11,7 @@ from thingc.model.robot.types import Robot
 from thingc.targets import raw
 from thingc.targets.artifact import Artifacts, Content, Loss
 from thingc.targets.capabilities import losses
-from thingc.targets.geometry import Geometry, solid_geometry
+from thingc.targets.geometry import Geometry, collect_geometry
 from thingc.targets.name_mangling import package_name, safe
 from thingc.targets.request import EmitRequest
 from thingc.targets.ros.capabilities import CAPABILITIES
@@ -39,7 +39,7 @@ def emit(request: EmitRequest) -> Artifacts:
     assembly, robots = request.assembly, request.robots
     name = package_name(assembly.name)
     folder, uri = f"ros/{name}", f"package://{name}/{MESHES}"
-    shapes, flat = solid_geometry(assembly, "ros", f"{folder}/{MESHES}", request.report)
+    shapes, flat = collect_geometry(assembly, "ros", f"{folder}/{MESHES}", request.report)
     document = assembly.definition.document
     said = heading(document)
     trees = [model(robot, shapes, request.report, uri) for robot in robots]
@@ -100,17 +100,12 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
 def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -> str:
     """Return the text of `package.xml` for the ROS 2 package of a robot. `description` is the description of the robot in its document."""
     root = Element(tag="package", attributes={"format": "3"})
-    root.say("name", package_name(robot))
-    root.say("version", said.version)
-    root.say("description", description)
+    root.fill({"name": package_name(robot), "version": said.version, "description": description})
     root.say("maintainer", said.maintainer, {"email": said.mail})
-    root.say("license", said.license)
-    root.say("buildtool_depend", "ament_cmake")
+    root.fill({"license": said.license, "buildtool_depend": "ament_cmake"})
     for name in RUN:
         root.say("exec_depend", name)
-    export = Element(tag="export")
-    export.say("build_type", "ament_cmake")
-    root.children.append(export)
+    root.add("export").say("build_type", "ament_cmake")
     return f'<?xml version="1.0"?>\n{write(root, heading, sections=False).text}'
 
 

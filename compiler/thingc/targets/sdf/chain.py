@@ -24,11 +24,6 @@ from thingc.targets.sdf.capabilities import CAPABILITIES
 
 SdfType = Literal["fixed", "continuous", "revolute", "prismatic", "screw", "universal", "ball"]
 
-LINK = "_link"
-"""Suffix of the name of an intermediate link in a chain of joints. The suffix is appended to the name of the preceding joint. The suffix is
-needed because a component can have the same name as a joint.
-"""
-
 
 class SdfAxis(FrozenStruct):
     """A coordinate of an SDF joint, with the twist that describes its motion in the frame of the child link.

@@ -14,7 +14,7 @@ from thingc.targets import raw
 from thingc.targets.artifact import Artifacts, Content, How, Loss
 from thingc.targets.capabilities import losses, written
 from thingc.targets.connections import Connection, connections
-from thingc.targets.geometry import bounds, placements, solid_geometry
+from thingc.targets.geometry import bounds, collect_geometry, placements
 from thingc.targets.request import EmitRequest
 from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.targets.sdf.chain import ZeroState, chain, zero_state
@@ -29,7 +29,7 @@ def emit(request: EmitRequest) -> Artifacts:
     Each folder contains its own meshes, as is usual for Gazebo. Therefore, users can copy a single folder.
     """
     assembly = request.assembly
-    shapes, flat = solid_geometry(assembly, "sdf", f"sdf/{assembly.name}_MODE/{MESHES}", request.report)
+    shapes, flat = collect_geometry(assembly, "sdf", f"sdf/{assembly.name}_MODE/{MESHES}", request.report)
     meshes = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
     files: dict[str, Content] = {}
     lost = dict.fromkeys((*flat, *losses("sdf", CAPABILITIES, assembly, request.robots, cut=True)))
@@ -125,8 +125,7 @@ SYSTEMS: dict[SensorForm, tuple[str, str]] = {
 def config(name: str, version: str, description: str) -> Element:
     """Return the root element of the file `model.config` for the SDF model `name`."""
     root = Element(tag="model")
-    root.say("name", name)
-    root.say("version", "1.0")
+    root.fill({"name": name, "version": "1.0"})
     root.children.append(Element(tag="sdf", attributes={"version": version}, text="model.sdf"))
     root.say("description", description)
     return root
@@ -142,8 +141,7 @@ def world(robot: Robot, folder: str) -> Element:
     timestep = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep")
     if timestep is not None:
         physics = element.add("physics", {"name": "stepped", "type": "ode"})
-        physics.say("max_step_size", timestep)
-        physics.say("real_time_factor", "1")
+        physics.fill({"max_step_size": timestep, "real_time_factor": "1"})
     for name in ("physics", "user-commands", "scene-broadcaster"):
         system = "".join(word.capitalize() for word in name.split("-"))
         element.add("plugin", {"filename": f"gz-sim-{name}-system", "name": f"gz::sim::systems::{system}"})
@@ -170,12 +168,10 @@ def _lift(robot: Robot) -> float:
 
 
 def _light(world: Element, name: str) -> None:
-    light = world.add("light", {"name": name, "type": "directional"})
-    light.say("cast_shadows", "true")
-    light.say("pose", "0 0 10 0 0 0")
-    light.say("diffuse", "0.8 0.8 0.8 1")
-    light.say("specular", "0.2 0.2 0.2 1")
-    light.say("direction", "-0.5 0.1 -0.9")
+    world.add("light", {"name": name, "type": "directional"}).fill({
+        "cast_shadows": "true", "pose": "0 0 10 0 0 0", "diffuse": "0.8 0.8 0.8 1", "specular": "0.2 0.2 0.2 1",
+        "direction": "-0.5 0.1 -0.9",
+    })
 
 
 def _floor(world: Element, name: str) -> None:
@@ -184,14 +180,8 @@ def _floor(world: Element, name: str) -> None:
     link = floor.add("link", {"name": "link"})
     for tag in ("collision", "visual"):
         element = link.add(tag, {"name": tag})
-        plane = element.add("geometry").add("plane")
-        plane.say("normal", "0 0 1")
-        plane.say("size", "100 100")
+        element.add("geometry").add("plane").fill({"normal": "0 0 1", "size": "100 100"})
         if tag == "collision":
-            ode = element.add("surface").add("friction").add("ode")
-            ode.say("mu", GRIP)
-            ode.say("mu2", GRIP)
+            element.add("surface").add("friction").add("ode").fill({"mu": GRIP, "mu2": GRIP})
         else:
-            material = element.add("material")
-            for word in ("ambient", "diffuse"):
-                material.say(word, "0.8 0.8 0.8 1")
+            element.add("material").fill({"ambient": "0.8 0.8 0.8 1", "diffuse": "0.8 0.8 0.8 1"})

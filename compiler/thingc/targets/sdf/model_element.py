@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Literal, get_args
 
 from thingc.base.diagnostics import Report
-from thingc.base.inertia import MassProperties, physical_fault, within_triangle
+from thingc.base.inertia import MassProperties, named_moments, physical_fault, within_triangle
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of, leaders
@@ -24,11 +24,11 @@ from thingc.targets.artifact import Loss
 from thingc.targets.capabilities import drive_cell, written
 from thingc.targets.connections import Connection, connections
 from thingc.targets.geometry import ENDLESS, Geometry, Shape, channels, shape_names
-from thingc.targets.name_mangling import MangledNames, frames
+from thingc.targets.name_mangling import LINK, MangledNames, frames
 from thingc.targets.sdf.capabilities import CAPABILITIES, DriveForm
-from thingc.targets.sdf.chain import LINK, SdfAxis, SdfJoint, ZeroState, chain
+from thingc.targets.sdf.chain import SdfAxis, SdfJoint, ZeroState, chain
 from thingc.targets.sdf.sensors import sensors_of_joint, sensors_of_link
-from thingc.targets.xml_writer import NAMESPACES, Element
+from thingc.targets.xml_writer import NAMESPACES, Element, XmlValue
 
 UNBOUNDED = 1e9
 """Effort limit [N m or N] that is written for a drive without a limit. Without this limit, the controllers of Gazebo would use their
@@ -153,10 +153,9 @@ class _Builder:
         """
         element = model.add("joint", {"name": self.joints[step.path], "type": step.type}, origin)
         _set_pose(element, shifted(*step.at))
-        element.say("parent", parent)
-        element.say("child", child)
-        if step.type == "screw":
-            element.say("screw_thread_pitch", 2.0 * math.pi * step.axes[0].twist.pitch)
+        screw = 2.0 * math.pi * step.axes[0].twist.pitch if step.type == "screw" else None
+        element.fill({"parent": parent, "child": child, "screw_thread_pitch": screw})
+        if screw is not None:
             self.root.attributes["version"] = NEWER
         for word, axis in zip(AXES, step.axes, strict=False):
             self._axis(element, word, axis, alone=len(step.axes) == 1)
@@ -170,30 +169,21 @@ class _Builder:
         dynamics = own.dynamics
         if dynamics.damping or dynamics.friction or dynamics.stiffness:
             acts = element.add("dynamics")
-            for name, value in (("damping", dynamics.damping), ("friction", dynamics.friction)):
-                if value:
-                    acts.say(name, value)
+            acts.fill({"damping": dynamics.damping or None, "friction": dynamics.friction or None})
             if dynamics.stiffness:
-                acts.say("spring_reference", (dynamics.rest or 0.0) - at_zero)
-                acts.say("spring_stiffness", dynamics.stiffness)
+                acts.fill({"spring_reference": (dynamics.rest or 0.0) - at_zero, "spring_stiffness": dynamics.stiffness})
         leader, multiplier, offset = self.follows.get(own.path, (own.path, 1.0, 0.0))
         follows = leader != own.path and leader in self.axes
-        limit = element.add("limit")
-        for name, end in (("lower", own.limit.lower), ("upper", own.limit.upper)):
-            if end is not None:
-                limit.say(name, end - at_zero)
         driven = own.actuator is not None and own.path in self.robot.present
         effort = own.limit.effort if own.limit.effort is not None else None if driven or follows else 0.0
-        for name, bound in (("effort", effort), ("velocity", own.limit.velocity)):
-            if bound is not None:
-                limit.say(name, bound)
+        lower, upper = (None if end is None else end - at_zero for end in (own.limit.lower, own.limit.upper))
+        element.add("limit").fill({"lower": lower, "upper": upper, "effort": effort, "velocity": own.limit.velocity})
         if not follows:
             return
         there, which = self.axes[leader]
         offset += multiplier * self.zero.q[leader] - at_zero
         mimic = element.add("mimic", {"joint": there, "axis": which}, own.mimic.origin if own.mimic is not None else own.origin)
-        for name, value in (("multiplier", multiplier), ("offset", offset), ("reference", 0.0)):
-            mimic.say(name, value)
+        mimic.fill({"multiplier": multiplier, "offset": offset, "reference": 0.0})
         self.root.attributes["version"] = NEWER
         if alone and (there, "axis2") not in self.axes.values():
             self.root.attributes["xmlns:drake"] = NAMESPACES["drake"]
@@ -243,11 +233,9 @@ def _shape(element: Element, shape: Shape, at: Pose) -> None:
         case "ellipsoid":
             geometry.say("radii", shape.size)
         case "plane":
-            geometry.say("normal", "0 0 1")
-            geometry.say("size", tuple(2.0 * (half or ENDLESS) for half in shape.size[:2]))
+            geometry.fill({"normal": "0 0 1", "size": tuple(2.0 * (half or ENDLESS) for half in shape.size[:2])})
         case _:
-            geometry.say("radius", shape.size[0])
-            geometry.say("length", 2.0 * shape.size[1])
+            geometry.fill({"radius": shape.size[0], "length": 2.0 * shape.size[1]})
 
 
 def _paint(visual: Element, color: str) -> None:
@@ -255,9 +243,7 @@ def _paint(visual: Element, color: str) -> None:
     *_, opacity = channels(color)
     if opacity < 1.0:
         visual.say("transparency", 1.0 - opacity)
-    material = visual.add("material")
-    for word in ("ambient", "diffuse"):
-        material.say(word, channels(color))
+    visual.add("material").fill(dict.fromkeys(("ambient", "diffuse"), channels(color)))
 
 
 def _rub(collision: Element, material: Material | None) -> None:
@@ -266,14 +252,10 @@ def _rub(collision: Element, material: Material | None) -> None:
         return
     friction = collision.add("surface").add("friction")
     if material.slide is not None:
-        ode = friction.add("ode")
-        ode.say("mu", material.slide)
-        ode.say("mu2", material.slide)
+        friction.add("ode").fill({"mu": material.slide, "mu2": material.slide})
     if material.torsion is not None:
-        torsional = friction.add("torsional")
-        torsional.say("coefficient", "1")
-        torsional.say("use_patch_radius", "true")
-        torsional.say("patch_radius", PATCH * material.torsion)
+        torsional: dict[str, XmlValue] = {"coefficient": "1", "use_patch_radius": "true", "patch_radius": PATCH * material.torsion}
+        friction.add("torsional").fill(torsional)
 
 
 def _weigh(link: Element, properties: MassProperties) -> None:
@@ -288,9 +270,7 @@ def _weigh(link: Element, properties: MassProperties) -> None:
     inertial = link.add("inertial")
     _set_pose(inertial, shifted(*properties.centre))
     inertial.say("mass", properties.mass or LEAST_MASS)
-    inertia = inertial.add("inertia")
-    for name, value in (("ixx", i[0][0]), ("ixy", i[0][1]), ("ixz", i[0][2]), ("iyy", i[1][1]), ("iyz", i[1][2]), ("izz", i[2][2])):
-        inertia.say(name, value)
+    inertial.add("inertia").fill(named_moments(i))
 
 
 def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapping[str, str]) -> Iterator[Element]:
@@ -312,15 +292,11 @@ def _controller(robot: Robot, zero: ZeroState, name: str, joint: TreeJoint | Joi
     element = Element(
         tag="plugin", attributes={"filename": f"gz-sim-{file}-system", "name": f"gz::sim::systems::{system}"}, origin=drive.origin,
     )
-    element.say("joint_name", name)
+    element.fill({"joint_name": name, "use_force_commands": "true" if form == "velocity controller" else None})
     if form != "force":
-        if form == "velocity controller":
-            element.say("use_force_commands", "true")
         p, d = (drive.kp, drive.kv) if form == "position controller" else (drive.kv, None)
         effort = UNBOUNDED if joint.limit.effort is None else joint.limit.effort
-        values = [("p_gain", p), ("i_gain", 0.0), ("d_gain", d), ("cmd_max", effort), ("cmd_min", -effort)]
-        if form == "position controller":
-            values += [("initial_position", frame.q[joint.path] - zero.q[joint.path]) for frame in robot.keyframes[:1]]
-        for word, value in values:
-            element.say(word, value or 0.0)
+        element.fill({"p_gain": p or 0.0, "i_gain": 0.0, "d_gain": d or 0.0, "cmd_max": effort or 0.0, "cmd_min": -effort or 0.0})
+    if form == "position controller" and robot.keyframes:
+        element.say("initial_position", robot.keyframes[0].q[joint.path] - zero.q[joint.path] or 0.0)
     return element

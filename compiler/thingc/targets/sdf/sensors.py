@@ -71,24 +71,16 @@ def _camera(element: Element, fovy: float) -> None:
     element.say("update_rate", RATE)
     camera = element.add("camera")
     camera.say("horizontal_fov", 2.0 * numeric.atan(numeric.tan(fovy / 2.0) * WIDTH / HEIGHT))
-    image, clip = camera.add("image"), camera.add("clip")
-    image.say("width", WIDTH)
-    image.say("height", HEIGHT)
-    clip.say("near", NEAR)
-    clip.say("far", FAR)
+    camera.add("image").fill({"width": WIDTH, "height": HEIGHT})
+    camera.add("clip").fill({"near": NEAR, "far": FAR})
 
 
 def _ray(element: Element, reach: float) -> None:
     """Add a single ray with a range of `reach` [m] to an SDF sensor."""
     element.say("update_rate", RATE)
     lidar = element.add("lidar")
-    scan = lidar.add("scan").add("horizontal")
-    scan.say("samples", "1")
-    scan.say("min_angle", "0")
-    scan.say("max_angle", "0")
-    distance = lidar.add("range")
-    distance.say("min", "0")
-    distance.say("max", "inf" if numeric.isinf(reach) else reach)
+    lidar.add("scan").add("horizontal").fill({"samples": "1", "min_angle": "0", "max_angle": "0"})
+    lidar.add("range").fill({"min": "0", "max": "inf" if numeric.isinf(reach) else reach})
 
 
 def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: MangledNames) -> None:
@@ -99,9 +91,7 @@ def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names:
     for sensor, site in _on(robot, body):
         if written(CAPABILITIES["sensors"][sensor.kind]) == "force_torque" and not on_free_root(robot, sensor):
             element = _sensor(joint, sensor, "force_torque", shifted(*at).inverse() @ site.pose, names)
-            measured = element.add("force_torque")
-            measured.say("frame", "sensor")
-            measured.say("measure_direction", "child_to_parent")
+            element.add("force_torque").fill({"frame": "sensor", "measure_direction": "child_to_parent"})
 
 
 def _on(robot: Robot, body: int) -> Iterator[tuple[LinkedSensor, Site]]:

@@ -8,7 +8,7 @@ from thingc.base.generated_header import heading
 from thingc.targets import raw
 from thingc.targets.artifact import Artifacts, Content
 from thingc.targets.capabilities import losses
-from thingc.targets.geometry import solid_geometry
+from thingc.targets.geometry import collect_geometry
 from thingc.targets.name_mangling import package_name
 from thingc.targets.request import EmitRequest
 from thingc.targets.urdf.capabilities import CAPABILITIES
@@ -22,7 +22,7 @@ FOLDER = f"urdf/{MESHES}"
 def emit(request: EmitRequest) -> Artifacts:
     """Write a URDF file for each chosen mode."""
     assembly = request.assembly
-    shapes, flat = solid_geometry(assembly, "urdf", FOLDER, request.report)
+    shapes, flat = collect_geometry(assembly, "urdf", FOLDER, request.report)
     meshes = _uri(request)
     files: dict[str, Content] = {f"{FOLDER}/{file}": stored for file, stored in shapes.assets.items()}
     trees = [model(robot, shapes, request.report, meshes) for robot in request.robots]

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import assert_never
 
 from thingc.base.diagnostics import Report
-from thingc.base.inertia import ZERO, MassProperties, physical_fault, within_triangle
+from thingc.base.inertia import ZERO, MassProperties, named_moments, physical_fault, within_triangle
 from thingc.base.numeric import minimum, sum_of
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.base.source import Origin
@@ -21,7 +21,7 @@ from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Body, Robot, TreeJoint
 from thingc.targets.capabilities import drive_cell, shape_cell, written
 from thingc.targets.geometry import Geometry, Shape, channels, material_name, materials, numbered, shape_names
-from thingc.targets.name_mangling import MangledNames, frames, safe
+from thingc.targets.name_mangling import LINK, MangledNames, frames, safe
 from thingc.targets.urdf.capabilities import CAPABILITIES
 from thingc.targets.urdf.chain import Move, moves, own_frame
 from thingc.targets.urdf.transmissions import coupled_transmissions, differentials, simple_transmission, urdf_transmission
@@ -41,11 +41,6 @@ BETWEEN = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0
 MASSLESS = MassProperties(mass=0.0)
 """Mass properties that are written for a fixed link without mass. The properties are written because PyBullet assigns 1 kg to a link
 without `<inertial>`, unless the name of the link is `world`.
-"""
-
-LINK = "_link"
-"""Suffix of the name of an intermediate link in a chain of joints. The suffix is appended to the name of the preceding joint. The suffix is
-needed because a component can have the same name as a joint.
 """
 
 MESHES = "meshes"
@@ -157,23 +152,16 @@ class _Builder:
         bounds = {} if kind == "continuous" else {"lower": ends[0], "upper": ends[1]}
         element.add("limit", {**bounds, **self._strength(move)})
         if move.follows is None:
-            dynamics = (("damping", joint.dynamics.damping), ("friction", joint.dynamics.friction))
-            if any(value for _, value in dynamics):
-                element.add("dynamics", {name: value for name, value in dynamics if value})
+            dynamics = {"damping": joint.dynamics.damping, "friction": joint.dynamics.friction}
+            if acting := {name: value for name, value in dynamics.items() if value}:
+                element.add("dynamics", acting)
         if follows:
             origin = joint.mimic.origin if joint.mimic is not None else joint.origin
             element.add("mimic", {"joint": safe(leader), "multiplier": multiplier, "offset": offset}, origin)
         (self.followers if follows else self.root.children).append(element)
         drive = joint.actuator if move.follows is None and joint.path in self.robot.present else None
-        if drive is not None:
-            form = written(CAPABILITIES["drives"][drive_cell(joint, drive)])
-            match form:
-                case "transmission":
-                    self.transmissions.append(urdf_transmission(simple_transmission(element.get("name"), drive)))
-                case None:
-                    pass
-                case _:
-                    assert_never(form)
+        if drive is not None and written(CAPABILITIES["drives"][drive_cell(joint, drive)]) is not None:
+            self.transmissions.append(urdf_transmission(simple_transmission(element.get("name"), drive)))
 
     def _ends(self, move: Move) -> tuple[float, float]:
         """Return the lower and upper limit of a URDF joint.
@@ -312,6 +300,4 @@ def _weigh(link: Element, properties: MassProperties) -> None:
     inertial = link.add("inertial")
     _origin(inertial, shifted(*properties.centre))
     inertial.add("mass", {"value": properties.mass})
-    i = ZERO if physical_fault(properties.inertia) is not None else within_triangle(properties.inertia)
-    moments = {"ixx": i[0][0], "ixy": i[0][1], "ixz": i[0][2], "iyy": i[1][1], "iyz": i[1][2], "izz": i[2][2]}
-    inertial.add("inertia", moments)
+    inertial.add("inertia", named_moments(ZERO if physical_fault(properties.inertia) is not None else within_triangle(properties.inertia)))

@@ -77,16 +77,14 @@ def urdf_transmission(of: RosTransmission) -> Element:
     element.say("type", f"transmission_interface/{of.plugin}")
     alone = len(of.joints) == 1
     for k, (name, ratio) in enumerate(of.joints.items(), start=1):
-        joint = element.add("joint", {"name": name})
-        joint.say("hardwareInterface", f"hardware_interface/{INTERFACES[of.kind]}")
-        if not alone:
-            joint.say("role", f"joint{k}")
-            joint.say("mechanicalReduction", ratio)
+        element.add("joint", {"name": name}).fill({
+            "hardwareInterface": f"hardware_interface/{INTERFACES[of.kind]}", "role": None if alone else f"joint{k}",
+            "mechanicalReduction": None if alone else ratio,
+        })
     for k, (name, ratio) in enumerate(of.actuators.items(), start=1):
-        actuator = element.add("actuator", {"name": name})
-        if not alone:
-            actuator.say("role", f"actuator{k}")
-        actuator.say("mechanicalReduction", of.joints[name] if alone else ratio)
+        element.add("actuator", {"name": name}).fill({
+            "role": None if alone else f"actuator{k}", "mechanicalReduction": of.joints[name] if alone else ratio,
+        })
     return element
 
 

@@ -7,6 +7,8 @@ neither schema.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from thingc.base import numeric
 from thingc.model.robot.types import Robot
 from thingc.targets.capabilities import drive_cell, written
@@ -52,15 +54,13 @@ def equip(prim: Prim, joint: UsdJoint, robot: Robot, follower: MimicJoint | None
         for name in GENERIC:
             low, high = free.get(name, LOCKED)
             prim.schemas.append(f"PhysicsLimitAPI:{name}")
-            prim.say(f"float limit:{name}:physics:low", low)
-            prim.say(f"float limit:{name}:physics:high", high)
+            prim.fill({f"float limit:{name}:physics:low": low, f"float limit:{name}:physics:high": high})
     elif joint.single is not None:
-        for name, end in zip(("lower", "upper"), limits(joint, follower), strict=True):
-            prim.say(f"float physics:{name}Limit", end)
+        low, high = limits(joint, follower)
+        prim.fill({"float physics:lowerLimit": low, "float physics:upperLimit": high})
     elif joint.freedoms and joint.freedoms[0].joint.limit.cone is not None:
         cone = numeric.degrees(joint.freedoms[0].joint.limit.cone)
-        prim.say("float physics:coneAngle0Limit", cone)
-        prim.say("float physics:coneAngle1Limit", cone)
+        prim.fill({"float physics:coneAngle0Limit": cone, "float physics:coneAngle1Limit": cone})
     for freedom in joint.freedoms:
         if freedom.joint.path in robot.present and freedom.ratio == 1.0:
             _drive(prim, freedom)
@@ -76,19 +76,17 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
     if drive is None or written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]) is None:
         return
     per = numeric.pi / 180.0 if freedom.turns else 1.0
-    name = freedom.name
-    prim.schemas.append(f"PhysicsDriveAPI:{name}")
-    prim.say(f"uniform token drive:{name}:physics:type", '"force"')
-    effort = freedom.joint.limit.effort if freedom.joint.limit.effort is not None else drive.effort
-    if effort is not None:
-        prim.say(f"float drive:{name}:physics:maxForce", effort)
-    prim.say(f"float drive:{name}:physics:stiffness", (drive.kp or 0.0) * per if drive.kind == "position" else 0.0)
-    prim.say(f"float drive:{name}:physics:damping", (drive.kv or 0.0) * per if drive.kind != "motor" else 0.0)
-    if drive.kind == "position":
-        low, high = ends(freedom)
-        prim.say(f"float drive:{name}:physics:targetPosition", numeric.minimum(numeric.maximum(0.0, low), high))
-    elif drive.kind == "velocity":
-        prim.say(f"float drive:{name}:physics:targetVelocity", 0.0)
+    low, high = ends(freedom)
+    prim.schemas.append(f"PhysicsDriveAPI:{freedom.name}")
+    name = f"drive:{freedom.name}:physics"
+    prim.fill({
+        f"uniform token {name}:type": '"force"',
+        f"float {name}:maxForce": freedom.joint.limit.effort if freedom.joint.limit.effort is not None else drive.effort,
+        f"float {name}:stiffness": (drive.kp or 0.0) * per if drive.kind == "position" else 0.0,
+        f"float {name}:damping": (drive.kv or 0.0) * per if drive.kind != "motor" else 0.0,
+        f"float {name}:targetPosition": numeric.minimum(numeric.maximum(0.0, low), high) if drive.kind == "position" else None,
+        f"float {name}:targetVelocity": 0.0 if drive.kind == "velocity" else None,
+    })
 
 
 def passive(joint: UsdJoint) -> dict[str, float]:
@@ -107,6 +105,15 @@ def passive(joint: UsdJoint) -> dict[str, float]:
     }
     return {name: value for name, value in values.items() if value}
 
+
+PHYSX_NAMES: Mapping[str, tuple[str, ...]] = {
+    "armature": ("armature",), "velocityLimit": ("maxJointVelocity",), "friction": ("staticFrictionEffort", "dynamicFrictionEffort"),
+    "damping": ("viscousFrictionCoefficient",),
+}
+"""The attributes of PhysX for each property of a joint."""
+
+PHYSX_JOINT = frozenset({"armature", "maxJointVelocity"})
+"""The attributes of PhysX that also exist for a whole joint."""
 
 AXIS = "rotZ"
 """PhysX's name of the coordinate in a mimic constraint, for a rotation about z or a slide along z."""
@@ -129,25 +136,20 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
     of PhysX is not used. `jointFriction` is not a torque, but a factor of the load of the joint.
     """
     values = passive(joint)
-    if values:
-        prim.schemas.append("NewtonJointAPI")
-    for name, value in values.items():
-        prim.say(f"float newton:{name}", value)
+    _apply(prim, "NewtonJointAPI", "newton", values)
     if joint.single is None or not in_tree:
         return
-    names: dict[str, tuple[str, ...]] = {"armature": ("armature",), "velocityLimit": ("maxJointVelocity",)}
-    said = [(word, value) for name, value in values.items() for word in names.get(name, ())]
-    if said:
-        prim.schemas.append("PhysxJointAPI")
-    for word, value in said:
-        prim.say(f"float physxJoint:{word}", value)
+    named = [(word, value) for name, value in values.items() for word in PHYSX_NAMES[name]]
+    _apply(prim, "PhysxJointAPI", "physxJoint", {word: value for word, value in named if word in PHYSX_JOINT})
+    axis = joint.freedoms[0].name
+    _apply(prim, f"PhysxJointAxisAPI:{axis}", f"physxJointAxis:{axis}", dict(named))
+
+
+def _apply(prim: Prim, schema: str, namespace: str, values: Mapping[str, float]) -> None:
+    """Apply a schema, and set its attributes in a namespace. Without values, the schema is not applied."""
     if values:
-        names |= {"friction": ("staticFrictionEffort", "dynamicFrictionEffort"), "damping": ("viscousFrictionCoefficient",)}
-        axis = joint.freedoms[0].name
-        prim.schemas.append(f"PhysxJointAxisAPI:{axis}")
-        for name, value in values.items():
-            for word in names[name]:
-                prim.say(f"float physxJointAxis:{axis}:{word}", value)
+        prim.schemas.append(schema)
+        prim.fill({f"float {namespace}:{name}": value for name, value in values.items()})
 
 
 def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> None:
@@ -157,12 +159,13 @@ def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> No
     """
     offset, own = follower.offset * (numeric.degrees(1.0) if follower.turns else 1.0), limits(joint, follower)
     prim.schemas.append("NewtonMimicAPI")
-    prim.say("rel newton:mimicJoint", f"<{leader}>")
-    prim.say("float newton:mimicCoef0", offset)
-    prim.say("float newton:mimicCoef1", follower.multiplier)
+    prim.fill({
+        "rel newton:mimicJoint": f"<{leader}>", "float newton:mimicCoef0": offset, "float newton:mimicCoef1": follower.multiplier,
+    })
     if not follower.turns or follower.reach is not None and all(map(numeric.isfinite, own)):
         prim.schemas.append(f"PhysxMimicJointAPI:{AXIS}")
-        prim.say(f"rel physxMimicJoint:{AXIS}:referenceJoint", f"<{leader}>")
-        prim.say(f"uniform token physxMimicJoint:{AXIS}:referenceJointAxis", f'"{AXIS}"')
-        prim.say(f"float physxMimicJoint:{AXIS}:gearing", -follower.multiplier)
-        prim.say(f"float physxMimicJoint:{AXIS}:offset", -offset)
+        name = f"physxMimicJoint:{AXIS}"
+        prim.fill({
+            f"rel {name}:referenceJoint": f"<{leader}>", f"uniform token {name}:referenceJointAxis": f'"{AXIS}"',
+            f"float {name}:gearing": -follower.multiplier, f"float {name}:offset": -offset,
+        })

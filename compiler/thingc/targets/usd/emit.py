@@ -14,7 +14,7 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Artifacts, Content, How, Loss
 from thingc.targets.capabilities import losses
 from thingc.targets.connections import connections
-from thingc.targets.geometry import solid_geometry
+from thingc.targets.geometry import collect_geometry
 from thingc.targets.request import EmitRequest
 from thingc.targets.usd import raw
 from thingc.targets.usd.capabilities import CAPABILITIES
@@ -30,7 +30,7 @@ def emit(request: EmitRequest) -> Artifacts:
     The USD text of the meshes is generated only once.
     """
     assembly = request.assembly
-    shapes, flat = solid_geometry(assembly, "usd", "usd", request.report)
+    shapes, flat = collect_geometry(assembly, "usd", "usd", request.report)
     scope = f"{assembly.name}_meshes"
     names = identifiers({asset.name: asset.name for asset in shapes.meshes})
     meshes = rendered(prototypes(shapes, request.store, scope, names)) if names else ""

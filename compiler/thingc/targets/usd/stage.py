@@ -32,7 +32,7 @@ from thingc.model.robot.types import Robot
 from thingc.targets.capabilities import shape_cell, written
 from thingc.targets.connections import Connection, connections
 from thingc.targets.geometry import ENDLESS, Geometry, MeshAsset, Shape, channels, linear, material_name, materials, numbered
-from thingc.targets.name_mangling import MangledNames, frames, safe
+from thingc.targets.name_mangling import LINK, MangledNames, frames, safe
 from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import UsdJoint, chain, followers
 from thingc.targets.usd.drives import articulation, dynamics, equip, follow
@@ -45,9 +45,6 @@ MESH = "mesh"
 
 SCENE, MATERIALS, JOINTS = "scene", "materials", "joints"
 """Names of the prims that are siblings of the links. A link cannot have one of these names."""
-
-LINK = "_link"
-"""Suffix of the name of an intermediate link in a chain of joints. The suffix is appended to the name of the preceding joint."""
 
 UNCOLOURED = "#bfbfbf"
 """Colour of shapes for which the document does not specify a colour, as in GLB files."""
@@ -134,8 +131,8 @@ class _Builder:
         """Add the physics scene, which defines gravity [m/s^2]."""
         scene = self.root.add("PhysicsScene", SCENE)
         size = hypot(*self.robot.gravity)
-        scene.say("vector3f physics:gravityDirection", several(g / size for g in self.robot.gravity) if size else "(0, 0, -1)")
-        scene.say("float physics:gravityMagnitude", size)
+        direction = several(g / size for g in self.robot.gravity) if size else "(0, 0, -1)"
+        scene.fill({"vector3f physics:gravityDirection": direction, "float physics:gravityMagnitude": size})
 
     def _materials(self) -> None:
         """Add a visual material for each colour, and a physics material for each combination of friction values."""
@@ -146,22 +143,21 @@ class _Builder:
             path = f"{self.path}/{MATERIALS}/{material.name}/surface.outputs:surface"
             material.properties.append(f"token outputs:surface.connect = <{path}>")
             shader = material.add("Shader", "surface")
-            shader.say("uniform token info:id", '"UsdPreviewSurface"')
-            shader.say("color3f inputs:diffuseColor", several((linear(red), linear(green), linear(blue))))
-            shader.say("float inputs:opacity", alpha)
-            shader.say("float inputs:roughness", ROUGHNESS)
+            shader.fill({
+                "uniform token info:id": '"UsdPreviewSurface"',
+                "color3f inputs:diffuseColor": several((linear(red), linear(green), linear(blue))),
+                "float inputs:opacity": alpha, "float inputs:roughness": ROUGHNESS,
+            })
             shader.properties.append("token outputs:surface")
         for friction in self.frictions:
             _, slide, torsion, roll = friction
             material = holder.add("Material", self.materials[friction], "PhysicsMaterialAPI")
-            material.say("float physics:dynamicFriction", slide)
-            material.say("float physics:staticFriction", slide)
-            material.say("float physics:restitution", 0.0)
-            said = [(word, value) for word, value in (("torsional", torsion), ("rolling", roll)) if value is not None]
-            if said:
+            if (torsion, roll) != (None, None):
                 material.schemas.append("NewtonMaterialAPI")
-            for word, value in said:
-                material.say(f"float newton:{word}Friction", value)
+            material.fill({
+                "float physics:dynamicFriction": slide, "float physics:staticFriction": slide, "float physics:restitution": 0.0,
+                "float newton:torsionalFriction": torsion, "float newton:rollingFriction": roll,
+            })
 
     def _body(self, name: str, properties: MassProperties, pose: Pose) -> Prim:
         """Add a rigid body to the stage at its pose in the world.
@@ -170,10 +166,11 @@ class _Builder:
         """
         prim = self.root.add("Xform", name, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
         moments, axes = moments_of(properties)
-        prim.say("float physics:mass", properties.mass or LEAST_MASS)
-        prim.say("point3f physics:centerOfMass", several(properties.centre))
-        prim.say("float3 physics:diagonalInertia", several(moments))
-        prim.say("quatf physics:principalAxes", several(Pose(rotation=axes).quaternion()))
+        prim.fill({
+            "float physics:mass": properties.mass or LEAST_MASS, "point3f physics:centerOfMass": several(properties.centre),
+            "float3 physics:diagonalInertia": several(moments),
+            "quatf physics:principalAxes": several(Pose(rotation=axes).quaternion()),
+        })
         prim.place(pose, always=True)
         return prim
 
@@ -195,9 +192,10 @@ class _Builder:
         prim = holder.add(kind, self.joints.take(joint.path, connection.origin, made))
         for number, (path, pose) in enumerate((one, other)):
             frame = pose @ joint.frame
-            prim.say(f"rel physics:body{number}", f"<{path}>")
-            prim.say(f"point3f physics:localPos{number}", several(frame.translation))
-            prim.say(f"quatf physics:localRot{number}", several(frame.quaternion()))
+            prim.fill({
+                f"rel physics:body{number}": f"<{path}>", f"point3f physics:localPos{number}": several(frame.translation),
+                f"quatf physics:localRot{number}": several(frame.quaternion()),
+            })
         if joint.type in ("Revolute", "Prismatic"):
             prim.say("uniform token physics:axis", '"Z"')
         elif joint.type == "Spherical":
@@ -297,16 +295,13 @@ def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
             return shape.size
         case "plane":
             half = [size or ENDLESS for size in shape.size[:2]]
-            prim.say("double width", 2.0 * half[0])
-            prim.say("double length", 2.0 * half[1])
-            prim.say("uniform token axis", '"Z"')
+            prim.fill({"double width": 2.0 * half[0], "double length": 2.0 * half[1], "uniform token axis": '"Z"'})
             _extent(prim, (half[0], half[1], 0.0))
         case "sphere" | "cylinder" | "capsule":
             radius, half_length = shape.size[0], shape.size[-1] if len(shape.size) > 1 else 0.0
             prim.say("double radius", radius)
             if shape.kind != "sphere":
-                prim.say("double height", 2.0 * half_length)
-                prim.say("uniform token axis", '"Z"')
+                prim.fill({"double height": 2.0 * half_length, "uniform token axis": '"Z"'})
             up = half_length if shape.kind == "cylinder" else half_length + radius
             _extent(prim, (radius, radius, up))
         case _:
@@ -365,10 +360,11 @@ def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
     corners = [int(corner.partition("/")[0]) - 1 for row in rows if row and row[0] == "f" for corner in row[1:4]]
     columns = [[float(point[k]) for point in points] for k in range(3)]
     low, high = map(numeric.minimum, columns), map(numeric.maximum, columns)
-    prim.say("float3[] extent", listed((several(low), several(high))))
-    prim.say("int[] faceVertexCounts", listed("3" for _ in range(len(corners) // 3)))
-    prim.say("int[] faceVertexIndices", listed(str(corner) for corner in corners))
-    prim.say("point3f[] points", listed(f"({', '.join(point)})" for point in points))
+    prim.fill({
+        "float3[] extent": listed((several(low), several(high))), "int[] faceVertexCounts": listed("3" for _ in range(len(corners) // 3)),
+        "int[] faceVertexIndices": listed(str(corner) for corner in corners),
+        "point3f[] points": listed(f"({', '.join(point)})" for point in points),
+    })
     prim.properties.append(f"normal3f[] primvars:normals = {listed(map(several, _normals(columns, corners)))} (")
     prim.properties += ['    interpolation = "uniform"', ")"]
     prim.say("uniform token subdivisionScheme", '"none"')

@@ -48,6 +48,12 @@ class Prim:
         """Add a property to the prim, such as `float physics:mass`. The value is a number, or a string that is already USD text."""
         self.properties.append(f"{property} = {value if isinstance(value, str) else number(value)}")
 
+    def fill(self, values: Mapping[str, str | float | None]) -> None:
+        """Add several properties, as `say` does. Values that are None are omitted."""
+        for property, value in values.items():
+            if value is not None:
+                self.say(property, value)
+
     def place(self, pose: Pose, scale: tuple[float, ...] = (), *, always: bool = False) -> None:
         """Set the pose of the prim relative to its parent, and its scale factors. An identity is omitted, unless `always` is True."""
         steps = []

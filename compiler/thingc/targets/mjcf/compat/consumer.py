@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin
@@ -28,24 +28,14 @@ class Consumer(FrozenStruct):
     examined.
 
     The function `suit` adapts the tree of a model, and yields the differences from the document as losses. No other consumer uses this
-    tree. The function `refuses` yields every feature that the consumer still does not support.
+    tree. The function `refuses` yields every feature that the consumer still does not support. By default, both yield nothing.
     """
 
     name: str
     label: str
     version: str
-    suit: Callable[[Robot, Element], Iterator[Loss]]
-    refuses: Callable[[Robot, Element], Iterator[Refusal]]
-
-
-def nothing_lost(robot: Robot, root: Element) -> Iterator[Loss]:
-    """Yield nothing. Use this function as the `suit` of a consumer that does not require changes of the model."""
-    yield from ()
-
-
-def nothing_refused(robot: Robot, root: Element) -> Iterator[Refusal]:
-    """Yield nothing. Use this function as the `refuses` of a consumer that reads everything that thingc writes."""
-    yield from ()
+    suit: Callable[[Robot, Element], Iterable[Loss]] = lambda robot, root: ()
+    refuses: Callable[[Robot, Element], Iterable[Refusal]] = lambda robot, root: ()
 
 
 class UnsupportedOptions(FrozenStruct):

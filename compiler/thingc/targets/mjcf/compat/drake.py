@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
-from thingc.targets.mjcf.compat.consumer import Consumer, nothing_refused
+from thingc.targets.mjcf.compat.consumer import Consumer
 from thingc.targets.xml_writer import Element
 
 SECTIONS = {
@@ -82,4 +82,4 @@ def _path(element: Element) -> str:
     return element.get("name", element.tag).partition(":")[0]
 
 
-DRAKE = Consumer(name="drake", label="Drake", version="Drake 1.51.1", suit=_suit, refuses=nothing_refused)
+DRAKE = Consumer(name="drake", label="Drake", version="Drake 1.51.1", suit=_suit)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
-from thingc.targets.mjcf.compat.consumer import Consumer, nothing_refused
+from thingc.targets.mjcf.compat.consumer import Consumer
 from thingc.targets.xml_writer import Element
 
 SEPARATOR = "."
@@ -28,4 +28,4 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
         yield Loss.of(robot.assembly.definition.origin, "mjcf", None, robot.assembly.name, what, "approximated")
 
 
-PYMJCF = Consumer(name="pymjcf", label="PyMJCF", version="dm_control 1.0.50", suit=_suit, refuses=nothing_refused)
+PYMJCF = Consumer(name="pymjcf", label="PyMJCF", version="dm_control 1.0.50", suit=_suit)
