@@ -14,6 +14,7 @@ from typing import Generic, Literal, TypeVar
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.inertia import ZERO
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Pose, Vector
 from thingc.base.primitives import Primitive
@@ -317,29 +318,29 @@ class PartRecord(OneLineRepr, FrozenStruct):
     """
 
     text: str
-    material: str | None
-    color: str | None
-    volume: float
-    area: float
-    centre: Vector
-    inertia: Matrix
-    box: tuple[Vector, Vector] | None
-    mounts: dict[str, MountRecord]
-    references: tuple[str, ...]
-    expectations: tuple[MountExpectation, ...]
-    actuator: ActuatorRecord | None
-    mass: DeclaredValue[float] | None
-    com: DeclaredValue[Vector] | None
-    matrix: DeclaredValue[Matrix] | None
-    density: DeclaredValue[float] | None
-    bom: dict[str, str]
-    warnings: tuple[PartWarning, ...]
-    fits: dict[str, Primitive]
-    meshes: dict[str, Mesh]
-    pieces: tuple[Mesh | Primitive, ...]
-    convex: dict[int, tuple[Mesh, ...]]
-    brep: str | None
-    code: tuple[str, int] | None
+    material: str | None = None
+    color: str | None = None
+    volume: float = 0.0
+    area: float = 0.0
+    centre: Vector = (0.0, 0.0, 0.0)
+    inertia: Matrix = ZERO
+    box: tuple[Vector, Vector] | None = None
+    mounts: dict[str, MountRecord] = {}
+    references: tuple[str, ...] = ()
+    expectations: tuple[MountExpectation, ...] = ()
+    actuator: ActuatorRecord | None = None
+    mass: DeclaredValue[float] | None = None
+    com: DeclaredValue[Vector] | None = None
+    matrix: DeclaredValue[Matrix] | None = None
+    density: DeclaredValue[float] | None = None
+    bom: dict[str, str] = {}
+    warnings: tuple[PartWarning, ...] = ()
+    fits: dict[str, Primitive] = {}
+    meshes: dict[str, Mesh] = {}
+    pieces: tuple[Mesh | Primitive, ...] = ()
+    convex: dict[int, tuple[Mesh, ...]] = {}
+    brep: str | None = None
+    code: tuple[str, int] | None = None
     apart: tuple[float, ...] = ()
     own_image: bool = False
     up: Vector | None = None

@@ -5,19 +5,22 @@ A lock file may come from an untrusted source, so every value is checked before 
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, TypeVar, get_args
 
 from msgspec.structs import asdict
 
 from thingc.base.inertia import physical_fault
 from thingc.base.numeric import hypot, sum_of
-from thingc.base.pose import Pose, Vector
+from thingc.base.pose import Matrix, Pose, Vector
 from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import (
+    DIMENSIONS,
     WHOLE,
     ActuatorRecord,
+    Declared,
     DeclaredValue,
     DriveType,
     ImpureInputs,
@@ -28,13 +31,16 @@ from thingc.geometry.record import (
     PartRecord,
     PartSchema,
     PartWarning,
+    SchemaKind,
     Value,
 )
 
-UNITS = {"length": "m", "angle": "rad", "mass": "kg", "ratio": "1", "number": "1"}
+UNITS = {"length": "m", "angle": "rad", "mass": "kg"}
 """The units that are written to the lock file for human readers. All values are in SI units."""
 
-KINDS: frozenset[ParameterKind] = frozenset(get_args(ParameterKind))
+CONTINUOUS = frozenset(DIMENSIONS) - WHOLE
+"""Kinds of parameters that are floats."""
+
 SOURCES = frozenset({"measured", "vendor", "estimated", "stated"})
 _ORTHOGONAL = 1e-6
 _NOTHING = 1e-20
@@ -70,19 +76,15 @@ def schema_values(schema: PartSchema) -> dict[str, Any]:
 
 
 def _parameter_values(parameter: ParameterSchema) -> dict[str, Any]:
-    values: dict[str, Any] = {"kind": parameter.kind}
-    if parameter.kind in UNITS and UNITS[parameter.kind] != "1":
-        values["unit"] = UNITS[parameter.kind]
-    if not parameter.required:
-        values["default"] = parameter.default
-    for key, value in (("minimum", parameter.minimum), ("maximum", parameter.maximum)):
-        if value is not None:
-            values[key] = value
-    if parameter.choices:
-        values["choices"] = list(parameter.choices)
-    if parameter.doc:
-        values["doc"] = parameter.doc
-    return values
+    return _present({
+        "kind": parameter.kind, "unit": UNITS.get(parameter.kind), "default": parameter.default, "minimum": parameter.minimum,
+        "maximum": parameter.maximum, "choices": list(parameter.choices) or None, "doc": parameter.doc or None,
+    })
+
+
+def _present(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values that are not None."""
+    return {key: value for key, value in values.items() if value is not None}
 
 
 def record_values(record: PartRecord) -> dict[str, Any]:
@@ -125,12 +127,8 @@ def _sliced_values(slicing: Slicing, sliced: SliceResult | SliceFailure) -> dict
 
 def _mount_values(mount: MountRecord) -> dict[str, Any]:
     rotation = [entry for row in mount.pose.rotation for entry in row]
-    values: dict[str, Any] = {"pose": [_rounded(entry) for entry in (*rotation, *mount.pose.translation)]}
-    if mount.interface is not None:
-        values["interface"] = mount.interface
-    if mount.tolerance is not None:
-        values["tolerance"] = mount.tolerance
-    return values
+    pose = [_rounded(entry) for entry in (*rotation, *mount.pose.translation)]
+    return _present({"pose": pose, "interface": mount.interface, "tolerance": mount.tolerance})
 
 
 _NUMBERS = ("stall_torque", "no_load_speed", "gear_ratio", "rotor_inertia", "kp", "kv")
@@ -138,10 +136,7 @@ _NUMBERS = ("stall_torque", "no_load_speed", "gear_ratio", "rotor_inertia", "kp"
 
 def _actuator_values(actuator: ActuatorRecord) -> dict[str, Any]:
     numbers = {key: getattr(actuator, key) for key in _NUMBERS}
-    return {
-        "kind": actuator.kind, **{key: value for key, value in numbers.items() if value is not None},
-        "sources": dict(sorted(actuator.sources.items())),
-    }
+    return {"kind": actuator.kind, **_present(numbers), "sources": dict(sorted(actuator.sources.items()))}
 
 
 def _stated_values(stated: DeclaredValue[Any] | None) -> Any:
@@ -161,45 +156,39 @@ def read_schema(reference: str, value: Any, path: str) -> PartSchema:
 
     Raises `BadLock` if the lock file contains an invalid value.
     """
-    table = mapping(value, path)
+    table = LockValue(value, path)
     return PartSchema(
-        reference=reference, kind=_one_of({"thing", "shape", "function"}, table, "kind", path), doc=_text_at(table, "doc", path) or "",
-        parameters=tuple(
-            _parameter(name, one, f"{path}.parameters.{name}")
-            for name, one in mapping(table.get("parameters", {}), f"{path}.parameters").items()
-        ),
-        material=_text_at(table, "material", path), actuator=_flag(table, "actuator", path), file="", line=0,
+        reference=reference, kind=table.one_of("kind", get_args(SchemaKind)), doc=table["doc"].maybe(LockValue.text) or "",
+        parameters=tuple(_parameter(name, one) for name, one in table.get("parameters", {}).entries()),
+        material=table["material"].maybe(LockValue.text), actuator=table["actuator"].flag(), file="", line=0,
     )
 
 
-def _parameter(name: str, value: Any, path: str) -> ParameterSchema:
-    table = mapping(value, path)
-    kind = _one_of(KINDS, table, "kind", path)
-    required = "default" not in table
-    default = None if required else _value(table["default"], f"{path}.default")
-    choices = tuple(_value(one, f"{path}.choices") for one in sequence(table.get("choices", []), f"{path}.choices"))
+def _parameter(name: str, table: LockValue) -> ParameterSchema:
+    kind = table.one_of("kind", get_args(ParameterKind))
+    required = "default" not in table.mapping()
+    default = None if required else table["default"].parameter_value()
+    choices = tuple(one.parameter_value() for one in table.get("choices", []).items())
     if default is not None and not _of_kind(kind, default, choices):
-        raise BadLock(f"{path}.default", f"expected a {'whole number' if kind in WHOLE else kind}")
+        raise table["default"].fault(f"expected a {'whole number' if kind in WHOLE else kind}")
     if kind == "choice" and not choices:
-        raise BadLock(f"{path}.choices", "expected at least one choice")
-    if isinstance(default, int) and kind in UNITS:
+        raise table["choices"].fault("expected at least one choice")
+    if isinstance(default, int) and kind in CONTINUOUS:
         default = float(default)
     return ParameterSchema(
-        name=name, kind=kind, required=required, default=default, minimum=_maybe(table, "minimum", path),
-        maximum=_maybe(table, "maximum", path), choices=choices, doc=_text_at(table, "doc", path) or "",
+        name=name, kind=kind, required=required, default=default, minimum=table["minimum"].maybe(LockValue.number),
+        maximum=table["maximum"].maybe(LockValue.number), choices=choices, doc=table["doc"].maybe(LockValue.text) or "",
     )
 
 
 def _of_kind(kind: str, value: Value, choices: tuple[Value, ...]) -> bool:
     if kind == "choice":
         return value in choices
-    if kind == "flag":
-        return isinstance(value, bool)
-    if kind == "text":
-        return isinstance(value, str)
-    if kind in WHOLE:
-        return isinstance(value, int) and not isinstance(value, bool)
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    if isinstance(value, bool):
+        return kind == "flag"
+    if isinstance(value, str):
+        return kind == "text"
+    return kind not in ("flag", "text") and (kind not in WHOLE or isinstance(value, int))
 
 
 def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) -> PartRecord:
@@ -207,220 +196,215 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
 
     `code` is the file and the line of the part's class. Raises `BadLock` if the lock file contains an invalid value.
     """
-    table = mapping(value, path)
-    box = None if table.get("box") is None else numbers(table["box"], 6, f"{path}.box")
-    inertia = numbers(table.get("inertia"), _ENTRIES, f"{path}.inertia")
+    table = LockValue(value, path)
     return PartRecord(
-        text=text, material=_text_at(table, "material", path), color=_text_at(table, "color", path),
-        volume=_least(table, "volume", path), area=_least(table, "area", path),
-        centre=numbers(table.get("centre"), 3, f"{path}.centre"),  # type: ignore[arg-type]
-        inertia=(inertia[:3], inertia[3:6], inertia[6:]),  # type: ignore[arg-type]
-        box=None if box is None else (box[:3], box[3:]),  # type: ignore[arg-type]
-        mounts={
-            name: _mount(one, f"{path}.mounts.{name}") for name, one in mapping(table.get("mounts", {}), f"{path}.mounts").items()
-        },
-        references=tuple(_texts(table.get("references", []), f"{path}.references")),
-        expectations=tuple(_expectation(one, f"{path}.expectations") for one in sequence(
-            table.get("expectations", []), f"{path}.expectations")),
-        actuator=None if table.get("actuator") is None else _actuator(table["actuator"], f"{path}.actuator"),
-        mass=_stated(table, "mass", 1, path), com=_stated(table, "com", 3, path), matrix=_stated(table, "matrix", _ENTRIES, path),
-        density=_stated(table, "density", 1, path), bom=_text_table(table.get("bom", {}), f"{path}.bom"),
-        warnings=(
-            *(PartWarning(message=one) for one in _texts(table.get("warnings", []), f"{path}.warnings")),
-            *(_question(one, f"{path}.asks") for one in sequence(table.get("asks", []), f"{path}.asks")),
-        ),
-        fits={}, meshes={}, pieces=(), convex={}, brep=None, code=code,
-        apart=tuple(number(one, f"{path}.apart") for one in sequence(table.get("apart", []), f"{path}.apart")),
-        own_image="own_image" in table and _flag(table, "own_image", path),
-        up=None if table.get("up") is None else _direction(table["up"], f"{path}.up"),
-        slices=dict(_sliced(one, f"{path}.slices") for one in sequence(table.get("slices", []), f"{path}.slices")),
+        text=text, material=table["material"].maybe(LockValue.text), color=table["color"].maybe(LockValue.text),
+        volume=table["volume"].least(), area=table["area"].least(), centre=table["centre"].vector(), inertia=table["inertia"].matrix(),
+        box=table["box"].maybe(_box), mounts={name: _mount(one) for name, one in table.get("mounts", {}).entries()},
+        references=tuple(table.get("references", []).texts()), expectations=tuple(map(_expectation, table.get("expectations", []).items())),
+        actuator=table["actuator"].maybe(_actuator), mass=_stated(table["mass"], LockValue.number),
+        com=_stated(table["com"], LockValue.vector), matrix=_stated(table["matrix"], LockValue.matrix),
+        density=_stated(table["density"], LockValue.number), bom=table.get("bom", {}).text_table(),
+        warnings=(*(PartWarning(message=one) for one in table.get("warnings", []).texts()), *map(_question, table.get("asks", []).items())),
+        code=code, apart=tuple(one.number() for one in table.get("apart", []).items()), own_image=table.get("own_image", False).flag(),
+        up=table["up"].maybe(_direction), slices=dict(map(_sliced, table.get("slices", []).items())),
     )
 
 
-def _sliced(value: Any, path: str) -> tuple[Slicing, SliceResult | SliceFailure]:
-    table = mapping(value, path)
+def _box(value: LockValue) -> tuple[Vector, Vector]:
+    numbers = value.numbers(6)
+    return numbers[:3], numbers[3:]  # type: ignore[return-value]
+
+
+def _sliced(table: LockValue) -> tuple[Slicing, SliceResult | SliceFailure]:
     slicing = Slicing(
-        up=_direction(table.get("up"), f"{path}.up"), walls=_whole(table, "walls", path), top=_whole(table, "top", path),
-        bottom=_whole(table, "bottom", path),
-        **{key: _least(table, key, path) for key in ("layer", "line_width", "overlap", "bridge_flow")},
+        up=_direction(table["up"]), walls=_whole(table["walls"]), top=_whole(table["top"]), bottom=_whole(table["bottom"]),
+        **{key: table[key].least() for key in ("layer", "line_width", "overlap", "bridge_flow")},
     )
-    reason = _text_at(table, "unsliced", path)
+    reason = table["unsliced"].maybe(LockValue.text)
     if reason is not None:
         return slicing, SliceFailure(reason=reason)
-    solid, joins, sparse = (_matter(table.get(key), f"{path}.{key}") for key in _LAID)
+    solid, joins, sparse = (_matter(table[key]) for key in _LAID)
     if not solid.volume > 0.0:
-        raise BadLock(f"{path}.solid", "expected a volume above 0")
+        raise table["solid"].fault("expected a volume above 0")
     return slicing, SliceResult(solid=solid, joins=joins, sparse=sparse)
 
 
-def _matter(value: Any, path: str) -> Moments:
+def _matter(value: LockValue) -> Moments:
     """Parse the volume, the first moments and the second moments of a solid (ten numbers).
 
     Raises `BadLock` unless the moments are physically possible.
     """
-    moments = Moments.of(numbers(value, _MOMENTS, path))
+    moments = Moments.of(value.numbers(_MOMENTS))
     of = moments.properties
     if moments.volume < 0.0 or moments.volume > 0.0 and physical_fault(of.inertia) is not None:
-        raise BadLock(path, "expected the integrals of 1, x, y, z, xx, yy, zz, xy, xz, yz over a solid")
+        raise value.fault("expected the integrals of 1, x, y, z, xx, yy, zz, xy, xz, yz over a solid")
     return moments
 
 
-def _direction(value: Any, path: str) -> Vector:
-    x, y, z = numbers(value, 3, path)
-    if abs(hypot(x, y, z) - 1.0) > _ORTHOGONAL:
-        raise BadLock(path, "expected a direction: three numbers of length 1")
-    return x, y, z
+def _direction(value: LockValue) -> Vector:
+    direction = value.vector()
+    if abs(hypot(*direction) - 1.0) > _ORTHOGONAL:
+        raise value.fault("expected a direction: three numbers of length 1")
+    return direction
 
 
-def _whole(table: Mapping[str, Any], key: str, path: str) -> int:
-    value = _least(table, key, path)
-    if value != int(value):
-        raise BadLock(f"{path}.{key}", "expected a whole number")
-    return int(value)
+def _whole(value: LockValue) -> int:
+    number = value.least()
+    if number != int(number):
+        raise value.fault("expected a whole number")
+    return int(number)
 
 
-def _mount(value: Any, path: str) -> MountRecord:
-    table = mapping(value, path)
-    entries = numbers(table.get("pose"), _POSE, f"{path}.pose")
-    rows = (entries[:3], entries[3:6], entries[6:9])
+def _mount(table: LockValue) -> MountRecord:
+    numbers = table["pose"].numbers(_POSE)
+    rows = numbers[:3], numbers[3:6], numbers[6:9]
     for i, row in enumerate(rows):
         for j, other in enumerate(rows):
             if abs(sum_of(a * b for a, b in zip(row, other, strict=True)) - (i == j)) > _ORTHOGONAL:
-                raise BadLock(f"{path}.pose", "expected a rotation (nine numbers, the rows of a rotation matrix) and a position")
+                raise table["pose"].fault("expected a rotation (nine numbers, the rows of a rotation matrix) and a position")
     return MountRecord(
-        pose=Pose(rotation=rows, translation=entries[9:]),  # type: ignore[arg-type]
-        interface=_text_at(table, "interface", path), tolerance=_maybe(table, "tolerance", path),
+        pose=Pose(rotation=rows, translation=numbers[9:]),  # type: ignore[arg-type]
+        interface=table["interface"].maybe(LockValue.text), tolerance=table["tolerance"].maybe(LockValue.number),
     )
 
 
-def _expectation(value: Any, path: str) -> MountExpectation:
-    texts = list(_texts(value, path))
+def _expectation(value: LockValue) -> MountExpectation:
+    texts = value.texts()
     if len(texts) != 4:
-        raise BadLock(path, "expected a mount, a definition, its display name, and its mount")
+        raise value.fault("expected a mount, a definition, its display name, and its mount")
     mount, text, label, child_mount = texts
     return MountExpectation(mount=mount, text=text, label=label, child_mount=child_mount)
 
 
-def _question(value: Any, path: str) -> PartWarning:
-    texts = list(_texts(value, path))
+def _question(value: LockValue) -> PartWarning:
+    texts = value.texts()
     if len(texts) != 2 or texts[0] not in list(ImpureInputs):
-        raise BadLock(path, "expected the kind of a warning and its message")
+        raise value.fault("expected the kind of a warning and its message")
     return PartWarning(message=texts[1], asked=ImpureInputs(texts[0]))
 
 
-def _actuator(value: Any, path: str) -> ActuatorRecord:
-    table = mapping(value, path)
-    quantities = {key: _maybe(table, key, path) for key in _NUMBERS}
-    gear_ratio = quantities.pop("gear_ratio")
-    return ActuatorRecord(
-        kind=_one_of(get_args(DriveType), table, "kind", path), gear_ratio=1.0 if gear_ratio is None else gear_ratio,
-        sources=_text_table(table.get("sources", {}), f"{path}.sources"), **quantities,
-    )
+def _actuator(table: LockValue) -> ActuatorRecord:
+    numbers = {key: table[key].maybe(LockValue.number) for key in _NUMBERS}
+    kind = table.one_of("kind", get_args(DriveType))
+    return ActuatorRecord(kind=kind, sources=table.get("sources", {}).text_table(), **_present(numbers))
 
 
-def _stated(table: Mapping[str, Any], key: str, count: int, path: str) -> DeclaredValue[Any] | None:
-    if table.get(key) is None:
-        return None
-    path = f"{path}.{key}"
-    inner = mapping(table[key], path)
-    source = _one_of(SOURCES, inner, "source", path)
-    if count == 1:
-        return DeclaredValue(value=number(inner.get("value"), f"{path}.value"), source=source)
-    entries: Any = numbers(inner.get("value"), count, f"{path}.value")
-    return DeclaredValue(value=entries if count == 3 else (entries[:3], entries[3:6], entries[6:]), source=source)
+def _stated(table: LockValue, read: Callable[[LockValue], Declared]) -> DeclaredValue[Declared] | None:
+    return table.maybe(lambda table: DeclaredValue(source=table.one_of("source", SOURCES), value=read(table["value"])))
 
 
-# --- small readers -----------------------------------------------------------------------------------------------------
+# --- values ------------------------------------------------------------------------------------------------------------
 
 
 _T = TypeVar("_T")
 _Word = TypeVar("_Word", bound=str)
 
 
-def _of_type(kind: type[_T], value: Any, path: str, words: str) -> _T:
-    if not isinstance(value, kind):
-        raise BadLock(path, f"expected {words}")
-    return value
+class LockValue:
+    """A JSON value of the lock file, with its path for messages. All methods raise `BadLock` if the value has another form."""
 
+    __slots__ = ("path", "value")
 
-def mapping(value: Any, path: str) -> Mapping[str, Any]:
-    """Return a JSON value as a mapping. Raises `BadLock` if the value is not a JSON object."""
-    return _of_type(dict, value, path, "a mapping")
+    def __init__(self, value: Any, path: str) -> None:
+        self.value = value
+        self.path = path
 
+    def fault(self, words: str) -> BadLock:
+        """Create the exception for an invalid value. `words` describe the value that was expected."""
+        return BadLock(self.path, words)
 
-def sequence(value: Any, path: str) -> list[Any]:
-    """Return a JSON value as a list. Raises `BadLock` if the value is not a JSON array."""
-    return _of_type(list, value, path, "a list")
+    def __getitem__(self, key: str) -> LockValue:
+        """Return the value under a key of a JSON object. A missing key has the value None."""
+        return self.get(key, None)
 
+    def get(self, key: str, default: Any) -> LockValue:
+        """Return the value under a key of a JSON object, or a default value if the key is missing."""
+        return LockValue(self.mapping().get(key, default), f"{self.path}.{key}".removeprefix("."))
 
-def text_at(table: Mapping[str, Any], key: str, path: str) -> str:
-    """Return the string under the key `key` in a JSON object. Raises `BadLock` if the key is missing or its value is not a string."""
-    return _of_type(str, table.get(key), f"{path}.{key}", "a string")
+    def maybe(self, read: Callable[[LockValue], _T]) -> _T | None:
+        """Return `read(self)`, or None if the value is missing."""
+        return None if self.value is None else read(self)
 
+    def mapping(self) -> Mapping[str, Any]:
+        """Return the JSON object."""
+        return self._of_type(dict, "a mapping")
 
-def number(value: Any, path: str) -> float:
-    """Return a JSON value as a float. Raises `BadLock` unless the value is a finite number."""
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        try:
-            as_float = float(value)
-        except OverflowError:
-            as_float = math.inf
-        if math.isfinite(as_float):
-            return as_float
-    raise BadLock(path, "expected a finite number")
+    def entries(self) -> Iterator[tuple[str, LockValue]]:
+        """Yield the keys and the values of a JSON object."""
+        yield from ((key, self[key]) for key in self.mapping())
 
+    def items(self) -> list[LockValue]:
+        """Return the items of a JSON array. They have the path of the array."""
+        return [LockValue(one, self.path) for one in self._of_type(list, "a list")]
 
-def numbers(value: Any, count: int, path: str) -> tuple[float, ...]:
-    """Return a JSON value as a tuple of `count` floats. Raises `BadLock` unless the value is a list of `count` finite numbers."""
-    entries = sequence(value, path)
-    if len(entries) != count:
-        raise BadLock(path, f"expected {count} numbers")
-    return tuple(number(one, path) for one in entries)
+    def text(self) -> str:
+        """Return the string."""
+        return self._of_type(str, "a string")
 
+    def texts(self) -> list[str]:
+        """Return the items of an array of strings."""
+        texts = [one.value for one in self.items()]
+        if not all(isinstance(one, str) for one in texts):
+            raise self.fault("expected a list of strings")
+        return texts
 
-def _value(value: Any, path: str) -> Value:
-    if isinstance(value, (bool, str)):
-        return value
-    return value if isinstance(value, int) and abs(value) < 2**53 else number(value, path)
+    def text_table(self) -> dict[str, str]:
+        """Return an object whose values are strings."""
+        if not all(isinstance(one, str) for one in self.mapping().values()):
+            raise self.fault("expected a mapping from names to strings")
+        return dict(self.mapping())
 
+    def flag(self) -> bool:
+        """Return the boolean."""
+        return self._of_type(bool, "true or false")
 
-def _maybe(table: Mapping[str, Any], key: str, path: str) -> float | None:
-    return None if table.get(key) is None else number(table[key], f"{path}.{key}")
+    def number(self) -> float:
+        """Return the number, which must be finite, as a float."""
+        if isinstance(self.value, (int, float)) and not isinstance(self.value, bool):
+            with contextlib.suppress(OverflowError):
+                if math.isfinite(number := float(self.value)):
+                    return number
+        raise self.fault("expected a finite number")
 
+    def least(self) -> float:
+        """Return the number, which must not be negative."""
+        if (number := self.number()) < 0.0:
+            raise self.fault("expected a number of at least 0")
+        return number
 
-def _least(table: Mapping[str, Any], key: str, path: str) -> float:
-    value = number(table.get(key), f"{path}.{key}")
-    if value < 0.0:
-        raise BadLock(f"{path}.{key}", "expected a number of at least 0")
-    return value
+    def numbers(self, count: int) -> tuple[float, ...]:
+        """Return the items of an array of `count` numbers."""
+        entries = self.items()
+        if len(entries) != count:
+            raise self.fault(f"expected {count} numbers")
+        return tuple(one.number() for one in entries)
 
+    def vector(self) -> Vector:
+        """Return the three numbers of an array."""
+        x, y, z = self.numbers(3)
+        return x, y, z
 
-def _text_at(table: Mapping[str, Any], key: str, path: str) -> str | None:
-    return None if table.get(key) is None else text_at(table, key, path)
+    def matrix(self) -> Matrix:
+        """Return the nine numbers of an array as rows."""
+        numbers = self.numbers(_ENTRIES)
+        return numbers[:3], numbers[3:6], numbers[6:]  # type: ignore[return-value]
 
+    def parameter_value(self) -> Value:
+        """Return the value of a parameter. Whole numbers that a float represents exactly remain whole numbers."""
+        if isinstance(self.value, (bool, str)) or isinstance(self.value, int) and abs(self.value) < 2**53:
+            return self.value
+        return self.number()
 
-def _flag(table: Mapping[str, Any], key: str, path: str) -> bool:
-    return _of_type(bool, table.get(key), f"{path}.{key}", "true or false")
+    def one_of(self, key: str, known: Collection[_Word]) -> _Word:
+        """Return the string under a key of an object, which must be one of several strings."""
+        value = self[key]
+        word = next((one for one in known if one == value.value), None)
+        if word is None:
+            raise value.fault(f"expected one of {', '.join(sorted(known))}")
+        return word
 
-
-def _one_of(known: Collection[_Word], table: Mapping[str, Any], key: str, path: str) -> _Word:
-    word = next((one for one in known if one == table.get(key)), None)
-    if word is None:
-        raise BadLock(f"{path}.{key}", f"expected one of {', '.join(sorted(known))}")
-    return word
-
-
-def _texts(value: Any, path: str) -> list[str]:
-    texts = sequence(value, path)
-    if not all(isinstance(one, str) for one in texts):
-        raise BadLock(path, "expected a list of strings")
-    return texts
-
-
-def _text_table(value: Any, path: str) -> dict[str, str]:
-    words = mapping(value, path)
-    if not all(isinstance(one, str) for one in words.values()):
-        raise BadLock(path, "expected a mapping from names to strings")
-    return dict(words)
-
-
+    def _of_type(self, kind: type[_T], words: str) -> _T:
+        if not isinstance(self.value, kind):
+            raise self.fault(f"expected {words}")
+        return self.value

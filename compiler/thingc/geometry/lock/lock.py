@@ -17,7 +17,7 @@ from thingc.base.diagnostics import Code, Report, Severity
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span, line_of
 from thingc.geometry.key.module_key import CodeIngredients
-from thingc.geometry.lock.json_format import BadLock, mapping, read_record, read_schema, text_at
+from thingc.geometry.lock.json_format import BadLock, LockValue, read_record, read_schema
 from thingc.geometry.record import PartDefinition, PartRecord, PartSchema
 
 if TYPE_CHECKING:
@@ -176,25 +176,19 @@ def parse_lock(path: str, data: bytes) -> Lock:
         raise BadLock("", f"line {fault.lineno}, column {fault.colno} is not valid JSON") from None
     except ValueError:
         raise BadLock("", "a whole number in the file has too many digits") from None
-    table = mapping(value, "")
-    if table.get("thingc") != VERSION:
-        raise BadLock("thingc", f'expected "{VERSION}"')
-    things: dict[str, LockedThing] = {}
-    for reference, values in mapping(table.get("things", {}), "things").items():
-        where = f"things.{reference}"
-        values = mapping(values, where)
-        things[reference] = LockedThing(
-            code=text_at(values, "code", where), reads=_states(values.get("reads", {}), f"{where}.reads"), values=values,
-            records=mapping(values.get("records", {}), f"{where}.records"),
+    table = LockValue(value, "")
+    if table["thingc"].value != VERSION:
+        raise table["thingc"].fault(f'expected "{VERSION}"')
+    things = {
+        reference: LockedThing(
+            code=thing["code"].text(), reads=_states(thing.get("reads", {})), values=thing.mapping(),
+            records=thing.get("records", {}).mapping(),
         )
-    files: dict[str, tuple[str, Any]] = {}
-    for file, values in mapping(table.get("files", {}), "files").items():
-        values = mapping(values, f"files.{file}")
-        files[file] = (text_at(values, "content", f"files.{file}"), values.get("record"))
-    others = table.get("others", [])
-    if not isinstance(others, list) or not all(isinstance(one, str) for one in others):
-        raise BadLock("others", "expected a list of strings")
-    return Lock(file=path, sha256=hashlib.sha256(data).hexdigest(), things=things, files=files, others=frozenset(others))
+        for reference, thing in table.get("things", {}).entries()
+    }
+    files = {file: (of_file["content"].text(), of_file["record"].value) for file, of_file in table.get("files", {}).entries()}
+    others = frozenset(table.get("others", []).texts())
+    return Lock(file=path, sha256=hashlib.sha256(data).hexdigest(), things=things, files=files, others=others)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -208,9 +202,9 @@ def _refuse(word: str) -> NoReturn:
     raise BadLock("", f"`{word}` is not a number")
 
 
-def _states(value: Any, path: str) -> dict[str, str]:
-    states = mapping(value, path)
+def _states(value: LockValue) -> dict[str, str]:
+    states = value.mapping()
     for file, state in states.items():
         if not isinstance(state, str) or os.path.isabs(file) or ".." in file.split("/") or "\0" in file:
-            raise BadLock(path, "expected a mapping from paths inside the workspace to file hashes")
+            raise value.fault("expected a mapping from paths inside the workspace to file hashes")
     return dict(states)

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from msgspec.structs import replace
 
@@ -17,7 +16,7 @@ from thingc.geometry.key.file_states import state_of
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
 from thingc.geometry.key.part_code import PartCode
-from thingc.geometry.lock.json_format import BadLock
+from thingc.geometry.lock.json_format import CONTINUOUS, BadLock
 from thingc.geometry.lock.lock import LOCK_FILE, Lock, code_hash, lock_path
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import NO_PIECES, ActuatorRecord, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, WantedPieces
@@ -28,7 +27,6 @@ MAX_READ = 200_000_000
 that parts read.
 """
 
-_CONTINUOUS = frozenset({"length", "angle", "mass", "ratio", "number"})
 _SOME = 1e-6
 """Placeholder for the volume, the area or the moments of a part, if the value is not used."""
 _T = TypeVar("_T")
@@ -38,11 +36,12 @@ class LockAnswers:
     """Looks up schemas and records of parts in a lock file.
 
     An entry is used only if it matches the current code and files of the part. `consulted` contains the absolute paths of the files that
-    were read.
+    were read. Errors in the lock file are added to `broken`, and the entry with the error counts as missing.
     """
 
-    def __init__(self, lock: Lock, workspace: Workspace, parts: PartCode) -> None:
+    def __init__(self, lock: Lock, workspace: Workspace, parts: PartCode, broken: list[BadLock]) -> None:
         self.lock = lock
+        self.broken = broken
         self.workspace = workspace
         self.consulted: set[str] = {lock.file}
         self._parts = parts
@@ -89,20 +88,17 @@ class LockAnswers:
         """Return the part schema of `module:Class`, with the location of its class.
 
         Return None if the lock file is out of date or does not contain the schema.
-
-        Raises `BadLock` if the lock file contains an invalid value.
         """
         if not self.current(reference):
             return None
-        schema = self.lock.schema(reference)
+        schema = self._tried(self.lock.schema, reference)
         place = self.place(reference)
         return replace(schema, file=place[0], line=place[1]) if schema is not None and place is not None else schema
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
         """Return the record of a part definition.
 
-        Return None if the lock file is out of date or does not contain the record. Raises `BadLock` if the lock file contains an invalid
-        value.
+        Return None if the lock file is out of date or does not contain the record.
         """
         if definition.kind == "file":
             held = self.lock.files.get(definition.text)
@@ -110,34 +106,42 @@ class LockAnswers:
                 return None
         elif not self.current(definition.reference):
             return None
-        return self.lock.record(definition, self.place(definition.reference))
+        return self._tried(self.lock.record, definition, self.place(definition.reference))
 
     def relative(self, definition: PartDefinition) -> PartRecord | None:
         """Return a placeholder record for a part definition that is not in the lock file.
 
-        Return None if the lock file does not contain the class of the part. Raises `BadLock` if the lock file contains an invalid value.
-        The placeholder has the same mounts as the records of the class with other parameters. The placeholder has no mounts if counts,
-        flags, choices or strings that differ from their defaults may affect the names of mounts.
+        Return None if the lock file does not contain the class of the part. The placeholder has the same mounts as the records of the class
+        with other parameters. The placeholder has no mounts if counts, flags, choices or strings that differ from their defaults may affect
+        the names of mounts.
         """
-        schema = self.lock.schema(definition.reference)
+        schema = self._tried(self.lock.schema, definition.reference)
         if schema is None:
             return None
         given = dict(definition.parameters)
-        sizes = all(one.kind in _CONTINUOUS or given.get(one.name) == one.default for one in schema.parameters)
+        sizes = all(one.kind in CONTINUOUS or given.get(one.name) == one.default for one in schema.parameters)
         place = self.place(definition.reference)
-        relatives = list(self.lock.relatives(definition.reference, place)) if sizes else []
+        relatives: list[PartRecord] | None = self._tried(list, self.lock.relatives(definition.reference, place)) if sizes else []
+        if relatives is None:
+            return None
         return PartRecord(
-            text=definition.text, material=schema.material, color=None, volume=_SOME, area=_SOME, centre=(0.0, 0.0, 0.0),
-            inertia=((_SOME, 0.0, 0.0), (0.0, _SOME, 0.0), (0.0, 0.0, _SOME)), box=None,
-            mounts={name: mount for record in relatives for name, mount in record.mounts.items()}, references=(), expectations=(),
-            actuator=ActuatorRecord(kind="motor") if schema.actuator else None, mass=None, com=None, matrix=None, density=None, bom={},
-            warnings=(), fits={}, meshes={}, pieces=(), convex={}, brep=None, code=place, exact=False,
+            text=definition.text, material=schema.material, volume=_SOME, area=_SOME,
+            inertia=((_SOME, 0.0, 0.0), (0.0, _SOME, 0.0), (0.0, 0.0, _SOME)),
+            mounts={name: mount for record in relatives for name, mount in record.mounts.items()},
+            actuator=ActuatorRecord(kind="motor") if schema.actuator else None, code=place, exact=False,
         )
 
     def place(self, reference: str) -> tuple[str, int] | None:
         """Return the file and line of the class `module:Class`, or None if the class is not found."""
         code = self._parts.code(reference) if ":" in reference else None
         return code.place if isinstance(code, CodeIngredients) else None
+
+    def _tried(self, read: Callable[..., _T], *arguments: Any) -> _T | None:
+        try:
+            return read(*arguments)
+        except BadLock as fault:
+            self.broken.append(fault)
+            return None
 
 
 class LockFallback:
@@ -165,24 +169,20 @@ class LockFallback:
 
     def schema(self, reference: str) -> PartSchema | None:
         """Return the part schema of `module:Class`, or None if the lock file does not contain an up-to-date schema."""
-        return self._asked(lambda answers: answers.schema(reference))
+        answers = self._opened()
+        return answers.schema(reference) if answers is not None else None
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
         """Return the record of a part definition, or None if the lock file does not contain an up-to-date record."""
-        return self._asked(lambda answers: answers.record(definition))
+        answers = self._opened()
+        return answers.record(definition) if answers is not None else None
 
-    def _asked(self, ask: Callable[[LockAnswers], _T | None]) -> _T | None:
-        if self._answers is None:
-            lock = self._lock() if self._lock is not None else None
-            self._lock = None
-            if lock is None:
-                return None
-            self._answers = LockAnswers(lock, self._workspace, self._parts)
-        try:
-            return ask(self._answers)
-        except BadLock as fault:
-            self.broken.append(fault)
-            return None
+    def _opened(self) -> LockAnswers | None:
+        read, self._lock = self._lock, None
+        lock = read() if read is not None else None
+        if lock is not None:
+            self._answers = LockAnswers(lock, self._workspace, self._parts, self.broken)
+        return self._answers
 
 
 def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> str:
@@ -206,7 +206,7 @@ class LockOnlyGeometry:
         self.unknown: list[str] = []
         self.broken: list[BadLock] = []
         self._parts = PartCode(workspace, None)
-        self._answers = LockAnswers(lock, workspace, self._parts) if lock is not None else None
+        self._answers = LockAnswers(lock, workspace, self._parts, self.broken) if lock is not None else None
 
     @property
     def inputs(self) -> frozenset[str]:
@@ -241,7 +241,7 @@ class LockOnlyGeometry:
                 return PartFailure(subject=reference, kind="invalid", message="this is not a part class", file=file, line=line)
             message = f"`{LOCK_FILE}` does not contain this part"
             return PartFailure(subject=reference, kind="unlocked", message=message, file=file, line=line)
-        schema = self._tried(partial(answers.schema, reference))
+        schema = answers.schema(reference)
         if schema is not None:
             return schema
         if answers.current(reference):
@@ -268,13 +268,13 @@ class LockOnlyGeometry:
         for definition in definitions if answers is not None else ():
             assert answers is not None
             before = len(self.broken)
-            record = self._tried(partial(answers.record, definition))
+            record = answers.record(definition)
             if record is None and definition.kind == "file":
                 records[definition.text] = _unlocked_file(definition, answers.lock)
                 continue
             if record is None and len(self.broken) == before:
                 self.unknown.append(definition.label)
-                record = self._tried(partial(answers.relative, definition))
+                record = answers.relative(definition)
             if record is not None:
                 records[definition.text] = record
         return records
@@ -298,13 +298,6 @@ class LockOnlyGeometry:
                 self.unknown.append(labels[text])
                 sliced[text] = replace(record, exact=False)
         return sliced
-
-    def _tried(self, ask: Callable[[], _T | None]) -> _T | None:
-        try:
-            return ask()
-        except BadLock as fault:
-            self.broken.append(fault)
-            return None
 
 
 def _unlocked_file(definition: PartDefinition, lock: Lock) -> PartFailure:

@@ -112,13 +112,13 @@ def lacking_result(part: PartLike) -> MissingMember | None:
     if not isinstance(part, type) or not issubclass(part, Thing):
         return None
     if part.result is Thing.result:
-        return MissingMember(words="has no `result()`, which must return its geometry", place=_code_location(part))
+        return MissingMember(words="has no `result()`, which must return its geometry", place=code_location(part))
     function = inspect.unwrap(part.result)
     tree = syntax_of(function)
     ends = (ast.Return, ast.Raise, ast.Yield, ast.YieldFrom, ast.Lambda)
     if tree is None or any(isinstance(node, ends) for node in ast.walk(tree)):
         return None
-    return MissingMember(words="has a `result()` without a `return` statement", place=_code_location(function))
+    return MissingMember(words="has a `result()` without a `return` statement", place=code_location(function))
 
 
 def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFunctionDef | None:
@@ -147,7 +147,8 @@ def _functions_in(text: str) -> Mapping[int, ast.FunctionDef | ast.AsyncFunction
     return {min([one.lineno, *(decorator.lineno for decorator in one.decorator_list)]): one for one in functions}
 
 
-def _code_location(code: Any) -> tuple[str, int] | None:
+def code_location(code: Any) -> tuple[str, int] | None:
+    """Return the file and the line where a class or function is defined, or None if its source code does not exist."""
     try:
         return inspect.getsourcefile(code) or "", inspect.getsourcelines(code)[1]
     except (OSError, TypeError):

@@ -52,11 +52,12 @@ def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema
 
 def _code_location(part: Any, kind: str) -> tuple[str, int]:
     """Return the file and the line where a class or function is defined."""
-    try:
-        return inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1]
-    except (OSError, TypeError):
-        code = inspect.unwrap(part.__init__).__code__ if kind == "thing" and hasattr(part.__init__, "__code__") else None
-        return (code.co_filename, code.co_firstlineno) if code is not None else ("", 1)
+    from thingc.geometry.things.inspection import code_location
+
+    if (place := code_location(part)) is not None:
+        return place
+    code = inspect.unwrap(part.__init__).__code__ if kind == "thing" and hasattr(part.__init__, "__code__") else None
+    return (code.co_filename, code.co_firstlineno) if code is not None else ("", 1)
 
 
 def _default_material(part: Any) -> str | None:

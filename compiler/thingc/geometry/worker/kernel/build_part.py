@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 from msgspec.structs import replace
 
@@ -36,7 +37,7 @@ from thingc.geometry.record_json import record_to_json, to_json
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.worker.kernel import convert, meshing
 from thingc.geometry.worker.kernel.bounding_primitives import fit_all
-from thingc.geometry.worker.kernel.integrals import Measures, at_origin, bodies_of, compound_of, explored, measure, solids_of
+from thingc.geometry.worker.kernel.integrals import at_origin, bodies_of, compound_of, explored, measure, solids_of
 from thingc.geometry.worker.kernel.mesh_files import SUFFIXES, BadPartFile
 from thingc.geometry.worker.kernel.mirroring import SolidMirror
 from thingc.geometry.worker.kernel.part_files import hexadecimal, kernel_shape, named, read_part, unusable
@@ -48,7 +49,6 @@ from thingc.geometry.worker.part_session import NoPart, PartSession, RequestCont
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
-    from thingc.base.pose import Matrix, Vector
 
 NOTHING = 1e-9
 """Volume [mm^3] below which the geometry of a part counts as empty."""
@@ -68,8 +68,6 @@ If a boolean operation merges two corners, the kernel keeps the corner with the 
 and that of the other corner 2e-31. Without rounding, the same part could have a different mesh in the next run.
 """
 
-_ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-
 
 class Tessellations(FrozenStruct):
     """Tessellation settings: `fine` for print files and clearance checks, `simulation` for visual and collision meshes in simulators."""
@@ -81,33 +79,19 @@ class Tessellations(FrozenStruct):
 class BuiltPart(FrozenStruct):
     """The geometry that part code or a part file defines, before it is measured.
 
-    The shapes are objects of the CAD kernel [mm]. There are no shapes for a part without geometry. `one` is True if the solids should be
-    connected to one body. `file` is True if the part is a file, and `faceted` is True if all its faces are triangles. `faces` is the
-    maximum number of triangles for simulators. All other fields are the same as in `PartRecord`.
+    The shapes are objects of the CAD kernel [mm]. There are no shapes for a part without geometry. `record` contains all properties that do
+    not result from measuring the shapes. `one` is True if the solids should be connected to one body. `file` is True if the part is a file,
+    and `faceted` is True if all its faces are triangles. `faces` is the maximum number of triangles for simulators.
     """
 
     shapes: Sequence[TopoDS_Shape]
+    record: PartRecord
     visual: Sequence[TopoDS_Shape] = ()
     collision: Sequence[TopoDS_Shape] = ()
-    material: str | None = None
-    color: str | None = None
-    mounts: dict[str, MountRecord] = {}
-    references: tuple[str, ...] = ()
-    expectations: tuple[MountExpectation, ...] = ()
-    actuator: ActuatorRecord | None = None
-    mass: DeclaredValue[float] | None = None
-    com: DeclaredValue[Vector] | None = None
-    matrix: DeclaredValue[Matrix] | None = None
-    density: DeclaredValue[float] | None = None
-    bom: dict[str, str] = {}
-    up: Vector | None = None
-    warnings: tuple[PartWarning, ...] = ()
-    code: tuple[str, int] | None = None
     one: bool = False
     file: bool = False
     faceted: bool = False
     faces: int | None = None
-    own_image: bool = False
 
 
 def build_part(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
@@ -127,7 +111,7 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
             if definition["mirror"] is not None:
                 made = _mirrored(made, SolidMirror(definition["mirror"]))
             session.stop()
-            record = _record(definition["text"], made, tessellations, store)
+            record = _record(made, tessellations, store)
             part_warnings = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
             answer = {"record": record_to_json(replace(record, warnings=part_warnings), around.root)}
             reads = session.reads(*(warning.file for warning in part_warnings))
@@ -152,10 +136,11 @@ def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
     """
     import inspect
 
+    from thingc.geometry.things.inspection import code_location
+
     with contextlib.suppress(Exception):
-        part = inspect.unwrap(session.part(reference))
-        file, line = inspect.getsourcefile(part), inspect.getsourcelines(part)[1]
-        if file is not None and session.is_own(file):
+        file, line = code_location(inspect.unwrap(session.part(reference))) or ("", 0)
+        if session.is_own(file):
             return {"file": file, "line": line}
     return {}
 
@@ -167,8 +152,6 @@ def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], boo
 
 
 def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart:
-    import inspect
-
     from thingc.geometry.things import inspection
 
     reference = definition["reference"]
@@ -186,14 +169,9 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
     statements = inspection.statements_of(thing)
     color, extra = _color(inspection.color_of(thing), {hexadecimal(shape.color) for shape in shapes if shape.color is not None})
     actuator = inspection.actuator_of(thing)
-    code = None
-    if not definition["placed"]:
-        with contextlib.suppress(OSError, TypeError):
-            code = (inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1])
-    return BuiltPart(
-        shapes=[_rounded(shape.wrapped) for shape in shapes],
-        visual=[_rounded(shape.wrapped) for shape in _shapes(thing.visual(), "visual")],
-        collision=[_rounded(shape.wrapped) for shape in _shapes(thing.collision(), "collision")],
+    visual, collision = _shapes(thing.visual(), "visual"), _shapes(thing.collision(), "collision")
+    record = PartRecord(
+        text=definition["text"],
         material=inspection.material_of(thing),
         color=color,
         mounts={
@@ -205,24 +183,23 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
         },
         references=inspection.references_of(thing),
         expectations=tuple(_expectation(expected) for expected in inspection.expectations_of(thing)),
-        actuator=None if actuator is None else ActuatorRecord(
-            kind=actuator.kind, stall_torque=actuator.stall_torque, no_load_speed=actuator.no_load_speed,
-            gear_ratio=actuator.gear_ratio, rotor_inertia=actuator.rotor_inertia, kp=actuator.kp, kv=actuator.kv,
-            sources=dict(actuator.sources),
-        ),
+        actuator=msgspec.convert(actuator, ActuatorRecord | None, from_attributes=True),
         mass=_stated(statements.mass, float), com=_stated(statements.centre, convert.vector),
         matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density, float),
-        bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=extra, code=code,
-        one=kind != "shape" and inspection.is_one_solid(geometry),  # users cannot change a library's shape class
+        bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=extra,
+        code=None if definition["placed"] else inspection.code_location(part),
     )
+    one = kind != "shape" and inspection.is_one_solid(geometry)  # users cannot change a library's shape class
+    return BuiltPart(shapes=_rounded(shapes), visual=_rounded(visual), collision=_rounded(collision), record=record, one=one)
 
 
 def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPart:
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
     shapes, colors, mended = read_part(os.path.join(around.root, definition["reference"]), unit)
     color, extra = _color(None, colors)
+    warnings = (*extra, *(PartWarning(message=words) for words in mended))
     return BuiltPart(
-        shapes=shapes, color=color, warnings=(*extra, *(PartWarning(message=words) for words in mended)), file=True,
+        shapes=shapes, record=PartRecord(text=definition["text"], color=color, warnings=warnings), file=True,
         faceted=definition["reference"].lower().endswith(SUFFIXES), faces=definition["parameters"].get("faces"),
     )
 
@@ -232,18 +209,18 @@ def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
 
     The mirror image has no order number in the bill of materials, because this number belongs to the original part.
     """
-    mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
-    stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
-    return replace(
-        made,
-        shapes=[mirror.shape(shape) for shape in made.shapes], visual=[mirror.shape(shape) for shape in made.visual],
-        collision=[mirror.shape(shape) for shape in made.collision], mounts=mounts,
-        com=None if made.com is None else replace(made.com, value=mirror.vector(made.com.value)),
-        matrix=None if made.matrix is None else replace(made.matrix, value=mirror.matrix(made.matrix.value)),
-        up=None if made.up is None else mirror.vector(made.up),
-        bom={key: value for key, value in made.bom.items() if key != "number"},
+    record = made.record
+    stays = all(mirror.keeps(mount.pose) for mount in record.mounts.values())
+    image = replace(
+        record, mounts={name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in record.mounts.items()},
+        com=None if record.com is None else replace(record.com, value=mirror.vector(record.com.value)),
+        matrix=None if record.matrix is None else replace(record.matrix, value=mirror.matrix(record.matrix.value)),
+        up=None if record.up is None else mirror.vector(record.up),
+        bom={key: value for key, value in record.bom.items() if key != "number"},
         own_image=bool(made.shapes) and stays and mirror.is_image_of_itself(solid_part(made)),
     )
+    shapes, visual, collision = ([mirror.shape(shape) for shape in some] for some in (made.shapes, made.visual, made.collision))
+    return replace(made, shapes=shapes, visual=visual, collision=collision, record=image)
 
 
 def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
@@ -259,8 +236,8 @@ def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
     return shapes
 
 
-def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
-    """Round the coordinates of the corners of a shape to `DECIMALS`, and return the shape."""
+def _rounded(shapes: Iterable[Any]) -> list[TopoDS_Shape]:
+    """Round the coordinates of the corners of build123d shapes to `DECIMALS`, and return the shapes of the CAD kernel."""
     from OCP.BRep import BRep_Builder, BRep_Tool
     from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
     from OCP.gp import gp_Pnt
@@ -268,14 +245,16 @@ def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
     from OCP.TopExp import TopExp
     from OCP.TopoDS import TopoDS
 
-    builder, corners = BRep_Builder(), ShapeMap()
-    TopExp.MapShapes_s(shape, TopAbs_VERTEX, corners)
-    for corner in map(TopoDS.Vertex, corners):
-        at = BRep_Tool.Pnt_s(corner).Coord()
-        x, y, z = (round(coordinate, DECIMALS) + 0.0 for coordinate in at)
-        if (x, y, z) != at:
-            builder.UpdateVertex(corner, gp_Pnt(x, y, z), BRep_Tool.Tolerance_s(corner))
-    return shape
+    builder, rounded = BRep_Builder(), [shape.wrapped for shape in shapes]
+    for shape in rounded:
+        corners = ShapeMap()
+        TopExp.MapShapes_s(shape, TopAbs_VERTEX, corners)
+        for corner in map(TopoDS.Vertex, corners):
+            at = BRep_Tool.Pnt_s(corner).Coord()
+            x, y, z = (round(coordinate, DECIMALS) + 0.0 for coordinate in at)
+            if (x, y, z) != at:
+                builder.UpdateVertex(corner, gp_Pnt(x, y, z), BRep_Tool.Tolerance_s(corner))
+    return rounded
 
 
 def _stated(statement: Any, converted: Callable[[Any], Declared]) -> DeclaredValue[Declared] | None:
@@ -308,55 +287,49 @@ def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[P
     return next(iter(of_shapes), None), ()
 
 
-def _record(text: str, made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
-    """Measure and mesh the solids of a part, write the files to the store, and return the part record."""
-    measures: Measures | None = None
+def _record(made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
+    """Return the complete record of a part. Its shapes are measured, and their meshes are written to the store."""
+    record = _measured(made, tessellations, store) if made.shapes else made.record
+    return replace(record, pieces=tuple(_pieces(made.collision, tessellations.simulation, store)))
+
+
+def _measured(made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
+    """Measure and mesh the solids of a part, write the files to the store, and return the record with the results."""
+    solid = solid_part(made)
+    measures = measure(solid)
+    if not measures.volume > NOTHING:
+        raise NoPart("empty", f"its volume is {measures.volume:.3g} mm^3")
+    brep = store.put(written_brep(solid))  # written before meshing, which would add triangles to the shape
+    solids = _meshes(solid, tessellations.fine)
+    mesh = meshing.together(solids)
+    metres = mesh.scaled(1.0 / convert.MM)
+    round_about = meshing.hull(metres.vertices) or metres
+    coarse, hull, extra = metres, round_about, made.record.warnings
+    if tessellations.simulation != tessellations.fine and not made.faceted:
+        coarse = meshing.together(_meshes(solid, tessellations.simulation)).scaled(1.0 / convert.MM)
+        hull = meshing.hull(coarse.vertices) or coarse
     meshes: dict[str, Mesh] = {}
-    fits = {}
-    brep = None
-    extra = made.warnings
-    if made.shapes:
-        solid = solid_part(made)
-        measures = measure(solid)
-        if not measures.volume > NOTHING:
-            raise NoPart("empty", f"its volume is {measures.volume:.3g} mm^3")
-        brep = store.put(written_brep(solid))  # written before meshing, which would add triangles to the shape
-        solids = _meshes(solid, tessellations.fine)
-        mesh = meshing.together(solids)
-        metres = mesh.scaled(1.0 / convert.MM)
-        round_about = meshing.hull(metres.vertices) or metres
-        coarse, hull = metres, round_about
-        if tessellations.simulation != tessellations.fine and not made.faceted:
-            coarse = meshing.together(_meshes(solid, tessellations.simulation)).scaled(1.0 / convert.MM)
-            hull = meshing.hull(coarse.vertices) or coarse
-        if made.faces is not None and len(coarse.faces) > made.faces:
+    if made.faces is not None:
+        if len(coarse.faces) > made.faces:
             fewer = simplified(coarse, made.faces)
             extra = (*extra, *_off(coarse, fewer))
             coarse, hull = fewer, meshing.hull(fewer.vertices) or fewer
-        if made.faces is not None:
-            meshes["simulation"] = stored_obj(coarse, store)
-        shown = _visual(made.visual, tessellations.simulation).scaled(1.0 / convert.MM) if made.visual else coarse
-        meshes["visual"] = _stored(shown, meshing.obj(shown), store)
-        meshes["mesh"] = stored_obj(metres, store)
-        meshes["hull"] = stored_obj(hull, store)
-        printed, double = meshing.merge_vertices(mesh), meshing.merge_vertices(mesh, DECIMALS)
-        meshes["print"] = _stored(printed, meshing.stl(printed), store)
-        meshes["slicing"] = _stored(double, meshing.double(double), store)
-        if not meshes["print"].closed:
-            extra = (*extra, PartWarning(message="its mesh is not closed: the CAD kernel left gaps between faces"))
-        extra = (*extra, *_overlap(solids, file=made.file))
-        fits = fit_all(round_about.vertices, convert.unit_inertia(measures.inertia))
-    return PartRecord(
-        text=text, material=made.material, color=made.color,
-        volume=convert.volume(measures.volume) if measures else 0.0,
-        area=convert.area(measures.area) if measures else 0.0,
-        centre=convert.vector(measures.centre) if measures else (0.0, 0.0, 0.0),
-        inertia=convert.unit_inertia(measures.inertia) if measures else _ZERO,
-        box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])) if measures else None,
-        mounts=made.mounts, references=made.references, expectations=made.expectations, actuator=made.actuator,
-        mass=made.mass, com=made.com, matrix=made.matrix, density=made.density, bom=made.bom, warnings=extra, fits=fits, meshes=meshes,
-        apart=_apart(solid) if made.one and made.shapes else (), own_image=made.own_image,
-        pieces=tuple(_pieces(made.collision, tessellations.simulation, store)), convex={}, brep=brep, code=made.code, up=made.up,
+        meshes["simulation"] = stored_obj(coarse, store)
+    shown = _visual(made.visual, tessellations.simulation).scaled(1.0 / convert.MM) if made.visual else coarse
+    meshes["visual"] = _stored(shown, meshing.obj(shown), store)
+    meshes["mesh"] = stored_obj(metres, store)
+    meshes["hull"] = stored_obj(hull, store)
+    printed, double = meshing.merge_vertices(mesh), meshing.merge_vertices(mesh, DECIMALS)
+    meshes["print"] = _stored(printed, meshing.stl(printed), store)
+    meshes["slicing"] = _stored(double, meshing.double(double), store)
+    if not meshes["print"].closed:
+        extra = (*extra, PartWarning(message="its mesh is not closed: the CAD kernel left gaps between faces"))
+    inertia = convert.unit_inertia(measures.inertia)
+    return replace(
+        made.record, volume=convert.volume(measures.volume), area=convert.area(measures.area), centre=convert.vector(measures.centre),
+        inertia=inertia, box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])), brep=brep, meshes=meshes,
+        fits=fit_all(round_about.vertices, inertia), warnings=(*extra, *_overlap(solids, file=made.file)),
+        apart=_apart(solid) if made.one else (),
     )
 
 
