@@ -26,9 +26,10 @@ from thingc.base.diagnostics import Report
 from thingc.base.pose import NO_POSE, Pose, rotate
 from thingc.documents.load.documents import read_tree
 from thingc.driver.environment import Options, store_of
+from thingc.geometry.features import AxisLine
 from thingc.tools.cli.main import main as command
 from thingc.tools.importing.step import ImportedAssembly, import_step
-from thingc.tools.joints.contacts import ContactAxis, line_through
+from thingc.tools.joints.contacts import parallel
 from thingc.tools.joints.joints import propose_joints
 from thingc.tools.joints.proposals import JointProposal
 
@@ -47,12 +48,12 @@ def imported_into(path: Path, folder: Path, options: Options) -> ImportedAssembl
     return imported
 
 
-def all_proposals(document: Path, options: Options, pose: Pose = NO_POSE) -> Iterator[tuple[JointProposal, ContactAxis]]:
+def all_proposals(document: Path, options: Options, pose: Pose = NO_POSE) -> Iterator[tuple[JointProposal, AxisLine]]:
     """Yield the proposals for a document and its nested documents, with their axes in the frame of the outermost document."""
     proposed = propose_joints(str(document), options)
     assert proposed.document is not None, [one.message for one in proposed.found]
     for one in proposed.proposals:
-        yield one, line_through(pose.apply(one.line.point), rotate(pose.rotation, one.line.axis))
+        yield one, AxisLine.through(pose.apply(one.line.point), rotate(pose.rotation, one.line.axis))
     tree = read_tree(str(document), document.read_bytes(), Report())
     assert tree is not None
     for name, component in tree.plain()["components"].items():  # type: ignore[union-attr]
@@ -71,13 +72,13 @@ def root_frame(imported: ImportedAssembly) -> Pose:
         number = child.assembly
 
 
-def _same(joint: Joint, one: JointProposal, line: ContactAxis, root: Pose) -> bool:
+def _same(joint: Joint, one: JointProposal, line: AxisLine, root: Pose) -> bool:
     x, y, z = (value / 1000.0 for value in joint.point)
     point, axis = root.inverse().apply((x, y, z)), rotate(root.inverse().rotation, joint.axis)
-    known = line_through(point, axis)
+    known = AxisLine.through(point, axis)
     # any point on the axis of a slide is correct
     near = one.kind == "prismatic" or math.dist(known.point, line.point) < NEAR
-    return joint.kind == one.kind and known.parallel(line.axis) and near
+    return joint.kind == one.kind and parallel(known, line.axis) and near
 
 
 def joints_of(document: Path, options: Options) -> list[Joint]:

@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
+import math
+
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.pose import Pose, Vector
+from thingc.base.pose import Pose, Vector, added, dot
+
+
+class AxisLine(FrozenStruct):
+    """A line: its closest point to the origin, and its direction, of which the last coordinate that is not zero is positive."""
+
+    point: Vector
+    axis: Vector
+
+    @staticmethod
+    def through(point: Vector, axis: Vector) -> AxisLine:
+        """Return the line through a point in the direction of a unit vector."""
+        x, y, z = (round(value, 12) + 0.0 for value in axis)
+        if next(value for value in (z, y, x) if value) < 0.0:
+            x, y, z = -x + 0.0, -y + 0.0, -z + 0.0
+        return AxisLine(point=added(point, (x, y, z), -dot(point, (x, y, z))), axis=(x, y, z))
+
+    def interval(self, point: Vector, axis: Vector, ends: tuple[float, float]) -> tuple[float, float]:
+        """Convert distances from a point along a vector, both on this line, to distances from the point of this line."""
+        shift, sign = dot(point, self.axis), math.copysign(1.0, dot(axis, self.axis))
+        lower, upper = sorted(shift + sign * end for end in ends)
+        return lower, upper
 
 
 class Cylinder(FrozenStruct):
     """A cylindrical surface of a part, which may consist of several faces.
 
-    `point` is the point of the axis that is closest to the origin, and `axis` a unit vector. The surface extends from `lower` to `upper`
-    [m] along the axis, relative to `point`. `sweep` [rad] is the angle that the surface covers on average. A `hollow` cylinder is the wall
-    of a hole. `through` is True for a hole that is open at both ends.
+    The surface extends from `lower` to `upper` [m] along its axis `line`, relative to the point of the line. `sweep` [rad] is the angle
+    that the surface covers on average. A `hollow` cylinder is the wall of a hole. `through` is True for a hole that is open at both ends.
     """
 
-    point: Vector
-    axis: Vector
+    line: AxisLine
     radius: float
     lower: float
     upper: float

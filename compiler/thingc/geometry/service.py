@@ -475,14 +475,16 @@ class GeometryService:
 
         Raises `AssemblyFailed` if the kernel cannot read a B-rep.
         """
-        found = {brep: kept for brep in sorted(breps) if (kept := self.store.get_json("features", brep)) is not None}
-        missing = [brep for brep in sorted(breps) if brep not in found]
+        versions = sorted(self._parts.versions(None).items())
+        keys = {brep: repr([brep, versions]) for brep in sorted(breps)}
+        found = {brep: kept for brep, key in keys.items() if (kept := self.store.get_json("features", key)) is not None}
+        missing = [brep for brep in keys if brep not in found]
         if missing:
             answer = self._answer({"op": "features", "breps": missing, "store": self.store.root, "timeout": self.timeout})
             if "answer" not in answer:
                 raise AssemblyFailed("features", answer.get("words") or answer["failed"], answer.get("detail", ""))
             for brep, made in answer["answer"]["features"].items():
-                self.store.put_json("features", brep, made)
+                self.store.put_json("features", keys[brep], made)
                 found[brep] = made
         return {brep: convert(made, Features) for brep, made in found.items()}
 

@@ -35,13 +35,13 @@ def feature_mounts(features: Features) -> tuple[FeatureMount, ...]:
     mounts: list[FeatureMount] = []
     for number, circle in enumerate(_circles(holes), 1):
         first = circle[0]
-        centre = _mean([one.point for one in circle])
-        radius = dist(centre, first.point)
+        line, centre = first.line, _mean([one.line.point for one in circle])
+        radius = dist(centre, line.point)
         words = f"bolt circle: {len(circle)} holes of {_mm(2.0 * first.radius)} mm on {_mm(2.0 * radius)} mm"
-        mounts.append(FeatureMount(name=f"bolts_{number}", pose=along(first.axis, added(centre, first.axis, first.upper)), what=words))
+        mounts.append(FeatureMount(name=f"bolts_{number}", pose=along(line.axis, added(centre, line.axis, first.upper)), what=words))
         holes = [one for one in holes if one not in circle]
     for number, hole in enumerate(holes, 1):
-        pose = along(hole.axis, added(hole.point, hole.axis, hole.upper))
+        pose = along(hole.line.axis, added(hole.line.point, hole.line.axis, hole.upper))
         mounts.append(FeatureMount(name=f"hole_{number}", pose=pose, what=f"through hole of {_mm(2.0 * hole.radius)} mm"))
     for number, face in enumerate(_outermost(features.planes), 1):
         mounts.append(FeatureMount(name=f"face_{number}", pose=along(face.normal, face.centre), what="planar face"))
@@ -52,14 +52,14 @@ def _circles(holes: Sequence[Cylinder]) -> Iterator[list[Cylinder]]:
     """Yield groups of at least three equal holes whose axes are on one circle around the centre of the group."""
     equal: dict[object, list[Cylinder]] = {}
     for hole in holes:
-        equal.setdefault((hole.axis, *(round(value, 7) for value in (hole.radius, hole.lower, hole.upper))), []).append(hole)
+        equal.setdefault((hole.line.axis, *(round(value, 7) for value in (hole.radius, hole.lower, hole.upper))), []).append(hole)
     for group in equal.values():
-        centre = _mean([hole.point for hole in group])
+        centre = _mean([hole.line.point for hole in group])
         rings: dict[float, list[Cylinder]] = {}
         for hole in group:
-            rings.setdefault(round(dist(centre, hole.point), 6), []).append(hole)
+            rings.setdefault(round(dist(centre, hole.line.point), 6), []).append(hole)
         for ring in rings.values():
-            if len(ring) >= 3 and dist(_mean([hole.point for hole in ring]), centre) < _NEAR:
+            if len(ring) >= 3 and dist(_mean([hole.line.point for hole in ring]), centre) < _NEAR:
                 yield ring
 
 

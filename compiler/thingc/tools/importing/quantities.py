@@ -128,15 +128,23 @@ def was(word: str, name: str) -> str:
 def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:
     """Format a pose as keys of a YAML mapping, such as `xyz: 0 0 50 mm, rpy: -90 0 0 deg`. Zero vectors are omitted.
 
-    A result that is not empty starts with the text `before`. `rpy` [rad] are the angles in the source, if known. Without these angles, the
-    rotation is written in round degrees if possible, else as `quat`, which preserves all digits.
+    A result that is not empty starts with the text `before`. `rpy` [rad] are the angles in the source, if known.
+    """
+    said = [f"{key}: {value}" for key, value in pose_entries(pose, rpy).items()]
+    return f"{before if said else ''}{', '.join(said)}"
+
+
+def pose_entries(pose: Pose, rpy: Vector | None = None) -> dict[str, str]:
+    """Return the keys of a pose in YAML with their values. Zero vectors are omitted.
+
+    Without the angles `rpy` [rad] of the source, the rotation is written in round degrees if possible, else as `quat`, which preserves all
+    digits.
     """
     turned = ("rpy", angles(rpy if rpy is not None else rpy_of(pose.rotation)))
     if rpy is None and turned[1].endswith("rad"):
         turned = ("quat", quaternion_words(pose))
     words = (("xyz", lengths([round(one, FIXED) for one in pose.translation])), turned)
-    said = [f"{key}: {value}" for key, value in words if value != "0 0 0"]
-    return f"{before if said else ''}{', '.join(said)}"
+    return {key: value for key, value in words if value != "0 0 0"}
 
 
 def quaternion_words(pose: Pose) -> str:

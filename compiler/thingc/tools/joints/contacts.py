@@ -5,39 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
-from thingc.base.pose import Pose, Vector, added, along, dot, rotate
-from thingc.geometry.features import Cylinder, Features, PlanarFace
+from thingc.base.pose import Pose, Vector, along, dot, rotate
+from thingc.geometry.features import AxisLine, Features, PlanarFace
 
 CLEARANCE = 3e-4
 """Largest difference of the radii of a hole and of a shaft in it."""
 TOUCHING = 1e-5
 """Largest distance of coplanar faces, and of the axes of a hole and of a shaft in it."""
 PARALLEL = 1e-8
+"""Largest difference from 1 of the cosine of the angle between parallel vectors."""
 SHORTEST, SMALLEST = 2e-4, 1e-7
 """Smallest overlap of a hole and a shaft [m], and of two planar faces [m^2]."""
-
-
-class ContactAxis(FrozenStruct):
-    """An axis: its closest point to the origin, and its direction, of which the last coordinate that is not zero is positive."""
-
-    point: Vector
-    axis: Vector
-
-    def same(self, other: ContactAxis) -> bool:
-        """Return whether two lines are equal up to the tolerances."""
-        return self.parallel(other.axis) and dist(self.point, other.point) < TOUCHING
-
-    def parallel(self, direction: Vector) -> bool:
-        """Return whether a unit vector is parallel to the line."""
-        return abs(dot(self.axis, direction)) > 1.0 - PARALLEL
 
 
 class ShaftContact(FrozenStruct):
     """A shaft in a hole. `first_is_shaft` is True if the shaft belongs to the first part. The overlap is from `lower` to `upper`."""
 
-    line: ContactAxis
+    line: AxisLine
     radius: float
     lower: float
     upper: float
@@ -56,20 +44,17 @@ class Contact(FrozenStruct):
 
     shafts: tuple[ShaftContact, ...] = ()
     faces: tuple[FaceContact, ...] = ()
-    holes: tuple[tuple[ContactAxis, float], ...] = ()
+    holes: tuple[tuple[AxisLine, float], ...] = ()
 
 
 def placed(features: Features, pose: Pose) -> Features:
     """Transform the features of a part to the frame of the robot."""
     cylinders = []
     for one in features.cylinders:
-        line, axis = line_through(pose.apply(one.point), rotate(pose.rotation, one.axis)), rotate(pose.rotation, one.axis)
-        shift, sign = dot(pose.apply(one.point), line.axis), math.copysign(1.0, dot(axis, line.axis))
-        lower, upper = sorted((shift + sign * one.lower, shift + sign * one.upper))
-        cylinders.append(Cylinder(
-            point=line.point, axis=line.axis, radius=one.radius, lower=lower, upper=upper, sweep=one.sweep, hollow=one.hollow,
-            through=one.through,
-        ))
+        point, axis = pose.apply(one.line.point), rotate(pose.rotation, one.line.axis)
+        line = AxisLine.through(point, axis)
+        lower, upper = line.interval(point, axis, (one.lower, one.upper))
+        cylinders.append(replace(one, line=line, lower=lower, upper=upper))
     planes = tuple(
         PlanarFace(
             normal=rotate(pose.rotation, one.normal), centre=pose.apply(one.centre), area=one.area,
@@ -80,12 +65,14 @@ def placed(features: Features, pose: Pose) -> Features:
     return Features(cylinders=tuple(cylinders), planes=planes)
 
 
-def line_through(point: Vector, axis: Vector) -> ContactAxis:
-    """Return the line through a point in the direction of a unit vector."""
-    x, y, z = (round(value, 12) + 0.0 for value in axis)
-    if next(value for value in (z, y, x) if value) < 0.0:
-        x, y, z = -x + 0.0, -y + 0.0, -z + 0.0
-    return ContactAxis(point=added(point, (x, y, z), -dot(point, (x, y, z))), axis=(x, y, z))
+def same_line(one: AxisLine, other: AxisLine) -> bool:
+    """Return whether two lines are equal up to the tolerances."""
+    return parallel(one, other.axis) and dist(one.point, other.point) < TOUCHING
+
+
+def parallel(line: AxisLine, direction: Vector) -> bool:
+    """Return whether a unit vector is parallel to a line."""
+    return abs(dot(line.axis, direction)) > 1.0 - PARALLEL
 
 
 def contact(first: Features, other: Features) -> Contact:
@@ -101,18 +88,17 @@ def _shafts(first: Features, other: Features) -> Iterator[ShaftContact]:
                 continue
             lower, upper = max(one.lower, two.lower), min(one.upper, two.upper)
             fits = -TOUCHING <= hole.radius - shaft.radius <= CLEARANCE and upper - lower >= SHORTEST
-            line = ContactAxis(point=hole.point, axis=hole.axis)
-            if fits and line.same(ContactAxis(point=shaft.point, axis=shaft.axis)):
-                yield ShaftContact(line=line, radius=shaft.radius, lower=lower, upper=upper, first_is_shaft=not one.hollow)
+            if fits and same_line(hole.line, shaft.line):
+                yield ShaftContact(line=hole.line, radius=shaft.radius, lower=lower, upper=upper, first_is_shaft=not one.hollow)
 
 
-def _holes(first: Features, other: Features) -> Iterator[tuple[ContactAxis, float]]:
+def _holes(first: Features, other: Features) -> Iterator[tuple[AxisLine, float]]:
     for one in first.cylinders:
         for two in other.cylinders:
-            line, apart = ContactAxis(point=one.point, axis=one.axis), max(one.lower, two.lower) - min(one.upper, two.upper)
-            equal = abs(one.radius - two.radius) < 2.0 * CLEARANCE and line.same(ContactAxis(point=two.point, axis=two.axis))
+            apart = max(one.lower, two.lower) - min(one.upper, two.upper)
+            equal = abs(one.radius - two.radius) < 2.0 * CLEARANCE and same_line(one.line, two.line)
             if one.hollow and two.hollow and equal and apart < SHORTEST:
-                yield line, one.radius
+                yield one.line, one.radius
 
 
 def _faces(first: Features, other: Features) -> Iterator[FaceContact]:

@@ -13,11 +13,11 @@ from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, s
 from thingc.driver import pipeline
 from thingc.driver.edit_document import EditResult, write_texts
 from thingc.driver.environment import Environment, Options
-from thingc.geometry.features import Features
+from thingc.geometry.features import AxisLine, Features
 from thingc.geometry.record import AssemblyFailed
 from thingc.model.assembly.types import Assembly, Occurrence
-from thingc.tools.importing.quantities import length, pose_words
-from thingc.tools.joints.contacts import CLEARANCE, Contact, ContactAxis, contact, line_through, placed
+from thingc.tools.importing.quantities import length, pose_entries
+from thingc.tools.joints.contacts import CLEARANCE, Contact, contact, placed
 from thingc.tools.joints.proposals import ComponentBody, JointProposal, JointSearch, Pair, round_axes
 
 
@@ -101,10 +101,10 @@ def _bodies_and_contacts(
 
 
 def _body(name: str, parts: Sequence[tuple[Occurrence, Features]], assembly: Assembly) -> ComponentBody:
-    axes: tuple[ContactAxis, ...] = ()
+    axes: tuple[AxisLine, ...] = ()
     if len(parts) == 1:
         one, features = parts[0]
-        lines = [line_through(each.point, each.axis) for each in features.cylinders if not each.hollow and each.sweep > 6.0]
+        lines = [each.line for each in features.cylinders if not each.hollow and each.sweep > 6.0]
         axes = round_axes(one.properties.inertia, one.properties.centre, lines, assembly.rest[one.index])
     words = (parts[0][0].definition.text,) if len(parts) == 1 else ()
     return ComponentBody(name=name, words=words, mass=sum(one.properties.mass for one, _ in parts), round_about=axes)
@@ -241,8 +241,5 @@ def _outwards(
 
 def _pose_values(pose: Pose) -> dict[str, Written]:
     """Return the keys of a pose in a document."""
-    values: dict[str, Written] = {}
-    for entry in filter(None, pose_words(pose).replace(", rpy", "\nrpy").replace(", quat", "\nquat").split("\n")):
-        key, _, text = entry.partition(": ")
-        values[key] = text.strip("[]").split(", ") if text.startswith("[") else text
-    return values
+    words = pose_entries(pose)
+    return {key: text.strip("[]").split(", ") if text.startswith("[") else text for key, text in words.items()}

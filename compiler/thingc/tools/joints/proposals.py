@@ -18,7 +18,8 @@ from msgspec.structs import replace
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist, hypot
 from thingc.base.pose import Pose, Vector, along, cross, dot, rotate
-from thingc.tools.joints.contacts import Contact, ContactAxis, ShaftContact
+from thingc.geometry.features import AxisLine
+from thingc.tools.joints.contacts import Contact, ShaftContact, parallel, same_line
 
 FASTENERS = re.compile(r"screw|bolt|nut(?![a-z])|washer|rivet|dowel|standoff|spacer|(?<![a-z])(iso|din|m)_?\d", re.IGNORECASE)
 """Names of parts that fasten other parts rigidly."""
@@ -35,7 +36,7 @@ class ComponentBody(FrozenStruct):
     name: str
     words: tuple[str, ...]
     mass: float
-    round_about: tuple[ContactAxis, ...] = ()
+    round_about: tuple[AxisLine, ...] = ()
 
     @property
     def fastens(self) -> bool:
@@ -53,7 +54,7 @@ class JointProposal(FrozenStruct):
     kind: Literal["revolute", "prismatic"]
     parent: str
     child: str
-    line: ContactAxis
+    line: AxisLine
     doubt: str | None
     travel: float = 0.0
 
@@ -105,26 +106,18 @@ class JointSearch:
         If a joint is accepted, parts that touch around the same axis can also turn.
         """
         axes = [one.line for one in accepted if one.kind == "revolute"]
-        around = [one for one in self.found if one.kind == "revolute" and any(one.line.same(axis) for axis in axes)]
+        around = [one for one in self.found if one.kind == "revolute" and any(same_line(one.line, axis) for axis in axes)]
         pairs = [self._pair(one.parent, one.child) for one in (*accepted, *around)]
         return self._rigid_groups({*pairs}.union(*(self.released.get(pair, set()) for pair in pairs)))
 
     def _rigid_groups(self, free: Collection[Pair]) -> list[list[str]]:
         """Return the groups of components that contacts connect, except the contacts of the pairs in `free`."""
-        group = {name: name for name in self.order}
+        import networkx
 
-        def root(name: str) -> str:
-            while group[name] != name:
-                name = group[name]
-            return name
-
-        for one, other in (*self.rigid, *(pair for pair in self.contacts if pair not in free)):
-            first, second = sorted((root(one), root(other)), key=self.order.index)
-            group[second] = first
-        members: dict[str, list[str]] = {}
-        for name in self.order:
-            members.setdefault(root(name), []).append(name)
-        return list(members.values())
+        graph = networkx.Graph()
+        graph.add_nodes_from(self.order)
+        graph.add_edges_from([*self.rigid, *(pair for pair in self.contacts if pair not in free)])
+        return [sorted(group, key=self.order.index) for group in networkx.connected_components(graph)]
 
     def _pair(self, one: str, other: str) -> Pair:
         first, second = sorted((one, other), key=self.order.index)
@@ -157,7 +150,7 @@ class JointSearch:
             pins = [name for name in pins if name not in others]
             doubt = self._doubt(line, others, pins, members)
             around = {pair for pair in combinations(members, 2) if _turns_or_rests(self.contacts.get(pair, Contact()), line)}
-            around |= {self._pair(one.parent, one.child) for one in circles if one.line.same(line)}
+            around |= {self._pair(one.parent, one.child) for one in circles if same_line(one.line, line)}
             sides = [[name for name in group if name in others] for group in self._rigid_groups({*turns, *around})]
             first, *rest = [side for side in sides if side] or [others]
             for side in rest:
@@ -169,42 +162,42 @@ class JointSearch:
         pairs = [(one.parent, one.child) for one in found]
         yield from (one for one, pair in zip(found, pairs, strict=True) if pairs.count(pair) == 1)
 
-    def _clusters(self, turns: Mapping[Pair, ContactAxis]) -> Iterator[tuple[ContactAxis, list[str]]]:
+    def _clusters(self, turns: Mapping[Pair, AxisLine]) -> Iterator[tuple[AxisLine, list[str]]]:
         """Yield each axis with the components that are connected by shafts and holes, or round parts, about this axis."""
         rest = dict(turns)
         while rest:
             pair, line = next(iter(rest.items()))
             members = [*pair]
             for name in members:
-                for one in [one for one in rest if name in one and rest[one].same(line)]:
+                for one in [one for one in rest if name in one and same_line(rest[one], line)]:
                     members += [other for other in one if other not in members]
-            rest = {one: of for one, of in rest.items() if not (of.same(line) and one[0] in members)}
+            rest = {one: of for one, of in rest.items() if not (same_line(of, line) and one[0] in members)}
             yield line, sorted(members, key=self.order.index)
 
-    def _is_pin(self, name: str, line: ContactAxis) -> bool:
+    def _is_pin(self, name: str, line: AxisLine) -> bool:
         """Return whether a component is round about an axis, and all its contacts allow a rotation about this axis."""
         touching = [one for pair, one in self.contacts.items() if name in pair]
-        is_round = any(axis.same(line) for axis in self.bodies[name].round_about)
+        is_round = any(same_line(axis, line) for axis in self.bodies[name].round_about)
         return is_round and all(_turns_or_rests(one, line) for one in touching) and not any(name in pair for pair in self.rigid)
 
-    def _doubt(self, line: ContactAxis, others: Sequence[str], pins: Sequence[str], members: Sequence[str]) -> str | None:
+    def _doubt(self, line: AxisLine, others: Sequence[str], pins: Sequence[str], members: Sequence[str]) -> str | None:
         """Return the reason why a revolute joint is not the only possible connection, or None."""
         fastener = next((name for name in members if self.bodies[name].fastens), None)
         if fastener is not None:
             return f"`{fastener}` may fasten the parts"
         inside = [one for pair, one in self.contacts.items() if pair[0] in members and pair[1] in members]
-        if not any(line.parallel(face.normal) for one in inside for face in one.faces):
+        if not any(parallel(line, face.normal) for one in inside for face in one.faces):
             return "the parts can also slide along the axis"
         loose = next((name for name in others if self._is_pin(name, line) and self._is_shaft(name, line)), None)
         if loose is not None and not pins and len(self.order) > 2:
             return f"`{loose}` may be a pin that is fixed in its hole"
         return None
 
-    def _is_shaft(self, name: str, line: ContactAxis) -> bool:
+    def _is_shaft(self, name: str, line: AxisLine) -> bool:
         """Return whether a component is the shaft in a contact about an axis."""
         return any(
             one.first_is_shaft == (pair[0] == name)
-            for pair, touching in self.contacts.items() if name in pair for one in touching.shafts if one.line.same(line)
+            for pair, touching in self.contacts.items() if name in pair for one in touching.shafts if same_line(one.line, line)
         )
 
     def _held(self, first: Sequence[str], other: Sequence[str], pins: Sequence[str]) -> set[Pair]:
@@ -222,7 +215,7 @@ class JointSearch:
             lines = distinct_lines(one.shafts)
             normals = [face.normal for face in one.faces]
             doubt = None
-            if len(lines) > 1 and not normals and all(lines[0].parallel(line.axis) for line in lines):
+            if len(lines) > 1 and not normals and all(parallel(lines[0], line.axis) for line in lines):
                 line, doubt = lines[0], "the rods may be fixed in their holes"
                 reach = [value for shaft in one.shafts for value in (shaft.lower, shaft.upper)]
             else:
@@ -231,7 +224,7 @@ class JointSearch:
                     continue
                 corners = [corner for face in one.faces for corner in face.corners]
                 x, y, z = (round((min(values) + max(values)) / 2.0, DECIMALS) for values in zip(*corners, strict=True))
-                line, reach = ContactAxis(point=(x, y, z), axis=axis), [dot(corner, axis) for corner in corners]
+                line, reach = AxisLine(point=(x, y, z), axis=axis), [dot(corner, axis) for corner in corners]
             fastener = next((name for name in (parent, child) if self.bodies[name].fastens), None)
             if fastener is not None:
                 doubt = f"`{fastener}` may fasten the parts"
@@ -243,7 +236,7 @@ class JointSearch:
         for (parent, child), one in self.contacts.items():
             if not one.faces or not all(dist(one.faces[0].normal, face.normal) < 1e-6 for face in one.faces):
                 continue
-            centre = _circle_centre([line for line, _ in one.holes if line.parallel(one.faces[0].normal)])
+            centre = _circle_centre([line for line, _ in one.holes if parallel(line, one.faces[0].normal)])
             if centre is not None:
                 doubt = "a bolt circle also fits a rigid connection"
                 yield JointProposal(name="", kind="revolute", parent=parent, child=child, line=centre, doubt=doubt)
@@ -254,7 +247,7 @@ def _doubts_between(ends: frozenset[int], joints: Sequence[JointProposal]) -> It
 
     If several joints about the same axis connect the same groups, only the first has no doubt.
     """
-    same_axis = all(one.kind == "revolute" and one.line.same(joints[0].line) for one in joints)
+    same_axis = all(one.kind == "revolute" and same_line(one.line, joints[0].line) for one in joints)
     for number, one in enumerate(joints):
         if len(ends) == 1:
             yield one, "other contacts connect the same parts rigidly"
@@ -262,23 +255,23 @@ def _doubts_between(ends: frozenset[int], joints: Sequence[JointProposal]) -> It
             yield one, "another joint connects the same parts"
 
 
-def distinct_lines(shafts: Sequence[ShaftContact]) -> list[ContactAxis]:
+def distinct_lines(shafts: Sequence[ShaftContact]) -> list[AxisLine]:
     """Return the different axes of shafts in holes."""
-    lines: list[ContactAxis] = []
+    lines: list[AxisLine] = []
     for shaft in shafts:
-        if not any(line.same(shaft.line) for line in lines):
+        if not any(same_line(line, shaft.line) for line in lines):
             lines.append(shaft.line)
     return lines
 
 
-def turning_about(one: Contact) -> ContactAxis | None:
+def turning_about(one: Contact) -> AxisLine | None:
     """Return the axis about which two parts can turn, or None if their contacts do not have exactly one such axis."""
     lines = distinct_lines(one.shafts)
-    return lines[0] if len(lines) == 1 and all(lines[0].parallel(face.normal) for face in one.faces) else None
+    return lines[0] if len(lines) == 1 and all(parallel(lines[0], face.normal) for face in one.faces) else None
 
 
-def _turns_or_rests(one: Contact, line: ContactAxis) -> bool:
-    return all(line.same(shaft.line) for shaft in one.shafts) and all(line.parallel(face.normal) for face in one.faces)
+def _turns_or_rests(one: Contact, line: AxisLine) -> bool:
+    return all(same_line(line, shaft.line) for shaft in one.shafts) and all(parallel(line, face.normal) for face in one.faces)
 
 
 def _enclosed_direction(normals: Sequence[Vector]) -> Vector | None:
@@ -298,22 +291,22 @@ def _enclosed_direction(normals: Sequence[Vector]) -> Vector | None:
     return axis if max(gaps) < math.pi - 1e-3 else None
 
 
-def _circle_centre(lines: Sequence[ContactAxis]) -> ContactAxis | None:
+def _circle_centre(lines: Sequence[AxisLine]) -> AxisLine | None:
     """Return the axis of a bolt circle, on which at least three parallel lines are evenly far from their centre."""
-    points = [line.point for number, line in enumerate(lines) if not any(line.same(other) for other in lines[:number])]
+    points = [line.point for number, line in enumerate(lines) if not any(same_line(line, other) for other in lines[:number])]
     if len(points) < 3:
         return None
     x, y, z = (math.fsum(values) / len(points) for values in zip(*points, strict=True))
     away = [dist(point, (x, y, z)) for point in points]
-    return ContactAxis(point=(x, y, z), axis=lines[0].axis) if max(away) - min(away) < 1e-5 else None
+    return AxisLine(point=(x, y, z), axis=lines[0].axis) if max(away) - min(away) < 1e-5 else None
 
 
-def round_axes(inertia: Sequence[Sequence[float]], centre: Vector, lines: Sequence[ContactAxis], pose: Pose) -> tuple[ContactAxis, ...]:
+def round_axes(inertia: Sequence[Sequence[float]], centre: Vector, lines: Sequence[AxisLine], pose: Pose) -> tuple[AxisLine, ...]:
     """Return the axes of outer cylinders about which the mass of a part is distributed evenly.
 
     The inertia is about the centre of mass, in the frame of the part; the axes are in the frame of the robot, in which the part has a pose.
     """
-    found: list[ContactAxis] = []
+    found: list[AxisLine] = []
     for line in lines:
         x, y, z = (rotate(pose.inverse().rotation, axis) for axis in zip(*along(line.axis, (0.0, 0.0, 0.0)).rotation, strict=True))
 
@@ -324,6 +317,6 @@ def round_axes(inertia: Sequence[Sequence[float]], centre: Vector, lines: Sequen
         uneven = (product(x, x) - product(y, y), product(x, y), product(x, z), product(y, z))
         at = pose.apply(centre)
         offset = dist(line.point, tuple(at[k] - dot(at, line.axis) * line.axis[k] for k in range(3)))
-        if max(map(abs, uneven)) <= _ROUND * most and offset < 1e-4 and not any(line.same(other) for other in found):
+        if max(map(abs, uneven)) <= _ROUND * most and offset < 1e-4 and not any(same_line(line, other) for other in found):
             found.append(line)
     return tuple(found)

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from msgspec import to_builtins
+from msgspec.structs import replace
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepTools import BRepTools_WireExplorer
@@ -16,9 +17,10 @@ from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_WIRE
 from OCP.TopoDS import TopoDS
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
-from thingc.base.pose import Vector, added, dot
-from thingc.geometry.features import Cylinder, Features, PlanarFace
+from thingc.base.pose import Vector
+from thingc.geometry.features import AxisLine, Cylinder, Features, PlanarFace
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.integrals import explored
 from thingc.geometry.worker.kernel.step_assembly import load_shape
@@ -39,7 +41,7 @@ SAMPLES = 32
 def features_of(shape: TopoDS_Shape) -> Features:
     """Return the cylinders and planar faces of the solids in a shape."""
     planes: list[PlanarFace] = []
-    faces: list[tuple[Vector, Vector, float, bool, float, float, float]] = []
+    faces: list[_CylinderFace] = []
     for face in map(TopoDS.Face, explored(shape, TopAbs_FACE)):
         surface = BRepAdaptor_Surface(face)
         if surface.GetType() == GeomAbs_Plane:
@@ -49,9 +51,9 @@ def features_of(shape: TopoDS_Shape) -> Features:
     intersector = IntCurvesFace_ShapeIntersector()
     if faces:
         intersector.Load(shape, 1e-6)
-    cylinders = [_in_metres(*one, intersector) for one in _joined(faces)]
+    cylinders = [_in_metres(one, intersector) for one in _joined(faces)]
     return Features(
-        cylinders=tuple(sorted(cylinders, key=lambda one: (one.axis, one.point, one.lower, one.radius))),
+        cylinders=tuple(sorted(cylinders, key=lambda one: (one.line.axis, one.line.point, one.lower, one.radius))),
         planes=tuple(sorted(planes, key=lambda one: (one.normal, one.centre, one.area))),
     )
 
@@ -71,7 +73,7 @@ def area_and_centre(face: TopoDS_Face) -> tuple[float, Vector]:
 def _plane(face: TopoDS_Face, surface: Any) -> PlanarFace:
     position = surface.Plane().Position()
     outwards = position.Direct() != (face.Orientation() == TopAbs_REVERSED)
-    x, y, z = (_rounded(value if outwards else -value) for value in position.Direction().Coord())
+    x, y, z = (round(value if outwards else -value, 12) + 0.0 for value in position.Direction().Coord())
     area, centre = area_and_centre(face)
     loops = tuple(tuple(map(convert.vector, _polygon(wire, face))) for wire in map(TopoDS.Wire, explored(face, TopAbs_WIRE)))
     return PlanarFace(normal=(x, y, z), centre=convert.vector(centre), area=convert.area(area), loops=loops)
@@ -93,53 +95,54 @@ def _polygon(wire: Any, face: TopoDS_Face) -> list[Vector]:
     return points
 
 
-def _cylinder(face: TopoDS_Face, surface: Any) -> tuple[Vector, Vector, float, bool, float, float, float]:
-    """Return the closest point of the axis, its direction, the radius, whether the face is hollow, the range along the axis, and the area.
+class _CylinderFace(FrozenStruct):
+    """A cylindrical face, or several that belong together: its axis, its range along the axis, and its area [mm]."""
 
-    The direction is chosen so that equal axes have equal directions.
-    """
+    line: AxisLine
+    radius: float
+    hollow: bool
+    lower: float
+    upper: float
+    area: float
+
+
+def _cylinder(face: TopoDS_Face, surface: Any) -> _CylinderFace:
     cylinder = surface.Cylinder()
     position = cylinder.Position()
+    origin, axis = position.Location().Coord(), position.Direction().Coord()
+    line = AxisLine.through(origin, axis)
+    lower, upper = line.interval(origin, axis, (surface.FirstVParameter(), surface.LastVParameter()))
     hollow = position.Direct() == (face.Orientation() == TopAbs_REVERSED)
-    origin, axis = position.Location().Coord(), tuple(map(_rounded, position.Direction().Coord()))
-    lower, upper = surface.FirstVParameter(), surface.LastVParameter()
-    if next(value for value in reversed(axis) if value) < 0.0:
-        axis, lower, upper = tuple(-value + 0.0 for value in axis), -upper, -lower
-    x, y, z = axis
-    along = dot(origin, (x, y, z))
-    return added(origin, (x, y, z), -along), (x, y, z), cylinder.Radius(), hollow, lower + along, upper + along, area_and_centre(face)[0]
+    return _CylinderFace(line=line, radius=cylinder.Radius(), hollow=hollow, lower=lower, upper=upper, area=area_and_centre(face)[0])
 
 
-def _rounded(value: float) -> float:
-    return round(value, 12) + 0.0
-
-
-def _joined(
-    faces: list[tuple[Vector, Vector, float, bool, float, float, float]],
-) -> list[tuple[Vector, Vector, float, bool, float, float, float]]:
+def _joined(faces: Iterable[_CylinderFace]) -> list[_CylinderFace]:
     """Join the faces of each cylinder whose ranges along the axis overlap or touch."""
-    joined: list[tuple[Vector, Vector, float, bool, float, float, float]] = []
-    for point, axis, radius, hollow, lower, upper, area in sorted(faces, key=lambda one: one[4]):
-        for number, (at, along, size, inside, low, high, covered) in enumerate(joined):
-            same = hollow == inside and abs(radius - size) < EQUAL and dist(axis, along) < 1e-7 and dist(point, at) < EQUAL
-            if same and lower <= high + EQUAL:
-                joined[number] = (at, along, size, inside, low, max(high, upper), covered + area)
-                break
+    joined: list[_CylinderFace] = []
+    for face in sorted(faces, key=lambda one: one.lower):
+        number = next((number for number, one in enumerate(joined) if _continues(one, face)), None)
+        if number is None:
+            joined.append(face)
         else:
-            joined.append((point, axis, radius, hollow, lower, upper, area))
+            one = joined[number]
+            joined[number] = replace(one, upper=max(one.upper, face.upper), area=one.area + face.area)
     return joined
 
 
-def _in_metres(
-    point: Vector, axis: Vector, radius: float, hollow: bool, lower: float, upper: float, area: float, intersector: Any,
-) -> Cylinder:
+def _continues(one: _CylinderFace, other: _CylinderFace) -> bool:
+    near = dist(one.line.axis, other.line.axis) < 1e-7 and dist(one.line.point, other.line.point) < EQUAL
+    return near and one.hollow == other.hollow and abs(one.radius - other.radius) < EQUAL and other.lower <= one.upper + EQUAL
+
+
+def _in_metres(face: _CylinderFace, intersector: Any) -> Cylinder:
     """Create a cylinder. A full hole is open if its axis does not meet the part in the hole, or within a radius of its ends."""
-    sweep = min(2.0 * math.pi, area / (radius * (upper - lower)))
-    through = hollow and sweep > 2.0 * math.pi - 0.01
+    point, axis, radius = face.line.point, face.line.axis, face.radius
+    sweep = min(2.0 * math.pi, face.area / (radius * (face.upper - face.lower)))
+    through = face.hollow and sweep > 2.0 * math.pi - 0.01
     if through:
-        intersector.Perform(gp_Lin(gp_Pnt(*point), gp_Dir(*axis)), lower - radius, upper + radius)
+        intersector.Perform(gp_Lin(gp_Pnt(*point), gp_Dir(*axis)), face.lower - radius, face.upper + radius)
         through = intersector.NbPnt() == 0
     return Cylinder(
-        point=convert.vector(point), axis=axis, radius=convert.length(radius), lower=convert.length(lower), upper=convert.length(upper),
-        sweep=sweep, hollow=hollow, through=through,
+        line=AxisLine(point=convert.vector(point), axis=axis), radius=convert.length(radius), lower=convert.length(face.lower),
+        upper=convert.length(face.upper), sweep=sweep, hollow=face.hollow, through=through,
     )

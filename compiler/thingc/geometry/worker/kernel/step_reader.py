@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -52,9 +53,7 @@ def read_step_assembly(path: str, store: Store) -> dict[str, Any]:
     reader.SetMatMode(True)
     if reader.ReadFile(path) != IFSelect_ReturnStatus.IFSelect_RetDone or not reader.Transfer(document):
         return {"refused": "the file is damaged, or is not STEP"}
-    free = Sequence_TDF_Label()
-    XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(free)
-    labels = [free.Value(number + 1) for number in range(free.Length())]
+    labels = _labels(XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes)
     if not labels:
         return {"refused": "the file contains no shape"}
     reading = _Reading(document, store)
@@ -102,9 +101,7 @@ class _Reading:
 
     def group(self, label: TDF_Label, color: str | None, warp: gp_Trsf | None) -> int | None:
         """Read an assembly. `color` is the colour that an outer assembly assigns, and `warp` a placement that is not rigid."""
-        components = Sequence_TDF_Label()
-        XCAFDoc_ShapeTool.GetComponents_s(label, components)
-        labels = [components.Value(number + 1) for number in range(components.Length())]
+        labels = _labels(partial(XCAFDoc_ShapeTool.GetComponents_s, label))
         return self.add_group(_name(label), (self._component(one, color, warp) for one in labels))
 
     def _component(self, label: TDF_Label, color: str | None, warp: gp_Trsf | None) -> StepChild | None:
@@ -118,12 +115,12 @@ class _Reading:
             warp = placement
         else:
             pose = convert.pose(placement)
-        return self._child(referred, _name(label), pose, color or self._label_color(label), warp)
+        return self._child(referred, _name(label), pose, color or self._color(label), warp)
 
     def _child(self, label: TDF_Label, name: str, pose: Pose, color: str | None, warp: gp_Trsf | None) -> StepChild | None:
         key = repr((_entry(label), color, warp and [warp.Value(i, j) for i in (1, 2, 3) for j in (1, 2, 3, 4)]))
         if key not in self._known:
-            self._known[key] = self._definition(label, color or self._label_color(label), warp)
+            self._known[key] = self._definition(label, color or self._color(label), warp)
         known = self._known[key]
         own = _name(label)
         name = own if _NO_NAME.fullmatch(name) else name
@@ -166,20 +163,17 @@ class _Reading:
         ))
         return StepChild(name=name, pose=NO_POSE, part=len(self.parts) - 1)
 
-    def _label_color(self, label: TDF_Label) -> str | None:
-        color = Quantity_ColorRGBA()
-        return next((_hexadecimal(color) for kind in _KINDS if self.colors.GetColor_s(label, kind, color)), None)
-
-    def _shape_color(self, shape: Any) -> str | None:
-        color = Quantity_ColorRGBA()
-        return next((_hexadecimal(color) for kind in _KINDS if self.colors.GetColor(shape, kind, color)), None)
+    def _color(self, of: Any) -> str | None:
+        """Return the colour of a label or of a shape."""
+        color, find = Quantity_ColorRGBA(), self.colors.GetColor_s if isinstance(of, TDF_Label) else self.colors.GetColor
+        return next((_hexadecimal(color) for kind in _KINDS if find(of, kind, color)), None)
 
     def _colors(self, solid: Any) -> tuple[str, ...]:
         """Return the colours of a solid and its faces, the colour of the largest area first."""
-        whole = self._shape_color(solid)
+        whole = self._color(solid)
         areas: dict[str, float] = {}
         for face in explored(solid, TopAbs_FACE):
-            color = self._shape_color(face) or whole
+            color = self._color(face) or whole
             if color is not None:
                 areas[color] = areas.get(color, 0.0) + area_and_centre(face)[0]
         return tuple(sorted(areas, key=lambda color: (-areas[color], color)))
@@ -218,6 +212,13 @@ class _Outline:
                 x, y, z = (other.centre - exact @ self.centre).tolist()
                 return Pose(rotation=convert.matrix(exact.tolist()), translation=convert.vector((x, y, z)))
         return None
+
+
+def _labels(fill: Callable[[Sequence_TDF_Label], object]) -> list[TDF_Label]:
+    """Return the labels that a function of the kernel adds to a sequence."""
+    found = Sequence_TDF_Label()
+    fill(found)
+    return [found.Value(number + 1) for number in range(found.Length())]
 
 
 def _entry(label: TDF_Label) -> str:
