@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.solids.clearance import ComparedPair, Place, Sweep, prove
@@ -68,8 +68,9 @@ class _Search:
     def is_free(self, middle: float, half: float) -> bool:
         """Return whether no pair touches within `half` of a position."""
         place = self._sweep.place({0: middle})
+        steps = self._sweep.steps(place, {0: middle}, {0: half}) if place is not None else {}
         for number, pair in enumerate(self._pairs):
-            if place is None or not self._is_clear(place, pair, middle, half):
+            if place is None or not self._is_clear(place, pair, half, steps):
                 self._pairs.insert(0, self._pairs.pop(number))  # this pair is likely to touch in the next position, too
                 self.blocked.append((middle, pair if place is not None else None))
                 return False
@@ -86,8 +87,8 @@ class _Search:
                 step /= 2.0
         return end
 
-    def _is_clear(self, place: Place, pair: ComparedPair, middle: float, half: float) -> bool:
+    def _is_clear(self, place: Place, pair: ComparedPair, half: float, steps: Mapping[str, float]) -> bool:
         if not pair.apart:
             return 2.0 * half <= COARSE * self._width and place.overlap(pair)[1] <= pair.deep
-        within = pair.floor + place.travel(pair, self._sweep.steps(place, {0: middle}, {0: half}))
+        within = pair.floor + place.travel(pair, steps)
         return place.gap(pair, within) >= within
