@@ -26,7 +26,7 @@ from thingc.base.diagnostics import Report
 from thingc.base.pose import NO_POSE, Pose, rotate
 from thingc.documents.load.documents import read_tree
 from thingc.driver.environment import Options, store_of
-from thingc.geometry.features import AxisLine
+from thingc.geometry.features import CentreLine
 from thingc.tools.cli.main import main as command
 from thingc.tools.importing.step import ImportedAssembly, import_step
 from thingc.tools.joints.contacts import parallel
@@ -48,12 +48,12 @@ def imported_into(path: Path, folder: Path, options: Options) -> ImportedAssembl
     return imported
 
 
-def all_proposals(document: Path, options: Options, pose: Pose = NO_POSE) -> Iterator[tuple[JointProposal, AxisLine]]:
+def all_proposals(document: Path, options: Options, pose: Pose = NO_POSE) -> Iterator[tuple[JointProposal, CentreLine]]:
     """Yield the proposals for a document and its nested documents, with their axes in the frame of the outermost document."""
     proposed = propose_joints(str(document), options)
     assert proposed.document is not None, [one.message for one in proposed.found]
     for one in proposed.proposals:
-        yield one, AxisLine.through(pose.apply(one.line.point), rotate(pose.rotation, one.line.axis))
+        yield one, CentreLine.through(pose.apply(one.line.point), rotate(pose.rotation, one.line.axis))
     tree = read_tree(str(document), document.read_bytes(), Report())
     assert tree is not None
     for name, component in tree.plain()["components"].items():  # type: ignore[union-attr]
@@ -72,10 +72,10 @@ def root_frame(imported: ImportedAssembly) -> Pose:
         number = child.assembly
 
 
-def _same(joint: Joint, one: JointProposal, line: AxisLine, root: Pose) -> bool:
+def _same(joint: Joint, one: JointProposal, line: CentreLine, root: Pose) -> bool:
     x, y, z = (value / 1000.0 for value in joint.point)
     point, axis = root.inverse().apply((x, y, z)), rotate(root.inverse().rotation, joint.axis)
-    known = AxisLine.through(point, axis)
+    known = CentreLine.through(point, axis)
     # any point on the axis of a slide is correct
     near = one.kind == "prismatic" or math.dist(known.point, line.point) < NEAR
     return joint.kind == one.kind and parallel(known, line.axis) and near

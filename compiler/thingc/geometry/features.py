@@ -8,19 +8,19 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose, Vector, added, dot
 
 
-class AxisLine(FrozenStruct):
+class CentreLine(FrozenStruct):
     """A line: its closest point to the origin, and its direction, of which the last coordinate that is not zero is positive."""
 
     point: Vector
     axis: Vector
 
     @staticmethod
-    def through(point: Vector, axis: Vector) -> AxisLine:
+    def through(point: Vector, axis: Vector) -> CentreLine:
         """Return the line through a point in the direction of a unit vector."""
         x, y, z = (round(value, 12) + 0.0 for value in axis)
         if next(value for value in (z, y, x) if value) < 0.0:
             x, y, z = -x + 0.0, -y + 0.0, -z + 0.0
-        return AxisLine(point=added(point, (x, y, z), -dot(point, (x, y, z))), axis=(x, y, z))
+        return CentreLine(point=added(point, (x, y, z), -dot(point, (x, y, z))), axis=(x, y, z))
 
     def interval(self, point: Vector, axis: Vector, ends: tuple[float, float]) -> tuple[float, float]:
         """Convert distances from a point along a vector, both on this line, to distances from the point of this line."""
@@ -36,7 +36,7 @@ class Cylinder(FrozenStruct):
     that the surface covers on average. A `hollow` cylinder is the wall of a hole. `through` is True for a hole that is open at both ends.
     """
 
-    line: AxisLine
+    line: CentreLine
     radius: float
     lower: float
     upper: float

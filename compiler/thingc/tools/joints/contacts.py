@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
 from thingc.base.pose import Pose, Vector, along, dot, rotate
-from thingc.geometry.features import AxisLine, Features, PlanarFace
+from thingc.geometry.features import CentreLine, Features, PlanarFace
 
 CLEARANCE = 3e-4
 """Largest difference of the radii of a hole and of a shaft in it."""
@@ -25,7 +25,7 @@ SHORTEST, SMALLEST = 2e-4, 1e-7
 class ShaftContact(FrozenStruct):
     """A shaft in a hole. `first_is_shaft` is True if the shaft belongs to the first part. The overlap is from `lower` to `upper`."""
 
-    line: AxisLine
+    line: CentreLine
     radius: float
     lower: float
     upper: float
@@ -44,7 +44,7 @@ class Contact(FrozenStruct):
 
     shafts: tuple[ShaftContact, ...] = ()
     faces: tuple[FaceContact, ...] = ()
-    holes: tuple[tuple[AxisLine, float], ...] = ()
+    holes: tuple[tuple[CentreLine, float], ...] = ()
 
 
 def placed(features: Features, pose: Pose) -> Features:
@@ -52,7 +52,7 @@ def placed(features: Features, pose: Pose) -> Features:
     cylinders = []
     for one in features.cylinders:
         point, axis = pose.apply(one.line.point), rotate(pose.rotation, one.line.axis)
-        line = AxisLine.through(point, axis)
+        line = CentreLine.through(point, axis)
         lower, upper = line.interval(point, axis, (one.lower, one.upper))
         cylinders.append(replace(one, line=line, lower=lower, upper=upper))
     planes = tuple(
@@ -65,12 +65,12 @@ def placed(features: Features, pose: Pose) -> Features:
     return Features(cylinders=tuple(cylinders), planes=planes)
 
 
-def same_line(one: AxisLine, other: AxisLine) -> bool:
+def same_line(one: CentreLine, other: CentreLine) -> bool:
     """Return whether two lines are equal up to the tolerances."""
     return parallel(one, other.axis) and dist(one.point, other.point) < TOUCHING
 
 
-def parallel(line: AxisLine, direction: Vector) -> bool:
+def parallel(line: CentreLine, direction: Vector) -> bool:
     """Return whether a unit vector is parallel to a line."""
     return abs(dot(line.axis, direction)) > 1.0 - PARALLEL
 
@@ -92,7 +92,7 @@ def _shafts(first: Features, other: Features) -> Iterator[ShaftContact]:
                 yield ShaftContact(line=hole.line, radius=shaft.radius, lower=lower, upper=upper, first_is_shaft=not one.hollow)
 
 
-def _holes(first: Features, other: Features) -> Iterator[tuple[AxisLine, float]]:
+def _holes(first: Features, other: Features) -> Iterator[tuple[CentreLine, float]]:
     for one in first.cylinders:
         for two in other.cylinders:
             apart = max(one.lower, two.lower) - min(one.upper, two.upper)

@@ -13,7 +13,7 @@ from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, s
 from thingc.driver import pipeline
 from thingc.driver.edit_document import EditResult, write_texts
 from thingc.driver.environment import Environment, Options
-from thingc.geometry.features import AxisLine, Features
+from thingc.geometry.features import CentreLine, Features
 from thingc.geometry.record import AssemblyFailed
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.tools.importing.quantities import length, pose_entries
@@ -101,7 +101,7 @@ def _bodies_and_contacts(
 
 
 def _body(name: str, parts: Sequence[tuple[Occurrence, Features]], assembly: Assembly) -> ComponentBody:
-    axes: tuple[AxisLine, ...] = ()
+    axes: tuple[CentreLine, ...] = ()
     if len(parts) == 1:
         one, features = parts[0]
         lines = [each.line for each in features.cylinders if not each.hollow and each.sweep > 6.0]

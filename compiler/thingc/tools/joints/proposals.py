@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist, hypot
 from thingc.base.pose import Pose, Vector, along, cross, dot, rotate
-from thingc.geometry.features import AxisLine
+from thingc.geometry.features import CentreLine
 from thingc.tools.joints.contacts import Contact, ShaftContact, parallel, same_line
 
 FASTENERS = re.compile(r"screw|bolt|nut(?![a-z])|washer|rivet|dowel|standoff|spacer|(?<![a-z])(iso|din|m)_?\d", re.IGNORECASE)
@@ -36,7 +36,7 @@ class ComponentBody(FrozenStruct):
     name: str
     words: tuple[str, ...]
     mass: float
-    round_about: tuple[AxisLine, ...] = ()
+    round_about: tuple[CentreLine, ...] = ()
 
     @property
     def fastens(self) -> bool:
@@ -54,7 +54,7 @@ class JointProposal(FrozenStruct):
     kind: Literal["revolute", "prismatic"]
     parent: str
     child: str
-    line: AxisLine
+    line: CentreLine
     doubt: str | None
     travel: float = 0.0
 
@@ -162,7 +162,7 @@ class JointSearch:
         pairs = [(one.parent, one.child) for one in found]
         yield from (one for one, pair in zip(found, pairs, strict=True) if pairs.count(pair) == 1)
 
-    def _clusters(self, turns: Mapping[Pair, AxisLine]) -> Iterator[tuple[AxisLine, list[str]]]:
+    def _clusters(self, turns: Mapping[Pair, CentreLine]) -> Iterator[tuple[CentreLine, list[str]]]:
         """Yield each axis with the components that are connected by shafts and holes, or round parts, about this axis."""
         rest = dict(turns)
         while rest:
@@ -174,13 +174,13 @@ class JointSearch:
             rest = {one: of for one, of in rest.items() if not (same_line(of, line) and one[0] in members)}
             yield line, sorted(members, key=self.order.index)
 
-    def _is_pin(self, name: str, line: AxisLine) -> bool:
+    def _is_pin(self, name: str, line: CentreLine) -> bool:
         """Return whether a component is round about an axis, and all its contacts allow a rotation about this axis."""
         touching = [one for pair, one in self.contacts.items() if name in pair]
         is_round = any(same_line(axis, line) for axis in self.bodies[name].round_about)
         return is_round and all(_turns_or_rests(one, line) for one in touching) and not any(name in pair for pair in self.rigid)
 
-    def _doubt(self, line: AxisLine, others: Sequence[str], pins: Sequence[str], members: Sequence[str]) -> str | None:
+    def _doubt(self, line: CentreLine, others: Sequence[str], pins: Sequence[str], members: Sequence[str]) -> str | None:
         """Return the reason why a revolute joint is not the only possible connection, or None."""
         fastener = next((name for name in members if self.bodies[name].fastens), None)
         if fastener is not None:
@@ -193,7 +193,7 @@ class JointSearch:
             return f"`{loose}` may be a pin that is fixed in its hole"
         return None
 
-    def _is_shaft(self, name: str, line: AxisLine) -> bool:
+    def _is_shaft(self, name: str, line: CentreLine) -> bool:
         """Return whether a component is the shaft in a contact about an axis."""
         return any(
             one.first_is_shaft == (pair[0] == name)
@@ -224,7 +224,7 @@ class JointSearch:
                     continue
                 corners = [corner for face in one.faces for corner in face.corners]
                 x, y, z = (round((min(values) + max(values)) / 2.0, DECIMALS) for values in zip(*corners, strict=True))
-                line, reach = AxisLine(point=(x, y, z), axis=axis), [dot(corner, axis) for corner in corners]
+                line, reach = CentreLine(point=(x, y, z), axis=axis), [dot(corner, axis) for corner in corners]
             fastener = next((name for name in (parent, child) if self.bodies[name].fastens), None)
             if fastener is not None:
                 doubt = f"`{fastener}` may fasten the parts"
@@ -255,22 +255,22 @@ def _doubts_between(ends: frozenset[int], joints: Sequence[JointProposal]) -> It
             yield one, "another joint connects the same parts"
 
 
-def distinct_lines(shafts: Sequence[ShaftContact]) -> list[AxisLine]:
+def distinct_lines(shafts: Sequence[ShaftContact]) -> list[CentreLine]:
     """Return the different axes of shafts in holes."""
-    lines: list[AxisLine] = []
+    lines: list[CentreLine] = []
     for shaft in shafts:
         if not any(same_line(line, shaft.line) for line in lines):
             lines.append(shaft.line)
     return lines
 
 
-def turning_about(one: Contact) -> AxisLine | None:
+def turning_about(one: Contact) -> CentreLine | None:
     """Return the axis about which two parts can turn, or None if their contacts do not have exactly one such axis."""
     lines = distinct_lines(one.shafts)
     return lines[0] if len(lines) == 1 and all(parallel(lines[0], face.normal) for face in one.faces) else None
 
 
-def _turns_or_rests(one: Contact, line: AxisLine) -> bool:
+def _turns_or_rests(one: Contact, line: CentreLine) -> bool:
     return all(same_line(line, shaft.line) for shaft in one.shafts) and all(parallel(line, face.normal) for face in one.faces)
 
 
@@ -291,22 +291,22 @@ def _enclosed_direction(normals: Sequence[Vector]) -> Vector | None:
     return axis if max(gaps) < math.pi - 1e-3 else None
 
 
-def _circle_centre(lines: Sequence[AxisLine]) -> AxisLine | None:
+def _circle_centre(lines: Sequence[CentreLine]) -> CentreLine | None:
     """Return the axis of a bolt circle, on which at least three parallel lines are evenly far from their centre."""
     points = [line.point for number, line in enumerate(lines) if not any(same_line(line, other) for other in lines[:number])]
     if len(points) < 3:
         return None
     x, y, z = (math.fsum(values) / len(points) for values in zip(*points, strict=True))
     away = [dist(point, (x, y, z)) for point in points]
-    return AxisLine(point=(x, y, z), axis=lines[0].axis) if max(away) - min(away) < 1e-5 else None
+    return CentreLine(point=(x, y, z), axis=lines[0].axis) if max(away) - min(away) < 1e-5 else None
 
 
-def round_axes(inertia: Sequence[Sequence[float]], centre: Vector, lines: Sequence[AxisLine], pose: Pose) -> tuple[AxisLine, ...]:
+def round_axes(inertia: Sequence[Sequence[float]], centre: Vector, lines: Sequence[CentreLine], pose: Pose) -> tuple[CentreLine, ...]:
     """Return the axes of outer cylinders about which the mass of a part is distributed evenly.
 
     The inertia is about the centre of mass, in the frame of the part; the axes are in the frame of the robot, in which the part has a pose.
     """
-    found: list[AxisLine] = []
+    found: list[CentreLine] = []
     for line in lines:
         x, y, z = (rotate(pose.inverse().rotation, axis) for axis in zip(*along(line.axis, (0.0, 0.0, 0.0)).rotation, strict=True))
 

@@ -20,7 +20,7 @@ from OCP.TopoDS import TopoDS
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
 from thingc.base.pose import Vector
-from thingc.geometry.features import AxisLine, Cylinder, Features, PlanarFace
+from thingc.geometry.features import CentreLine, Cylinder, Features, PlanarFace
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.integrals import explored
 from thingc.geometry.worker.kernel.step_assembly import load_shape
@@ -98,7 +98,7 @@ def _polygon(wire: Any, face: TopoDS_Face) -> list[Vector]:
 class _CylinderFace(FrozenStruct):
     """A cylindrical face, or several that belong together: its axis, its range along the axis, and its area [mm]."""
 
-    line: AxisLine
+    line: CentreLine
     radius: float
     hollow: bool
     lower: float
@@ -110,7 +110,7 @@ def _cylinder(face: TopoDS_Face, surface: Any) -> _CylinderFace:
     cylinder = surface.Cylinder()
     position = cylinder.Position()
     origin, axis = position.Location().Coord(), position.Direction().Coord()
-    line = AxisLine.through(origin, axis)
+    line = CentreLine.through(origin, axis)
     lower, upper = line.interval(origin, axis, (surface.FirstVParameter(), surface.LastVParameter()))
     hollow = position.Direct() == (face.Orientation() == TopAbs_REVERSED)
     return _CylinderFace(line=line, radius=cylinder.Radius(), hollow=hollow, lower=lower, upper=upper, area=area_and_centre(face)[0])
@@ -143,6 +143,6 @@ def _in_metres(face: _CylinderFace, intersector: Any) -> Cylinder:
         intersector.Perform(gp_Lin(gp_Pnt(*point), gp_Dir(*axis)), face.lower - radius, face.upper + radius)
         through = intersector.NbPnt() == 0
     return Cylinder(
-        line=AxisLine(point=convert.vector(point), axis=axis), radius=convert.length(radius), lower=convert.length(face.lower),
+        line=CentreLine(point=convert.vector(point), axis=axis), radius=convert.length(radius), lower=convert.length(face.lower),
         upper=convert.length(face.upper), sweep=sweep, hollow=face.hollow, through=through,
     )
