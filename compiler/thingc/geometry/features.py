@@ -1,4 +1,4 @@
-"""The features of a B-rep by which parts touch: cylinders and planar faces, in the part's frame and in SI units."""
+"""The features of a B-rep: cylinders and planar faces by which parts touch, and the outlines of flat parts. All numbers are in SI units."""
 
 from __future__ import annotations
 
@@ -59,6 +59,55 @@ class Features(FrozenStruct):
 
     cylinders: tuple[Cylinder, ...] = ()
     planes: tuple[PlanarFace, ...] = ()
+
+
+Point = tuple[float, float]
+
+
+class Segment(FrozenStruct, tag=True):
+    """A straight edge of a drawing [m]."""
+
+    start: Point
+    end: Point
+
+
+class Arc(FrozenStruct, tag=True):
+    """A circular edge of a drawing [m], counterclockwise from the angle `start` to `end` [rad]. A circle extends from 0 to 2 pi."""
+
+    centre: Point
+    radius: float
+    start: float
+    end: float
+
+    @property
+    def full(self) -> bool:
+        """Whether the arc is a circle."""
+        return self.end - self.start > 6.283185
+
+
+class Spline(FrozenStruct, tag=True):
+    """A rational B-spline in a drawing: its control points [m] with weights, and its knots with repetitions."""
+
+    degree: int
+    points: tuple[Point, ...]
+    weights: tuple[float, ...]
+    knots: tuple[float, ...]
+
+
+Curve = Segment | Arc | Spline
+
+
+class Sheet(FrozenStruct):
+    """A part that can be cut from a sheet of the given `thickness` [m], seen from its upper side.
+
+    `cut` contains the edges that pass through the sheet, and `engraved` the edges of pockets in the upper side. If the part is not flat,
+    `reason` describes why, and there are no edges.
+    """
+
+    thickness: float = 0.0
+    cut: tuple[Curve, ...] = ()
+    engraved: tuple[Curve, ...] = ()
+    reason: str = ""
 
 
 class StepPart(FrozenStruct):

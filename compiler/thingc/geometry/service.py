@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
-from thingc.geometry.features import Features
+from thingc.geometry.features import Features, Sheet
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
@@ -475,18 +475,25 @@ class GeometryService:
 
         Raises `AssemblyFailed` if the kernel cannot read a B-rep.
         """
+        return {brep: convert(made, Features) for brep, made in self._of_breps("features", breps).items()}
+
+    def sheets(self, breps: Collection[str]) -> dict[str, Sheet]:
+        """Return B-reps in the store as parts that are cut from a sheet, by their digests. Raises `AssemblyFailed` as `features` does."""
+        return {brep: convert(made, Sheet) for brep, made in self._of_breps("sheets", breps).items()}
+
+    def _of_breps(self, operation: str, breps: Collection[str]) -> dict[str, Any]:
         versions = sorted(self._parts.versions(None).items())
         keys = {brep: repr([brep, versions]) for brep in sorted(breps)}
-        found = {brep: kept for brep, key in keys.items() if (kept := self.store.get_json("features", key)) is not None}
+        found = {brep: kept for brep, key in keys.items() if (kept := self.store.get_json(operation, key)) is not None}
         missing = [brep for brep in keys if brep not in found]
         if missing:
-            answer = self._answer({"op": "features", "breps": missing, "store": self.store.root, "timeout": self.timeout})
+            answer = self._answer({"op": operation, "breps": missing, "store": self.store.root, "timeout": self.timeout})
             if "answer" not in answer:
-                raise AssemblyFailed("features", answer.get("words") or answer["failed"], answer.get("detail", ""))
-            for brep, made in answer["answer"]["features"].items():
-                self.store.put_json("features", keys[brep], made)
+                raise AssemblyFailed(operation, answer.get("words") or answer["failed"], answer.get("detail", ""))
+            for brep, made in answer["answer"]["found"].items():
+                self.store.put_json(operation, keys[brep], made)
                 found[brep] = made
-        return {brep: convert(made, Features) for brep, made in found.items()}
+        return found
 
     def _answer(self, request: dict[str, Any]) -> dict[str, Any]:
         """Send a request that only requires OCP to a running worker. If no worker is running, start a process for the request."""

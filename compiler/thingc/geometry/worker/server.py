@@ -21,7 +21,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from msgspec import convert
+from msgspec import convert, to_builtins
 
 if TYPE_CHECKING:
     from thingc.geometry.store.local import Store
@@ -34,6 +34,9 @@ AHEAD = (
     "thingc.geometry.things.assets", "thingc.geometry.things.inspection", "thingc.geometry.things.resolver", "thingc.documents.workspace",
 )
 """Modules that the server imports, so that its child processes do not have to import them."""
+
+SEARCHES = {"features": ("feature_search", "features_of"), "sheets": ("sheets", "sheet_of")}
+"""Requests that compute a result for each of several B-reps: the modules and functions that compute it."""
 
 
 def main(arguments: list[str]) -> None:
@@ -190,7 +193,7 @@ def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
 
 
 def perform(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Run a request of the kind `describe`, `model`, `decompose`, `slice`, `assemble`, `read_step` or `features`, and return its answer.
+    """Run a request of the kind `describe`, `model`, `decompose`, `slice`, `assemble` or `read_step`, or one of `SEARCHES`.
 
     If the request has its own folder (`scratch`), files for the store are written there. Raises `StoreUnusable` if the store is not
     writable.
@@ -207,10 +210,12 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         from thingc.geometry.worker.kernel.step_reader import read_step_assembly
 
         return read_step_assembly(request["path"], store)
-    if operation == "features":
-        from thingc.geometry.worker.kernel.feature_search import features_in_store
+    if operation in SEARCHES:
+        from thingc.geometry.worker.kernel.step_assembly import load_shape
 
-        return {"features": features_in_store(request["breps"], store)}
+        module, function = SEARCHES[operation]
+        search = getattr(importlib.import_module(f"thingc.geometry.worker.kernel.{module}"), function)
+        return {"found": {brep: to_builtins(search(load_shape(store, brep))) for brep in request["breps"]}}
     from thingc.geometry.worker.part_session import RequestContext
 
     if operation == "decompose":

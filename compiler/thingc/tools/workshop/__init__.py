@@ -10,12 +10,19 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thingc.targets import Artifacts, EmitRequest
 
-WRITES = ("3mf/*.3mf",)
+WRITES = ("3mf/*.3mf", "dxf/*.dxf")
 UNASKED = False
 
 
 def emit_3mf(request: EmitRequest) -> Artifacts:
     """Write the print plates."""
     from thingc.tools.workshop.plates import emit
+
+    return emit(request)
+
+
+def emit_dxf(request: EmitRequest) -> Artifacts:
+    """Write the outlines of flat parts."""
+    from thingc.tools.workshop.dxf import emit
 
     return emit(request)

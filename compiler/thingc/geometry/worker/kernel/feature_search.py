@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from msgspec import to_builtins
 from msgspec.structs import replace
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepGProp import BRepGProp
@@ -23,14 +22,9 @@ from thingc.base.pose import Vector
 from thingc.geometry.features import CentreLine, Cylinder, Features, PlanarFace
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.integrals import explored
-from thingc.geometry.worker.kernel.step_assembly import load_shape
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
-
-    from thingc.geometry.store.local import Store
 
 EQUAL = 1e-5
 """Largest difference [mm] of radii and of positions of axes, for which faces belong to the same cylinder."""
@@ -56,11 +50,6 @@ def features_of(shape: TopoDS_Shape) -> Features:
         cylinders=tuple(sorted(cylinders, key=lambda one: (one.line.axis, one.line.point, one.lower, one.radius))),
         planes=tuple(sorted(planes, key=lambda one: (one.normal, one.centre, one.area))),
     )
-
-
-def features_in_store(breps: Iterable[str], store: Store) -> dict[str, Any]:
-    """Return the features of B-reps in the store as JSON values, by the digests of the B-reps."""
-    return {brep: to_builtins(features_of(load_shape(store, brep))) for brep in breps}
 
 
 def area_and_centre(face: TopoDS_Face) -> tuple[float, Vector]:

@@ -1,0 +1,94 @@
+"""List the parts of a robot that are made and not bought, for drawings and cutting files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from thingc.base.diagnostics import Code
+from thingc.geometry.record import AssemblyFailed, PartDefinition
+from thingc.model.assembly.types import Assembly, Occurrence
+from thingc.targets import EmitRequest, Loss
+from thingc.targets.bom.emit import make_of, plain_name
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ManufacturedPart:
+    """Equal parts of one material. `label` is their name in files, and `occurrences` contains the pieces in the order of the document."""
+
+    label: str
+    occurrences: Sequence[Occurrence]
+
+    @property
+    def first(self) -> Occurrence:
+        """The first piece."""
+        return self.occurrences[0]
+
+    @property
+    def quantity(self) -> int:
+        """The number of pieces."""
+        return len(self.occurrences)
+
+    @property
+    def material(self) -> str | None:
+        """The name of the material, or None if the document does not specify it."""
+        return self.first.material.name if self.first.material is not None else None
+
+    def file_name(self, *words: str) -> str:
+        """Return a file name without suffix: the label, `words`, the material, and the number of pieces if there are several."""
+        return "_".join([self.label, *words, *filter(None, [self.material]), *([f"x{self.quantity}"] if self.quantity > 1 else [])])
+
+
+def computed(
+    request: EmitRequest, target: str, compute: Callable[[set[str]], Mapping[str, Result]],
+) -> tuple[list[tuple[ManufacturedPart, Result]], list[Loss]]:
+    """Return the parts that are not bought with results of the CAD kernel for their B-reps. Parts without a B-rep are export losses.
+
+    If the kernel fails, an error is reported, and there are no parts.
+    """
+    parts, losses = [], []
+    for part in manufactured(request.assembly):
+        first = part.first
+        if first.record is not None and first.record.brep is not None:
+            parts.append((part, first.record.brep))
+        else:
+            what = f"`{first.definition.label}` is a mesh without exact surfaces"
+            losses.append(Loss.of(first.origin, target, None, first.path, what, "omitted"))
+    try:
+        results = compute({brep for _, brep in parts})
+    except AssemblyFailed as fault:
+        origin = request.assembly.definition.origin
+        request.report.add(Code.INTERNAL, f"the CAD kernel cannot read a part: {fault.reason}", origin, detail=fault.detail)
+        return [], losses
+    return [(part, results[brep]) for part, brep in parts], losses
+
+
+def manufactured(assembly: Assembly) -> list[ManufacturedPart]:
+    """Return the parts with geometry that are not bought. Parts with equal names are named after their definitions and materials."""
+    alike: dict[tuple[object, ...], list[Occurrence]] = {}
+    for one in assembly.occurrences:
+        if isinstance(one.component.definition, PartDefinition) and one.record is not None and one.record.box and make_of(one) != "buy":
+            alike.setdefault((one.definition, one.material.name if one.material is not None else None), []).append(one)
+    groups = list(alike.values())
+    names = [_simple(plain_name(group[0])) for group in groups]
+    owners: dict[str, set[object]] = {}
+    for name, group in zip(names, groups, strict=True):
+        owners.setdefault(name.casefold(), set()).add(group[0].definition)
+    return [
+        ManufacturedPart(label=name if len(owners[name.casefold()]) == 1 else _stem(group[0]), occurrences=group)
+        for name, group in zip(names, groups, strict=True)
+    ]
+
+
+def _stem(occurrence: Occurrence) -> str:
+    assert isinstance(occurrence.component.definition, PartDefinition)
+    return occurrence.component.definition.stem
+
+
+def _simple(name: str) -> str:
+    """Replace characters that are not allowed in all file systems."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("._") or "part"
