@@ -64,7 +64,7 @@ class Features(FrozenStruct):
 Point = tuple[float, float]
 
 
-class Segment(FrozenStruct, tag=True):
+class StraightEdge(FrozenStruct, tag=True):
     """A straight edge of a drawing [m]."""
 
     start: Point
@@ -94,7 +94,7 @@ class Spline(FrozenStruct, tag=True):
     knots: tuple[float, ...]
 
 
-Curve = Segment | Arc | Spline
+Curve = StraightEdge | Arc | Spline
 
 
 class Sheet(FrozenStruct):

@@ -12,7 +12,7 @@ from typing import Any
 import ezdxf
 from ezdxf import zoom
 
-from thingc.geometry.features import Arc, Curve, Point, Segment, Sheet, Spline
+from thingc.geometry.features import Arc, Curve, Point, Sheet, Spline, StraightEdge
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.tools.workshop.manufactured_parts import computed
 
@@ -55,7 +55,7 @@ def written(sheet: Sheet) -> bytes:
 
 def _add(space: Any, curve: Curve, attributes: dict[str, str]) -> None:
     match curve:
-        case Segment(start=start, end=end):
+        case StraightEdge(start=start, end=end):
             space.add_line(_millimetres(start), _millimetres(end), attributes)
         case Arc(centre=centre, radius=radius) if curve.full:
             space.add_circle(_millimetres(centre), 1e3 * radius, attributes)

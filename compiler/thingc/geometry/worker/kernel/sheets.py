@@ -21,7 +21,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from thingc.base.pose import Vector, dot
-from thingc.geometry.features import Arc, Curve, Segment, Sheet, Spline
+from thingc.geometry.features import Arc, Curve, Sheet, Spline, StraightEdge
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.feature_search import area_and_centre
 from thingc.geometry.worker.kernel.integrals import explored
@@ -109,7 +109,7 @@ def _edges(faces: Any, place: TopLoc_Location) -> dict[tuple[Any, ...], Curve]:
         for edge in explored(face, TopAbs_EDGE):
             curve = curve_of(TopoDS.Edge(edge.Moved(place)))
             match curve:
-                case Segment(start=start, end=end):
+                case StraightEdge(start=start, end=end):
                     numbers: tuple[float, ...] = (*min(start, end), *max(start, end))
                 case Arc(centre=centre, radius=radius, start=first, end=last):
                     numbers = (*centre, radius, *(() if curve.full else (first, last)))
@@ -124,7 +124,7 @@ def curve_of(edge: TopoDS_Edge) -> Curve:
     adaptor = BRepAdaptor_Curve(edge)
     first, last = adaptor.FirstParameter(), adaptor.LastParameter()
     if adaptor.GetType() == GeomAbs_Line:
-        return Segment(start=_point(adaptor.Value(first)), end=_point(adaptor.Value(last)))
+        return StraightEdge(start=_point(adaptor.Value(first)), end=_point(adaptor.Value(last)))
     if adaptor.GetType() == GeomAbs_Circle:
         circle = adaptor.Circle()
         centre, sweep = _point(circle.Location()), last - first
