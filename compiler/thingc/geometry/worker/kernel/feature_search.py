@@ -24,6 +24,8 @@ from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.integrals import explored
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 EQUAL = 1e-5
