@@ -29,6 +29,7 @@ from thingc.documents.spec.fields import (
     MultiplierField,
     Name,
     NumberField,
+    OmittedField,
     SpeedField,
     Vector3Angle,
     Vector3Length,
@@ -279,6 +280,8 @@ class ComponentSpec(ComponentDefaults):
     """Whether the component starts a separate link, which a fixed joint connects to its neighbour; only with `attach` or `at`."""
     mounts: dict[NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
     """Mounts that this document adds to the component, by name."""
+    detail: list[Name] = Field(default=[], examples=[["fasteners"]])
+    """Levels of detail to which the component belongs. Simulation models omit its shapes if `detail` of the document lists a level."""
     mirror: Literal["x", "y", "z"] | None = None
     """Mirrors the part, or the whole nested assembly, at the plane normal to this axis of its frame."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}, {"count": "=legs", "as": "k"}])
@@ -469,6 +472,21 @@ class TurnSpec(Model):
         return self
 
 
+class DetailSpec(Model):
+    """The levels of detail that simulation models omit: `-fasteners`, or a list. Masses and inertias do not change."""
+
+    sim: OmittedField = Field(default=(), examples=["-fasteners", ["-fasteners", "-electronics"]])
+    """Omitted in all simulation models."""
+    mjcf: OmittedField | None = Field(default=None, examples=["-fasteners"])
+    """Omitted in MuJoCo models, in place of `sim`."""
+    urdf: OmittedField | None = Field(default=None, examples=["-fasteners"])
+    """Omitted in URDF files and ROS packages, in place of `sim`."""
+    sdf: OmittedField | None = Field(default=None, examples=["-fasteners"])
+    """Omitted in SDF files, in place of `sim`."""
+    usd: OmittedField | None = Field(default=None, examples=["-fasteners"])
+    """Omitted in USD files, in place of `sim`."""
+
+
 class AssemblySpec(Model):
     """An assembly of components and joints: a robot, or a part of one."""
 
@@ -513,6 +531,8 @@ class AssemblySpec(Model):
     """Poses, by name: positions of joints. Joints that a pose does not set are at 0."""
     modes: dict[NewMode, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
     """Modes, by name. Each mode is a simulation model; the first mode is the default."""
+    detail: DetailSpec | None = Field(default=None, examples=[{"sim": "-fasteners"}])
+    """Levels of detail that simulation models omit."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "2 ms", "integrator": "implicitfast"}])
     raw: dict[str, RawField] = Field(default={}, examples=[{"mjcf": {"joint": {"yaw": {"solreflimit": "0.01 1"}}}}])
     """Attributes that are added to the output files of one target, by path. Only the target checks their values."""

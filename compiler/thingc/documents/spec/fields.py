@@ -337,6 +337,16 @@ def name_of(value: Any) -> str:
     raise fault("name", f"`{shortened(value)}` is not a valid name: use a letter, then letters, digits and `_`", help=help)
 
 
+def _omitted(value: Any) -> tuple[str, ...]:
+    """Validate levels of detail that are omitted, such as `-fasteners`, and return their names."""
+    given = value if isinstance(value, list) else [value]
+    for one in given:
+        if not isinstance(one, str) or not one.startswith("-"):
+            help = f"write `-{one}` to omit it" if isinstance(one, str) and _NAME.fullmatch(one) else "write, for example, `-fasteners`"
+            raise fault("type", f"expected a minus sign and a level of detail, found {found(one)}", help=help)
+    return tuple(name_of(one[1:]) for one in given)
+
+
 def _index(value: Any) -> str:
     """Validate the index of a joint coordinate, which must be an integer of at least 0."""
     if isinstance(value, str) and value.isdecimal() and value.isascii() and len(value) < 3:
@@ -436,6 +446,11 @@ _ANY_SCHEMA = {
 }
 _INDEX_SCHEMA = {"type": "string", "pattern": "^[0-9]$"}
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "examples": ["shoulder"]}
+_LEVEL_SCHEMA = {"type": "string", "pattern": "^-[A-Za-z][A-Za-z0-9_]*$"}
+_OMITTED_SCHEMA = {
+    "description": "Levels of detail, each with a minus sign.", "examples": ["-fasteners", ["-fasteners", "-electronics"]],
+    "anyOf": [_LEVEL_SCHEMA, {"type": "array", "items": _LEVEL_SCHEMA}],
+}
 REFERENCE_PATTERN = rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$"
 """Regular expression of a reference for the JSON Schemas."""
 _REFERENCE_SCHEMA = {
@@ -470,6 +485,7 @@ Vector3Length = Annotated[Vector, _vector(LENGTH)]
 Vector3Angle = Annotated[Vector, _vector(ANGLE)]
 Vector3Acceleration = Annotated[Vector, _vector(ACCELERATION)]
 Name = Annotated[str, FieldValidator(name_of, "a name", _NAME_SCHEMA)]
+OmittedField = Annotated[tuple[str, ...], FieldValidator(_omitted, "levels of detail", _OMITTED_SCHEMA)]
 Index = Annotated[str, FieldValidator(_index, "the index of a coordinate", _INDEX_SCHEMA)]
 ReferenceField = Annotated[str, FieldValidator(_reference, "a reference", _REFERENCE_SCHEMA)]
 ColorField = Annotated[str, FieldValidator(_color, "a colour", _COLOR_SCHEMA)]

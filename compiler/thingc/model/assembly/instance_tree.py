@@ -30,7 +30,7 @@ class Instance:
     `assembly` is set for an assembly, and `part` is set for a part, a link or a frame. For an invalid component, which has been reported,
     both are None. `index` is the index of an occurrence in document order. For an assembly, `index` is the index of its `base`, which is
     the component that is not placed. The index is None if there is no base. `unit` is the outermost bought assembly that contains the
-    instance.
+    instance. `detail` contains the levels of detail of its component and of all components that contain it.
     """
 
     path: str
@@ -42,6 +42,7 @@ class Instance:
     index: int | None = None
     base: Instance | None = None
     unit: Unit | None = None
+    detail: frozenset[str] = frozenset()
 
     def within(self, name: str) -> str:
         """Return the path of an element of this assembly in the robot: `hand/tip` for the element `tip` of the assembly at `hand`."""
@@ -124,6 +125,7 @@ class Tree:
                         unit = Unit(path=path, definition=Definition.of(nested), bom=bom_of(inner, None, scope))
                     instance.children[inner.name] = Instance(
                         path=path, component=inner, origin=inner.origin + instance.origin, assembly=nested, unit=unit,
+                        detail=instance.detail | inner.detail,
                     )
                 waiting.extend((child, scope) for child in reversed(instance.children.values()))
             elif component is not None:

@@ -156,5 +156,5 @@ def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:
     return Occurrence(
         **{**asdict(part), "mounts": {**part.mounts, **added} if added else part.mounts},
         path=instance.path, index=index, overrides=part.component.overrides, origin=instance.origin,
-        unit=instance.unit,
+        unit=instance.unit, detail=instance.detail,
     )

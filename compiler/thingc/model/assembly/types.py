@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from msgspec.structs import asdict, replace
 
@@ -112,7 +112,7 @@ class Occurrence(PartInstance):
     """One use of a part, a link or a frame in the robot, at a path such as `hand/cap`.
 
     `index` is the position in the list of all occurrences in document order. `unit` is the nested assembly that the bill of materials lists
-    in place of the occurrence, if any.
+    in place of the occurrence, if any. `detail` contains the levels of detail to which the occurrence belongs.
     """
 
     path: str
@@ -120,6 +120,7 @@ class Occurrence(PartInstance):
     overrides: Overrides
     origin: Origin
     unit: Unit | None = None
+    detail: frozenset[str] = frozenset()
 
     def name_in_files(self, surface: Surface) -> str | None:
         """Return the name that a document specifies for a shape in output files, including the path of the document.
@@ -166,8 +167,11 @@ class Occurrence(PartInstance):
         """Whether the occurrence may collide. Only information that is available without meshes is used."""
         return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
 
-    def in_target(self, target: str) -> Occurrence:
-        """Return the occurrence with the collision shapes that the document selects for a format."""
+    def in_target(self, target: str, omitted: Collection[str] = ()) -> Occurrence:
+        """Return the occurrence with the shapes that the document selects for a format. `omitted` are the omitted levels of detail."""
+        if not self.detail.isdisjoint(omitted):
+            bare = None if self.listed is None else replace(self.listed, drawn=(), touching=())
+            return replace(self, overrides=replace(self.overrides, targets={}, visual=False, collision="none"), listed=bare)
         choice = self.overrides.targets.get(target)
         if choice is None:
             return self
@@ -533,10 +537,11 @@ class Assembly(Connected):
     free_joint: JointPath = "root"
 
     def in_target(self, target: str) -> Assembly:
-        """Return the assembly with the collision shapes that the document selects for a format."""
-        if not any(target in one.overrides.targets for one in self.occurrences):
+        """Return the assembly with the shapes that the document selects for a format, without the omitted levels of detail."""
+        omitted = self.definition.omitted.get(target, frozenset())
+        if not omitted and not any(target in one.overrides.targets for one in self.occurrences):
             return self
-        return replace(self, occurrences=tuple(one.in_target(target) for one in self.occurrences))
+        return replace(self, occurrences=tuple(one.in_target(target, omitted) for one in self.occurrences))
 
     @property
     def hag(self) -> Hag:

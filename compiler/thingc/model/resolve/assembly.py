@@ -16,6 +16,7 @@ from thingc.model.resolve import choices as chosen
 from thingc.model.resolve import references
 from thingc.model.resolve.bom import catalog
 from thingc.model.resolve.components import components, nodes
+from thingc.model.resolve.details import omitted
 from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
 from thingc.model.resolve.joints import joints
 from thingc.model.resolve.materials import in_scope, unreadable
@@ -144,7 +145,7 @@ def _definition(
         sensors=tuple(sensors(table, scope, pulled)), names=tuple(names(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (), origin=scope.origin(("name",)),
         materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
-        catalog=catalog(context, scope, spec),
+        catalog=catalog(context, scope, spec), omitted=omitted(scope, spec, made) if top else {},
     )
 
 

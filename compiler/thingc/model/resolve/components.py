@@ -200,5 +200,5 @@ def _component(
     return Component(
         name=node.name, key=str(node.path[-1]), definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
         placement=None if node.unsound or node.unplaced else placement, material=material, overrides=over, mounts=node.mounts,
-        bom=bom_entry(scope, layers), origin=scope.origin(node.path, key=True),
+        bom=bom_entry(scope, layers), origin=scope.origin(node.path, key=True), detail=frozenset(node.spec.detail),
     )

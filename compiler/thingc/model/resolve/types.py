@@ -208,6 +208,7 @@ class Component(OneLineRepr, FrozenStruct):
     If `material` is None, later passes use the default material of the Thing, if the `materials` of the assembly contain it. For a
     component of a mirror image, `image_of` is the original component. If the part equals its mirror image, `mounts_mirrored` is the axis
     along which its mounts are mirrored. `key` is the key of the component in the document. All items of a `repeat` have the same key.
+    `detail` contains the levels of detail to which the component belongs.
     """
 
     name: str
@@ -220,6 +221,7 @@ class Component(OneLineRepr, FrozenStruct):
     mounts: dict[str, ExtraMount]
     bom: BomEntry
     origin: Origin
+    detail: frozenset[str] = frozenset()
     image_of: Component | None = None
     mounts_mirrored: str | None = None
 
@@ -588,7 +590,8 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     False if validation removed invalid entries from the document. `loose` contains the valid references of elements that were omitted
     because of another, invalid reference. `step_origin` is the location of the setting `timestep` in the document. A mirror image is a
     separate definition, such as `leg(mirror=y)`. `mirror` is the axis along which it is mirrored, and `plain` is the original definition.
-    `catalog` contains the entries of the catalogue of the document, by order number.
+    `catalog` contains the entries of the catalogue of the document, by order number. `omitted` contains the levels of detail that each
+    simulation target omits, and is only used for the top document.
     """
 
     document: str
@@ -619,3 +622,4 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     mirror: str | None = None
     plain: AssemblyDefinition | None = None
     catalog: dict[str, BomEntry] = {}
+    omitted: dict[str, frozenset[str]] = {}

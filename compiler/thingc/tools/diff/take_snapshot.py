@@ -123,6 +123,7 @@ class _Reader:
         facts["mirror"] = fact(made.mirror if made is not None else None, "mirror")
         material = occurrence.material if occurrence is not None else None
         facts["material"] = fact(Named(what="material", path=material.name) if material is not None else None, "material")
+        facts["detail"] = fact(tuple(sorted(component.detail)), "detail")
         facts |= {key: fact(value, *key.split(".")) for key, value in _overrides(component.overrides)}
         facts |= {key: fact(value, *key.split(".")) for key, value in field_values("bom", type(component.bom), component.bom).items()}
         if isinstance(made, PartDefinition):
@@ -302,6 +303,8 @@ class _Reader:
             facts[f"adhesion.{component(mount).text}"] = fact(force, "adhesion")
         for key, one in {**definition.simulation, **mode.simulation}.items():
             facts[f"simulation.{key}"] = fact(one, "simulation", key)
+        for target, levels in definition.omitted.items():
+            facts[f"detail.{target}"] = fact(tuple(f"-{level}" for level in sorted(levels)), "detail", target)
         self._add("mode", mode.name, facts, span=mode.origin[0])
 
     def _materials(self, top: AssemblyDefinition) -> None:
