@@ -10,9 +10,11 @@ import hashlib
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import NotARegularFile, beginning
@@ -20,8 +22,8 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.installed_packages import dotted_name
 from thingc.base.package_info import KEYS, MEMORY, PackageInfo
 from thingc.base.safe_text import is_text
-from thingc.base.source import Document, MappingNode, Path, Span, line_of
-from thingc.base.suggestions import did_you_mean
+from thingc.base.source import MappingNode, Path, Span, line_of
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
 
 MAX_BYTES = 500_000
@@ -91,11 +93,11 @@ class Workspace:
 
     root: str
     parts: tuple[str, ...]
-    packages: tuple[str, ...]
+    packages: tuple[str, ...] = DEFAULT_PACKAGES
     build: str
-    part_timeout: float
-    mesh: Tessellation
-    simulation: Tessellation
+    part_timeout: float = DEFAULT_TIMEOUT
+    mesh: Tessellation = DEFAULT_MESH
+    simulation: Tessellation = DEFAULT_SIMULATION
     part_memory: int = DEFAULT_MEMORY
     emit: tuple[str, ...] = ()
     mesh_uri: str = MESH_URIS[0]
@@ -133,7 +135,7 @@ class Workspace:
                     return _parse_workspace(path, data, folder, inputs, report)
             above = os.path.dirname(folder)
             if above == folder:
-                return _default(start, inputs)
+                return _workspace({}, start, None, inputs)
             folder = above
 
     def relative(self, path: str) -> str:
@@ -187,14 +189,6 @@ def _inside(path: str, root: str) -> bool:
     return real == top or real.startswith(top.rstrip(os.sep) + os.sep)
 
 
-def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
-    return Workspace(
-        root=folder, parts=_existing(folder, DEFAULT_PARTS, inputs), packages=DEFAULT_PACKAGES,
-        build=os.path.join(folder, DEFAULT_BUILD), part_timeout=DEFAULT_TIMEOUT, mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
-        inputs=inputs,
-    )
-
-
 def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
     """Return the absolute paths of the folders in `names` that exist in the workspace.
 
@@ -242,8 +236,8 @@ def _has_table(data: bytes) -> bool:
 def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | None], report: Report) -> Workspace | None:
     """Create a workspace from the content `data` of a workspace file.
 
-    A fast parser without source positions reads the usual settings. If a setting is unusual or invalid, the slower document model validates
-    the file and reports errors.
+    A fast parser without source positions reads the file. If a setting is invalid, the slower document model validates the file and reports
+    errors.
     """
     if len(data) > MAX_BYTES:
         report.add(Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes", line_of(path), help="remove unused content")
@@ -255,127 +249,121 @@ def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | 
         table: Any = tomllib.loads(data.decode("utf-8-sig"))
         for key in prefix:
             table = table[key]
-        settings = _Settings.plain(table)
+        settings, faults = _read_settings(table, root)
+        if not faults:
+            return _workspace(settings, root, line_of(path), inputs)
     except (ValueError, RecursionError, KeyError, TypeError, OverflowError):
-        settings = None
-    span: Span | None = line_of(path)
-    if settings is not None:
-        workspace = _workspace(settings, root, span, inputs)
-        if workspace is not None:
-            return workspace
+        pass
     return _explained(path, data, root, prefix, inputs, report)
 
 
-class _Settings(FrozenStruct):
-    """The settings of a workspace file, with relative paths and values in SI units."""
+class _Fault(FrozenStruct, kw_only=False):
+    """An invalid number or folder in a workspace file, which the document model accepts. `path` is the path of the value."""
 
-    parts: tuple[str, ...] | None
-    packages: tuple[str, ...]
-    build: str
-    part_timeout: float
-    part_memory: int
-    mesh: Tessellation
-    simulation: Tessellation
-    emit: tuple[str, ...]
-    mesh_uri: str
-    about: PackageInfo
-    compat: tuple[str, ...]
-    bed: tuple[float, ...]
-
-    @staticmethod
-    def plain(table: dict[str, Any]) -> _Settings | None:
-        """Convert a TOML table to settings, without validation by the document model.
-
-        For unusual or invalid settings, return None or raise ValueError or TypeError.
-        """
-        known = {"thingc", *(name for name in _Settings.__struct_fields__ if name != "simulation")}
-        mesh, about = table.get("mesh", {}), table.get("about", {})
-        if table["thingc"] != "workspace/1" or not known.issuperset(table.keys() - {"$schema"}):
-            return None
-        if not isinstance(mesh, dict) or not isinstance(about, dict):
-            return None
-        bed = _plain_texts(table.get("bed", []))
-        if "bed" in table and len(bed) != 3:
-            return None
-        if not {"linear", "angular", "simulation"}.issuperset(mesh) or not KEYS.issuperset(about):
-            return None
-        simulation = mesh.get("simulation", {})
-        if not {"linear", "angular"}.issuperset(simulation):
-            return None
-        fine = _plain_tessellation(mesh, DEFAULT_MESH)
-        build, mesh_uri = table.get("build", DEFAULT_BUILD), table.get("mesh_uri", MESH_URIS[0])
-        compat = _plain_texts(table.get("compat", []))
-        return None if not isinstance(build, str) or mesh_uri not in MESH_URIS or not set(CONSUMERS).issuperset(compat) else _Settings(
-            parts=_plain_texts(table["parts"]) if "parts" in table else None,
-            packages=_plain_texts(table["packages"]) if "packages" in table else DEFAULT_PACKAGES,
-            build=build,
-            part_timeout=_plain_value(table, "part_timeout", TIME, DEFAULT_TIMEOUT),
-            part_memory=bytes_of(table.get("part_memory")),
-            mesh=fine,
-            simulation=_plain_tessellation(simulation, DEFAULT_SIMULATION.coarser(fine)),
-            emit=_plain_texts(table.get("emit", [])),
-            mesh_uri=mesh_uri,
-            about=PackageInfo.of(about),
-            compat=compat,
-            bed=tuple(_plain_value({"bed": text}, "bed", LENGTH, 0.0) for text in bed) or DEFAULT_BED,
-        )
+    path: Path
+    code: Code
+    message: str
+    help: Hint | None = None
 
 
-def _plain_texts(value: Any) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-        raise TypeError
-    return tuple(value)
+_Read = Callable[[Any, Path, list[_Fault]], Any]
+"""A function that converts the value at a path of a workspace file. Invalid numbers are added to the list.
+
+Raises `ValueError` or `TypeError` for values that the document model does not accept.
+"""
 
 
-def _plain_tessellation(table: Any, default: Tessellation) -> Tessellation:
-    if not isinstance(table, dict):
-        raise TypeError
-    return Tessellation(
-        linear=_plain_value(table, "linear", LENGTH, default.linear), angular=_plain_value(table, "angular", ANGLE, default.angular),
-    )
+def _text(choices: Collection[str] = ()) -> _Read:
+    """Return a function that reads a string. If `choices` is not empty, the string must be one of the choices."""
+    def read(value: Any, path: Path, faults: list[_Fault]) -> str:
+        if not isinstance(value, str) or (choices and value not in choices):
+            raise TypeError
+        return value
+
+    return read
 
 
-def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default: float) -> float:
-    if key not in table:
-        return default
-    text = table[key]
-    if not isinstance(text, str):
-        raise TypeError
-    value = checked(parse_quantity(text), (dimension,), text).value
-    if not 0.0 < value <= (LONGEST if dimension == TIME else math.inf):
-        raise ValueError
-    return value
+def _list(item: _Read, count: int | None = None) -> _Read:
+    """Return a function that reads a list with the function `item`. If `count` is given, the list must have this many items."""
+    def read(value: Any, path: Path, faults: list[_Fault]) -> tuple[Any, ...]:
+        if not isinstance(value, list) or count not in (None, len(value)):
+            raise TypeError
+        return tuple(item(one, (*path, index), faults) for index, one in enumerate(value))
+
+    return read
 
 
-def bytes_of(memory: Any) -> int:
-    """Parse a string such as `4 GB` to a number of bytes.
+def _number(dimension: Dimension, most: float = math.inf) -> _Read:
+    """Return a function that reads a quantity above 0 and converts it to SI units."""
+    def read(value: Any, path: Path, faults: list[_Fault]) -> float:
+        if isinstance(value, str) and value.lstrip().startswith("="):
+            faults.append(_Fault(path, Code.BAD_EXPRESSION, "a workspace has no parameters: write a plain value"))
+            return math.nan
+        quantity = checked(parse_quantity(value) if isinstance(value, str) else Quantity(value + 0.0), (dimension,), str(value))
+        if quantity.value <= 0.0:
+            faults.append(_Fault(path, Code.BAD_QUANTITY, f"expected a value above 0, found `{quantity}`"))
+        elif quantity.value > most:
+            faults.append(_Fault(path, Code.BAD_QUANTITY, f"expected a time of at most {most:.0f} s, found `{quantity}`"))
+        return quantity.value
 
-    For None, return the default memory limit. Raises `ValueError` or `TypeError` for an invalid string.
-    """
-    if memory is None:
-        return DEFAULT_MEMORY
-    if (match := re.fullmatch(MEMORY, memory)) is None:
+    return read
+
+
+def _memory(value: Any, path: Path, faults: list[_Fault]) -> int:
+    """Convert an amount of memory such as `4 GB` to a number of bytes."""
+    if (match := re.fullmatch(MEMORY, value)) is None:
         raise ValueError
     return int(match[1], 10) * {"MB": 1_000_000, "GB": 1_000_000_000}[match[2]]
 
 
-def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[str, str | None]) -> Workspace | None:
-    """Create a workspace from its settings. Return None if one of its folders is invalid."""
-    folders = DEFAULT_PARTS if settings.parts is None else settings.parts
-    if len(folders) > MAX_FOLDERS or len(settings.packages) > MAX_FOLDERS:
-        return None
-    for text in (*folders, settings.build):
-        if _folder_fault(text, root) is not None:
-            return None
-    parts = _existing(root, folders, inputs)
-    if settings.parts is not None and len(parts) != len(folders):
-        return None
-    return Workspace(
-        root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
-        part_timeout=settings.part_timeout, part_memory=settings.part_memory, mesh=settings.mesh, simulation=settings.simulation,
-        emit=settings.emit, mesh_uri=settings.mesh_uri, about=settings.about, compat=settings.compat, bed=settings.bed, origin=span,
-        inputs=inputs,
-    )
+def _about(value: Any, path: Path, faults: list[_Fault]) -> PackageInfo:
+    return PackageInfo.of(_mapping(value, KEYS))
+
+
+def _mapping(value: Any, keys: Collection[str]) -> dict[str, Any]:
+    if not isinstance(value, dict) or not value.keys() <= set(keys):
+        raise TypeError
+    return value
+
+
+def _tessellations(value: Any, path: Path, faults: list[_Fault]) -> tuple[Tessellation, Tessellation]:
+    """Read the tessellation for printing and the tessellation for simulators, whose tolerances are at least as large by default."""
+    fine = {key: one for key, one in _mapping(value, (*_TOLERANCES, "simulation")).items() if key in _TOLERANCES}
+    coarse = _mapping(value.get("simulation", {}), _TOLERANCES)
+    mesh = replace(DEFAULT_MESH, **{key: _TOLERANCES[key](one, (*path, key), faults) for key, one in fine.items()})
+    given = {key: _TOLERANCES[key](one, (*path, "simulation", key), faults) for key, one in coarse.items()}
+    return mesh, replace(DEFAULT_SIMULATION.coarser(mesh), **given)
+
+
+_TOLERANCES: Mapping[str, _Read] = {"linear": _number(LENGTH), "angular": _number(ANGLE)}
+_KEYS: Mapping[str, _Read] = {
+    "parts": _list(_text()), "packages": _list(_text()), "build": _text(), "emit": _list(_text()), "mesh_uri": _text(MESH_URIS),
+    "about": _about, "compat": _list(_text(CONSUMERS)), "part_timeout": _number(TIME, LONGEST), "part_memory": _memory,
+    "bed": _list(_number(LENGTH), 3), "mesh": _tessellations,
+}
+"""The keys of a workspace file. Each value becomes the field of `Workspace` with the same name, except for `mesh`, which contains two."""
+
+
+def _read_settings(table: Any, root: str) -> tuple[dict[str, Any], list[_Fault]]:
+    """Return the values of a workspace file by key, and the faults of these values.
+
+    Raises `ValueError`, `KeyError` or `TypeError` for a file that the document model does not accept.
+    """
+    faults: list[_Fault] = []
+    if _mapping(table, ("thingc", "$schema", *_KEYS))["thingc"] != "workspace/1":
+        raise ValueError
+    settings = {key: _KEYS[key](value, (key,), faults) for key, value in table.items() if key in _KEYS}
+    return settings, [*faults, *_folder_faults(settings, root)]
+
+
+def _workspace(settings: Mapping[str, Any], root: str, span: Span | None, inputs: dict[str, str | None]) -> Workspace:
+    """Create a workspace from the valid settings of its file."""
+    mesh, simulation = settings.get("mesh", (DEFAULT_MESH, DEFAULT_SIMULATION))
+    return Workspace(**{
+        **settings, "root": root, "parts": _existing(root, settings.get("parts", DEFAULT_PARTS), inputs), "mesh": mesh,
+        "simulation": simulation, "build": os.path.normpath(os.path.join(root, settings.get("build", DEFAULT_BUILD))), "origin": span,
+        "inputs": inputs,
+    })
 
 
 MAX_FOLDERS = 100
@@ -391,6 +379,22 @@ def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
     if not _inside(os.path.join(root, text), root):
         return f"`{shown}` is outside the workspace", "use a folder inside the folder of `thingc.toml`"
     return None
+
+
+def _folder_faults(settings: Mapping[str, Any], root: str) -> Iterator[_Fault]:
+    for key in ("parts", "packages"):
+        if len(settings.get(key, ())) > MAX_FOLDERS:
+            yield _Fault((key,), Code.TOO_LARGE, f"the workspace lists more than {MAX_FOLDERS} {key}")
+            return
+    named: list[tuple[str, Path]] = [(text, ("parts", index)) for index, text in enumerate(settings.get("parts", DEFAULT_PARTS))]
+    for text, path in [*named, (settings.get("build", DEFAULT_BUILD), ("build",))]:
+        fault = _folder_fault(text, root)
+        if fault is not None:
+            yield _Fault(path, Code.OUTSIDE_WORKSPACE, *fault)
+        elif path != ("build",) and "parts" in settings and not os.path.isdir(os.path.join(root, text)):
+            here = [entry.name for entry in os.scandir(root) if entry.is_dir() and not entry.name.startswith(".")]
+            help = did_you_mean(text, here, what="folders")
+            yield _Fault(path, Code.WORKSPACE_FOLDER, f"the workspace has no folder `{shortened(text)}`", help)
 
 
 def _explained(path: str, data: bytes, root: str, prefix: Path, inputs: dict[str, str | None], report: Report) -> Workspace | None:
@@ -417,69 +421,9 @@ def _explained(path: str, data: bytes, root: str, prefix: Path, inputs: dict[str
         )
         return None
     document = Document(path=path, relative=os.path.basename(path), kind=kind, tree=table, sha256="", text=data.decode("utf-8-sig"))
-    spec = validate_one(document, report)
-    if spec is None or len(report.diagnostics) > before:
+    if validate_one(document, report) is None or len(report.diagnostics) > before:
         return None
-    settings = _from_spec(spec, document, report)
-    _check_folders(settings, document, root, report)
-    return None if len(report.diagnostics) > before else _workspace(settings, root, table.span, inputs)
-
-
-def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
-    """Convert the validated model of a workspace file to settings.
-
-    Expressions, and numbers that are zero or negative, are reported as errors.
-    """
-
-    def value(said: Any, path: Path, default: float) -> float:
-        if said is None:
-            return default
-        if not isinstance(said, Quantity):
-            report.add(Code.BAD_EXPRESSION, "a workspace has no parameters: write a plain value", document.span(path))
-            return default
-        if said.value <= 0.0:
-            report.add(Code.BAD_QUANTITY, f"expected a value above 0, found `{said}`", document.span(path))
-            return default
-        if said.dimension == TIME and said.value > LONGEST:
-            report.add(Code.BAD_QUANTITY, f"expected a time of at most {LONGEST:.0f} s, found `{said}`", document.span(path))
-            return default
-        return said.value
-
-    def tessellation(said: Any, path: Path, default: Tessellation) -> Tessellation:
-        if said is None:
-            return default
-        return Tessellation(
-            linear=value(said.linear, (*path, "linear"), default.linear),
-            angular=value(said.angular, (*path, "angular"), default.angular),
-        )
-
-    mesh = tessellation(spec.mesh, ("mesh",), DEFAULT_MESH)
-    return _Settings(
-        parts=tuple(spec.parts) if "parts" in document.tree.entries else None, packages=tuple(spec.packages), build=spec.build,
-        part_timeout=value(spec.part_timeout, ("part_timeout",), DEFAULT_TIMEOUT), part_memory=bytes_of(spec.part_memory),
-        mesh=mesh,
-        simulation=tessellation(spec.mesh.simulation if spec.mesh else None, ("mesh", "simulation"), DEFAULT_SIMULATION.coarser(mesh)),
-        emit=tuple(spec.emit),
-        mesh_uri=spec.mesh_uri,
-        about=PackageInfo.of(spec.about.model_dump(exclude_none=True) if spec.about is not None else {}),
-        compat=tuple(spec.compat),
-        bed=DEFAULT_BED if spec.bed is None else tuple(value(said, ("bed", k), DEFAULT_BED[k]) for k, said in enumerate(spec.bed)),
-    )
-
-
-def _check_folders(settings: _Settings, document: Document, root: str, report: Report) -> None:
-    for key, texts in (("parts", settings.parts or ()), ("packages", settings.packages)):
-        if len(texts) > MAX_FOLDERS:
-            report.add(Code.TOO_LARGE, f"the workspace lists more than {MAX_FOLDERS} {key}", document.span((key,)))
-            return
-    parts = DEFAULT_PARTS if settings.parts is None else settings.parts
-    named: list[tuple[str, Path]] = [(text, ("parts", index)) for index, text in enumerate(parts)]
-    for text, path in [*named, (settings.build, ("build",))]:
-        where = document.span(path)
-        fault = _folder_fault(text, root)
-        if fault is not None:
-            report.add(Code.OUTSIDE_WORKSPACE, fault[0], where, help=fault[1])
-        elif path != ("build",) and settings.parts is not None and not os.path.isdir(os.path.join(root, text)):
-            here = [entry.name for entry in os.scandir(root) if entry.is_dir() and not entry.name.startswith(".")]
-            help = did_you_mean(text, here, what="folders")
-            report.add(Code.WORKSPACE_FOLDER, f"the workspace has no folder `{shortened(text)}`", where, help=help)
+    settings, faults = _read_settings(table.plain(), root)
+    for fault in faults:
+        report.add(fault.code, fault.message, document.span(fault.path), help=fault.help)
+    return None if faults else _workspace(settings, root, table.span, inputs)
