@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from lsp.walkers import WALKER, write
 from thingc.base.diagnostics import Report
 from thingc.batch import plan
-from thingc.documents.names.references import Name
+from thingc.documents.names.part_names import Name
 from thingc.documents.names.rename import RenameRefused, rename_edits
 from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspace
 from thingc.documents.workspace import Workspace

@@ -11,31 +11,39 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Literal
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.python_source import parse_python
 from thingc.base.source import Span
 
+Role = Literal["declared", "used", "fits"]
+"""Roles of a name at a location. The role `fits` means that a pattern matches the name, or that the name is written with escapes."""
 
-class PartName(FrozenStruct, kw_only=False):
-    """A mount (an attribute) or a parameter of a Thing.
 
-    `what` is `part mount` or `part parameter`, `file` is the absolute path of the module, and `owner` is the name of the class. If the
-    declaration is unknown, `file` is empty and `owner` is the reference `module:Class`.
+class Name(FrozenStruct, kw_only=False):
+    """A name that a document or a part module declares.
+
+    `what` is the type of the named element: a type from `name_types.py`, or `document`, `part`, `part mount` or `part parameter`. `file` is
+    the absolute path of the document or module that declares the name, or an empty string if unknown. `owner` is the component or class in
+    this file to which the name belongs (`components.leg`), or the reference `module:Class` if the file is unknown.
     """
 
     what: str
     file: str
     text: str
-    owner: str
+    owner: str = ""
 
 
-class PartPlace(FrozenStruct, kw_only=False):
-    """An occurrence of the name of a mount or parameter in a Python module. The occurrence can be a declaration or a use."""
+class NamePlace(FrozenStruct, kw_only=False):
+    """A location at which a name is declared or used, in a document or in a part module.
 
-    name: PartName
+    The span covers only the characters of the name. For the role `fits`, the span contains the whole pattern.
+    """
+
+    name: Name
     span: Span
-    declared: bool
+    role: Role
 
 
 class _Module:
@@ -106,7 +114,7 @@ class PartClass:
 
     reference: str
     lineage: list[tuple[_Module, ast.ClassDef]]
-    given: dict[PartName, None]
+    given: dict[Name, None]
 
     @property
     def file(self) -> str:
@@ -120,7 +128,7 @@ class PartClass:
         header = re.search(rf"class\s+{node.name}\b", module.lines[node.lineno - 1])
         return None if header is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: header.end()].encode()), node.name)
 
-    def mounts(self, text: str, pattern: re.Pattern[str] | None) -> list[PartName]:
+    def mounts(self, text: str, pattern: re.Pattern[str] | None) -> list[Name]:
         """Return the attributes that can contain the mount `text`.
 
         The result contains an attribute with this name, and lists or dicts of mounts (`screw` for `screw_0`).
@@ -140,9 +148,9 @@ class PartClass:
         chosen = fitting or ([max(whole, key=len)] if whole else [])
         if not chosen and pattern is None:
             return [self._unseen("part mount", text)]
-        return [self._give(PartName("part mount", owners[name][0].file, name, owners[name][1].name)) for name in chosen]
+        return [self._give(Name("part mount", owners[name][0].file, name, owners[name][1].name)) for name in chosen]
 
-    def parameter(self, text: str) -> PartName:
+    def parameter(self, text: str) -> Name:
         """Return the parameter `text` with the class that declares the parameter.
 
         If no class in the workspace declares the parameter, the file of the result is empty.
@@ -151,14 +159,14 @@ class PartClass:
             method = _init_of(node)
             if method is not None:
                 if any(one.arg == text for one in _arguments(method)):
-                    return self._give(PartName("part parameter", module.file, text, node.name))
+                    return self._give(Name("part parameter", module.file, text, node.name))
                 break
         return self._unseen("part parameter", text)
 
-    def _unseen(self, what: str, text: str) -> PartName:
-        return PartName(what, "", text, self.reference)
+    def _unseen(self, what: str, text: str) -> Name:
+        return Name(what, "", text, self.reference)
 
-    def _give(self, name: PartName) -> PartName:
+    def _give(self, name: Name) -> Name:
         self.given[name] = None
         return name
 
@@ -174,7 +182,7 @@ class PartNames:
         self._read = read
         self._modules: dict[str, _Module | None] = {}
         self._things: dict[str, PartClass | None] = {}
-        self._given: dict[PartName, None] = {}
+        self._given: dict[Name, None] = {}
 
     def thing(self, reference: str) -> PartClass | None:
         """Return the class with the reference `module:Class`, or None if its module is not in a part folder."""
@@ -183,7 +191,7 @@ class PartNames:
             self._things[reference] = PartClass(reference, lineage, self._given) if lineage else None
         return self._things[reference]
 
-    def places(self) -> Iterator[PartPlace]:
+    def places(self) -> Iterator[NamePlace]:
         """Yield the locations of all mounts and parameters that callers have requested.
 
         The locations are in the class that declares the name and in requested derived classes.
@@ -192,14 +200,14 @@ class PartNames:
             declared = False
             for module, node in self._family(name):
                 for span in _name_spans(module, node, name):
-                    yield PartPlace(name, span, not declared)
+                    yield NamePlace(name, span, "used" if declared else "declared")
                     declared = True
 
     def classes(self) -> Iterator[tuple[str, PartClass]]:
         """Yield the existing part classes that callers have requested with `thing`, each with its reference `module:Class`."""
         yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
 
-    def elsewhere(self, name: PartName) -> tuple[str, int] | None:
+    def elsewhere(self, name: Name) -> tuple[str, int] | None:
         """Return the location (file and line) of other code in which the name of a mount or parameter occurs.
 
         Return None if no other code contains the name.
@@ -219,7 +227,7 @@ class PartNames:
                             return module.file, getattr(node, "lineno", 1)
         return None
 
-    def attributes(self, name: PartName) -> frozenset[str]:
+    def attributes(self, name: Name) -> frozenset[str]:
         """Return the names that are not available as a new name of a mount or parameter.
 
         The attributes of its class are not available for a mount, and the parameters of its class are not available for a parameter.
@@ -236,7 +244,7 @@ class PartNames:
         """Return the absolute paths of all Python modules in the part folders."""
         return [module.file for module in self._all()]
 
-    def _family(self, name: PartName) -> list[tuple[_Module, ast.ClassDef]]:
+    def _family(self, name: Name) -> list[tuple[_Module, ast.ClassDef]]:
         """Return the class that declares the mount or parameter `name`.
 
         For a mount, also return all derived classes in the part folders.
@@ -318,7 +326,7 @@ def _of_self(node: ast.Attribute) -> bool:
     return isinstance(node.value, ast.Name) and node.value.id == "self"
 
 
-def _name_spans(module: _Module, node: ast.ClassDef, name: PartName) -> Iterator[Span]:
+def _name_spans(module: _Module, node: ast.ClassDef, name: Name) -> Iterator[Span]:
     """Yield the locations at which a class declares or uses a mount or a parameter, with the declaration first."""
     if name.what == "part mount":
         own = module.inside(node).by_name.get(name.text, ())
@@ -358,7 +366,7 @@ def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str
                 yield span
 
 
-def _may_be(node: ast.AST, name: PartName, family: set[str]) -> bool:
+def _may_be(node: ast.AST, name: Name, family: set[str]) -> bool:
     """Return whether a syntax node may refer to a mount or parameter. Only the text of the name is compared."""
     if isinstance(node, ast.Constant):
         return node.value == name.text

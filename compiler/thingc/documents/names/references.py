@@ -9,46 +9,16 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Literal, assert_never
+from typing import assert_never
 
 from thingc.base.filesystem import without_suffix
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.source import MappingNode, Path, ScalarNode, Span, entries_of, node_at
+from thingc.base.source import MappingNode, Path, ScalarNode, entries_of, node_at
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import ExpressionError
 from thingc.documents.load.paths import named
 from thingc.documents.names.document_names import GLOB, SPECIAL, DocumentNames, NameOccurrence, pattern_of, referred, setting_words
-from thingc.documents.names.part_names import PartClass, PartName, PartNames
+from thingc.documents.names.part_names import Name, NamePlace, PartClass, PartNames, Role
 from thingc.documents.spec.name_types import DeclaresName, ReferenceKind, RefersTo
-
-Role = Literal["declared", "used", "fits"]
-"""Roles of a name at a location. The role `fits` means that a pattern matches the name, or that the name is written with escapes."""
-
-
-class Name(FrozenStruct, kw_only=False):
-    """A name that a document or a part module declares.
-
-    `what` is the type of the named element: a type from `name_types.py`, or `document`, `part`, `part mount` or `part parameter`. `file` is
-    the absolute path of the document or module that declares the name, or an empty string if unknown. `owner` is the component or class in
-    this file to which the name belongs (`components.leg`).
-    """
-
-    what: str
-    file: str
-    text: str
-    owner: str = ""
-
-
-class NamePlace(FrozenStruct, kw_only=False):
-    """A location at which a name is declared or used, in a document or in a part module.
-
-    The span covers only the characters of the name. For the role `fits`, the span contains the whole pattern.
-    """
-
-    name: Name
-    span: Span
-    role: Role
-
 
 Hit = tuple[int, int, Name, Role]
 """An occurrence of a name in a string: the start, the end (exclusive), the name, and the role of the name."""
@@ -151,7 +121,7 @@ class NameReader:
             case "joint or nested assembly":
                 yield from self.posed(base, text, path, index)
             case "pose of a nested assembly":
-                for inner, _ in self.components_of(base, [word for _, word in _words(str(path[-1]))], index):
+                for inner in self.components_of(base, [word for _, word in _words(str(path[-1]))], index):
                     yield from self.in_section(self.nested(*inner), "pose", text)
             case "pose" | "poses" | "mode" | "modes" | "tendon":
                 yield from self.in_section(base, what.removesuffix("s"), text)
@@ -163,7 +133,7 @@ class NameReader:
                 yield from self.in_section(self.nested(base, str(path[1])), what.partition(" ")[0], text)
             case "parameter of a part":
                 if (thing := self.thing(base, str(path[1]))) is not None:
-                    yield 0, len(text), part_name(thing.parameter(text)), "used"
+                    yield 0, len(text), thing.parameter(text), "used"
             case "assembly document" | "materials document" | "part":
                 return
             case _:
@@ -208,24 +178,19 @@ class NameReader:
 
     # --- references -------------------------------------------------------------------------------------------------
 
-    def components_of(
-        self, written: DocumentNames, words: Sequence[str], index: str,
-    ) -> list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]]:
-        """Return the components that a list of component names selects, through nested documents.
-
-        Each item of the result contains the document and the key of a component, and its parent components.
-        """
-        level: list[tuple[DocumentNames, tuple[tuple[DocumentNames, str], ...]]] = [(written, ())]
-        reached: list[tuple[tuple[DocumentNames, str], tuple[tuple[DocumentNames, str], ...]]] = []
+    def components_of(self, written: DocumentNames, words: Sequence[str], index: str) -> list[tuple[DocumentNames, str]]:
+        """Return the components that a list of component names selects, through nested documents: the document and the key of each."""
+        level = [written]
+        reached: list[tuple[DocumentNames, str]] = []
         for depth, word in enumerate(words):
-            reached = [((one, key), way) for one, way in level for key in one.fitting("components", word, index if not depth else "")]
-            level = [(inner, (*way, (one, key))) for (one, key), way in reached if (inner := self.nested(one, key)) is not None]
+            reached = [(one, key) for one in level for key in one.fitting("components", word, index if not depth else "")]
+            level = [inner for one, key in reached if (inner := self.nested(one, key)) is not None]
         return reached
 
     def components(self, written: DocumentNames, words: Sequence[Word], index: str) -> Iterator[Hit]:
         """Yield every existing component to which one of the `words` of a reference refers."""
         for depth, (at, word) in enumerate(words):
-            for (one, key), _ in self.components_of(written, [text for _, text in words[: depth + 1]], index):
+            for one, key in self.components_of(written, [text for _, text in words[: depth + 1]], index):
                 yield self._hit(one, "components", "component", key, at, word)
 
     def _hit(self, written: DocumentNames, section: str, what: str, key: str, at: int, word: str) -> Hit:
@@ -246,7 +211,7 @@ class NameReader:
             return
         yield from self.components(written, words, index)
         has_mount = False
-        owners = [owner for owner, _ in self.components_of(written, [word for _, word in words], index)]
+        owners = self.components_of(written, [word for _, word in words], index)
         for owner, key in owners:
             for hit in _moved(at, self.of_component(owner, key, last, index)):
                 has_mount = True
@@ -274,7 +239,7 @@ class NameReader:
             first = SPECIAL.search(word)
             for one in thing.mounts(word if first is None else word[: first.start()], pattern if first is not None else None):
                 stem = word.startswith(one.text)
-                yield 0, len(one.text) if stem else len(word), part_name(one), "used" if stem else "fits"
+                yield 0, len(one.text) if stem else len(word), one, "used" if stem else "fits"
 
     def own_mount(self, written: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
         """Yield the names in a reference of `attach` to a mount of the component itself: `back`, or `cap.pen` inside an assembly."""
@@ -294,7 +259,7 @@ class NameReader:
             return
         owners = [written]
         if words:
-            components = [owner for owner, _ in self.components_of(written, [word for _, word in words], index)]
+            components = self.components_of(written, [word for _, word in words], index)
             owners = [inner for one, key in components if (inner := self.nested(one, key)) is not None]
         keys = [(owner, key) for owner in owners for key in owner.fitting("joints", last, index)]
         if keys:
@@ -467,8 +432,3 @@ def _dotted(way: Sequence[tuple[DocumentNames, str, str]]) -> Iterator[str]:
     (written, section, key), *rest = way
     for item in written.items(section, key):
         yield from (f"{item}.{inner}" for inner in _dotted(rest)) if rest else (item,)
-
-
-def part_name(name: PartName) -> Name:
-    """Convert a `PartName`, which is the name of a mount or parameter in a part module, to a `Name`."""
-    return Name(name.what, name.file, name.text, name.owner)

@@ -17,18 +17,13 @@ from thingc.base.safe_text import escape_control
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, entries_of, node_at
 from thingc.base.units import shortened
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
-from thingc.documents.names.part_names import PartName
-from thingc.documents.names.references import Name, NamePlace
+from thingc.documents.names.part_names import Name, NamePlace
 from thingc.documents.names.workspace_index import WorkspaceIndex, mentioned
 from thingc.documents.spec.name_types import RESERVED
 
 WORDS = {"export": "exported mount", "part mount": "mount of a part", "part parameter": "parameter of a part"}
 """Descriptions of kinds of names in messages, if they differ from the internal name of the kind."""
 
-_SECTIONS = {
-    "component": "components", "joint": "joints", "parameter": "parameters", "pose": "poses", "mode": "modes", "link": "links",
-    "sensor": "sensors", "tendon": "tendons", "test": "tests", "transmission": "transmissions", "material": "materials", "export": "mounts",
-}
 _RESERVING = frozenset({"component", "joint", "export", "link", "mount", "part mount"})
 """Kinds of names that cannot be `world`, `root` or `origin`, because these names are reserved."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
@@ -71,7 +66,7 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
     if name.what.startswith("part"):
         if not name.file.startswith(tuple(sight.folders)):
             raise RenameRefused(f"`{name.owner}` does not belong to this workspace")
-        other = sight.parts.elsewhere(PartName(name.what, name.file, name.text, name.owner))
+        other = sight.parts.elsewhere(name)
         if other is not None:
             where = f"{sight.relative(other[0])}:{other[1]}"
             raise RenameRefused(f"`{name.text}` at {where} may refer to this {what} of `{name.owner}`: rename it there by hand")
@@ -124,9 +119,9 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
 
         if keyword.iskeyword(new):
             raise RenameRefused(f"`{new}` is a Python keyword and cannot be the name of a {what}")
-        if new in sight.parts.attributes(PartName(name.what, name.file, name.text, name.owner)):
+        if new in sight.parts.attributes(name):
             raise RenameRefused(f"`{name.owner}` already has a `{new}`")
-        alike = sight.parts.elsewhere(PartName(name.what, name.file, new, name.owner))
+        alike = sight.parts.elsewhere(replace(name, text=new))
         if alike is not None:  # both names would become the same, so the rename could not be undone
             where = f"{sight.relative(alike[0])}:{alike[1]}"
             raise RenameRefused(f"`{new}` at {where} would then refer to this {what} of `{name.owner}`: choose another name")
@@ -149,11 +144,12 @@ def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, s
         theirs = {}
         groups = {"component": ("component", "export"), "export": ("component", "export")}.get(name.what, (name.what,))
         for what in groups:
-            for key in written.section(_SECTIONS[what]):
-                items = written.items(_SECTIONS[what], key) if what in ("component", "joint") else [key]
+            section = "mounts" if what == "export" else f"{what}s"
+            for key in written.section(section):
+                items = written.items(section, key) if what in ("component", "joint") else [key]
                 if (what, key) != (name.what, name.text):
                     theirs.update(dict.fromkeys((*items, key), f"{'an' if what == 'export' else 'a'} {WORDS.get(what, what)}"))
-        own = written.items(_SECTIONS[name.what], name.text) if name.what in ("component", "joint") else [name.text]
+        own = written.items(f"{name.what}s", name.text) if name.what in ("component", "joint") else [name.text]
         mine = {new.lower(), *(f"{new}{item[len(name.text):]}".lower() for item in own)}
     if name.what == "parameter":
         theirs.update({

@@ -12,7 +12,7 @@ from thingc.base.filesystem import beginning
 from thingc.base.replacement import replace_files
 from thingc.base.source import entries_of, node_at
 from thingc.base.suggestions import did_you_mean
-from thingc.documents.names.references import Name
+from thingc.documents.names.part_names import Name
 from thingc.documents.names.rename import RenameRefused, rename_edits
 from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspace, on_disk
 from thingc.documents.workspace import Workspace

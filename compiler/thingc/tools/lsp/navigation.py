@@ -14,7 +14,7 @@ from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import ExpressionError, words_in
 from thingc.documents.names.document_names import DocumentNames
-from thingc.documents.names.references import NamePlace
+from thingc.documents.names.part_names import NamePlace
 from thingc.documents.names.rename import RenameRefused, renamable, rename_edits
 from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspace
 from thingc.documents.spec.name_types import RefersTo
