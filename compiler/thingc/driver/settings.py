@@ -25,6 +25,7 @@ from thingc.documents.load.documents import Documents
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.settable_values import SECTIONS, current_value, dimension_stated, nested_document, stated_parameter
 from thingc.model.resolve.parameters import AssemblyParameters
+from thingc.model.resolve.raw import text as attribute_text
 from thingc.model.resolve.resolver import Settings, Sources
 
 EVERYWHERE = frozenset(("joints", "links", "sensors", "tendons", "transmissions"))
@@ -153,7 +154,7 @@ class SettingsReader:
                     if name == given:
                         self._numeric.add(name)
                 else:
-                    texts[name] = _setting_text(value)
+                    texts[name] = attribute_text(value)
         names = tuple(sorted(numbers))
         return ParsedSettings(names=names, values=tuple(map(numbers.__getitem__, names)), texts=tuple(sorted(texts.items())), report=report)
 
@@ -249,12 +250,6 @@ def _python_value(value: Any) -> Any:
     if isinstance(value, int) and abs(value) > sys.float_info.max:
         return math.inf if value > 0 else -math.inf
     return value
-
-
-def _setting_text(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return value if isinstance(value, str) else repr(value)
 
 
 def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:

@@ -7,6 +7,7 @@ feed.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import dropwhile
 
@@ -163,6 +164,19 @@ def _moved(line: str, by: int) -> str:
         return " " * by + line
     spaces = len(line) - len(line.lstrip(" "))
     return line[min(spaces, -by) :]
+
+
+def aligned(written: Sequence[tuple[int, int] | None]) -> list[int]:
+    """Return the number of spaces between the key and the value of each entry: 1, or more to keep values in one column.
+
+    `written` contains the spaces in the document and the column behind them, or None for entries without a value on the same line. The
+    spaces remain if a neighbouring entry has the same column.
+    """
+    around = [None, *written, None]
+    return [
+        1 if own is None or all(other is None or other[1] != own[1] for other in (above, below)) else own[0]
+        for above, own, below in zip(around, written, around[2:], strict=False)
+    ]
 
 
 _PROPERTY = re.compile(r"&[^\s\[\]{},]+\s+")

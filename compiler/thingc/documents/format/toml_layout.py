@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from thingc.documents.format.flow_style import Inline, ordered, shape_below, shape_for
-from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, commented, first_lines, gap, tidy
+from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, aligned, commented, first_lines, gap, tidy
 from thingc.documents.load.toml_tree import TomlSyntax
 from thingc.documents.spec.annotation_types import FieldType
 
@@ -124,22 +124,11 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
 
 
 def _alignment(pairs: list[_Statement], text: str) -> list[int]:
-    """Return the number of spaces before the `=` of each pair.
-
-    The number is larger than 1 if the document aligns the `=` with the `=` of a neighbouring line.
-    """
-    columns: list[int] = []
-    widths: list[int] = []
-    for pair in pairs:
-        equals = text.index("=", pair.key[1])
-        widths.append(max(1, equals - pair.key[1]))
-        columns.append(pair.key[1] - pair.key[0] + widths[-1])
-    spaces = []
-    for at, width in enumerate(widths):
-        near = {columns[other] for other in (at - 1, at + 1) if 0 <= other < len(columns)}
-        between = text[pairs[at].key[1] : text.index("=", pairs[at].key[1])]
-        spaces.append(width if columns[at] in near and not between.strip(" ") else 1)
-    return spaces
+    """Return the number of spaces before the `=` of each pair."""
+    spaces = [(pair, text[pair.key[1] : text.index("=", pair.key[1])]) for pair in pairs]
+    return aligned([
+        None if blank.strip(" ") else (max(1, len(blank)), pair.key[1] - pair.key[0] + max(1, len(blank))) for pair, blank in spaces
+    ])
 
 
 class _Cutter:

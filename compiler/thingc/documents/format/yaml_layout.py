@@ -6,7 +6,19 @@ import re
 from typing import Any
 
 from thingc.documents.format.flow_style import Inline, order_of, outline, shape_below, shape_for
-from thingc.documents.format.segments import Item, Segment, Trivia, UnsupportedStyle, body_of, commented, first_lines, gap, shifted, tidy
+from thingc.documents.format.segments import (
+    Item,
+    Segment,
+    Trivia,
+    UnsupportedStyle,
+    aligned,
+    body_of,
+    commented,
+    first_lines,
+    gap,
+    shifted,
+    tidy,
+)
 from thingc.documents.spec.annotation_types import FieldType
 
 _COLON = re.compile(r"[ \t]*:(?=\s|$)")
@@ -319,25 +331,14 @@ class _Printer:
         return [*lines, *_own_lines(tidy(piece.trailing), indent)]
 
     def alignment(self, items: list[Item]) -> list[int]:
-        """Return the number of spaces after the colon of each entry.
-
-        The number is larger than 1 if the document aligns the value with the value of a neighbouring line.
-        """
+        """Return the number of spaces after the colon of each entry."""
         written: list[tuple[int, int] | None] = []
         for item in items:
             assert item.key is not None
             between = self.text[item.key[1] : item.value.start]
-            plain = not item.value.block and item.value.start < item.value.end and between.startswith(":")
-            if not plain or between[1:].strip(" "):
-                written.append(None)
-            else:
-                written.append((len(between) - 1, item.value.start - item.key[0]))
-        spaces: list[int] = []
-        for at, own in enumerate(written):
-            near = [other for other in (written[at - 1] if at else None, written[at + 1] if at + 1 < len(written) else None) if other]
-            aligned = own is not None and any(other[1] == own[1] for other in near)
-            spaces.append(own[0] if own is not None and aligned else 1)
-        return spaces
+            plain = not item.value.block and item.value.start < item.value.end and between.startswith(":") and not between[1:].strip(" ")
+            written.append((len(between) - 1, item.value.start - item.key[0]) if plain else None)
+        return aligned(written)
 
     def entry(self, item: Item, shape: FieldType | None, indent: int, column: int, spaces: int) -> list[str]:
         assert item.key is not None

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
+from msgspec.structs import replace
 from pydantic import BaseModel
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -82,11 +83,7 @@ def _field_shape(annotation: Any, metadata: Sequence[Any]) -> FieldType:
     origin = get_origin(annotation)
     arguments = get_args(annotation)
     if origin is Annotated:
-        inner = _field_shape(arguments[0], arguments[1:])
-        return FieldType(
-            kind=inner.kind, annotation=annotation, model=inner.model, members=inner.members, choices=inner.choices,
-            field=inner.field, key=inner.key, names=inner.names,
-        )
+        return replace(_field_shape(arguments[0], arguments[1:]), annotation=annotation)
     if origin in (Union, types.UnionType):
         members = tuple(argument for argument in arguments if argument is not type(None))
         return shape_of(members[0]) if len(members) == 1 else FieldType(kind="union", annotation=annotation, members=members)

@@ -7,17 +7,8 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticKnownError
 
+from thingc.documents.spec import fields
 from thingc.documents.spec.base import Model, rule
-from thingc.documents.spec.fields import (
-    ArmatureField,
-    DampingField,
-    EffortField,
-    FrictionField,
-    JointValueField,
-    NumberField,
-    SpeedField,
-    StiffnessField,
-)
 from thingc.documents.spec.name_types import ComponentField
 
 DriveKind = Literal["position", "velocity", "motor"]
@@ -29,15 +20,15 @@ UNUSED = {"velocity": ("kp",), "motor": ("kp", "kv")}
 class DynamicsSpec(Model):
     """The passive dynamics of a joint: damping, friction, armature and spring."""
 
-    damping: DampingField | None = None
+    damping: fields.DampingField | None = None
     """Viscous friction: torque or force per speed."""
-    friction: FrictionField | None = None
+    friction: fields.FrictionField | None = None
     """Dry friction: torque or force."""
-    armature: ArmatureField | None = None
+    armature: fields.ArmatureField | None = None
     """Reflected rotor inertia; default: from the drive."""
-    stiffness: StiffnessField | None = None
+    stiffness: fields.StiffnessField | None = None
     """Stiffness of a spring towards its `rest`: torque or force per angle or length."""
-    rest: JointValueField | None = Field(default=None, examples=["20 deg"])
+    rest: fields.JointValueField | None = Field(default=None, examples=["20 deg"])
     """The rest position of the spring; default: 0."""
 
 
@@ -60,17 +51,17 @@ class DriveSpec(Model):
     """A component that is an actuator. The other keys replace values of the actuator."""
     kind: DriveKind | None = Field(default=None, validate_default=True)
     """The commanded quantity: a position, a velocity, or the torque or force itself (`motor`); default: as in the component."""
-    kp: StiffnessField | None = None
+    kp: fields.StiffnessField | None = None
     """Position gain: torque per angle, or force per length."""
-    kv: DampingField | None = None
+    kv: fields.DampingField | None = None
     """Velocity gain: torque or force per speed."""
-    effort: EffortField | None = None
+    effort: fields.EffortField | None = None
     """Largest torque or force."""
-    velocity: SpeedField | None = None
+    velocity: fields.SpeedField | None = None
     """Largest speed."""
-    armature: ArmatureField | None = None
+    armature: fields.ArmatureField | None = None
     """Reflected rotor inertia."""
-    axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
+    axis: Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
     """The axis of the drive of a ball joint, in the axes of the parent mount at q = 0. The axis moves with the child mount."""
 
     @field_validator("kind")

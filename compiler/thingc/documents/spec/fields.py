@@ -16,27 +16,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic_core import PydanticCustomError, core_schema
 
+from thingc.base import units
 from thingc.base.one_line_repr import counted
 from thingc.base.suggestions import Hint, Suggestion, near_hint
 from thingc.base.units import (
-    ACCELERATION,
     ANGLE,
-    ANGLE_PER_LENGTH,
-    ANGULAR_DAMPING,
-    ANGULAR_STIFFNESS,
-    ANGULAR_VELOCITY,
-    DENSITY,
-    FORCE,
-    INERTIA,
     LENGTH,
-    LENGTH_PER_ANGLE,
-    LINEAR_DAMPING,
-    LINEAR_STIFFNESS,
-    MASS,
     NUMBER,
-    TIME,
-    TORQUE,
-    VELOCITY,
     Dimension,
     Quantity,
     UnitError,
@@ -213,19 +199,19 @@ def _schema(words: str, examples: list[str], dimensions: tuple[Dimension, ...]) 
 
 LengthField = Annotated[Value, quantity(LENGTH)]
 AngleField = Annotated[Value, quantity(ANGLE)]
-MassField = Annotated[Value, quantity(MASS)]
-DensityField = Annotated[Value, quantity(DENSITY)]
-TimeField = Annotated[Value, quantity(TIME)]
+MassField = Annotated[Value, quantity(units.MASS)]
+DensityField = Annotated[Value, quantity(units.DENSITY)]
+TimeField = Annotated[Value, quantity(units.TIME)]
 RatioField = Annotated[Value, quantity(NUMBER, doc="a number or a percentage")]
-EffortField = Annotated[Value, quantity(TORQUE, FORCE)]
-SpeedField = Annotated[Value, quantity(ANGULAR_VELOCITY, VELOCITY)]
-DampingField = Annotated[Value, quantity(ANGULAR_DAMPING, LINEAR_DAMPING)]
-FrictionField = Annotated[Value, quantity(TORQUE, FORCE)]
-ArmatureField = Annotated[Value, quantity(INERTIA, MASS)]
-StiffnessField = Annotated[Value, quantity(ANGULAR_STIFFNESS, LINEAR_STIFFNESS)]
-ForceField = Annotated[Value, quantity(FORCE)]
-MultiplierField = Annotated[Value, quantity(NUMBER, LENGTH_PER_ANGLE, ANGLE_PER_LENGTH)]
-InertiaField = Annotated[Value, quantity(INERTIA)]
+EffortField = Annotated[Value, quantity(units.TORQUE, units.FORCE)]
+SpeedField = Annotated[Value, quantity(units.ANGULAR_VELOCITY, units.VELOCITY)]
+DampingField = Annotated[Value, quantity(units.ANGULAR_DAMPING, units.LINEAR_DAMPING)]
+FrictionField = Annotated[Value, quantity(units.TORQUE, units.FORCE)]
+ArmatureField = Annotated[Value, quantity(units.INERTIA, units.MASS)]
+StiffnessField = Annotated[Value, quantity(units.ANGULAR_STIFFNESS, units.LINEAR_STIFFNESS)]
+ForceField = Annotated[Value, quantity(units.FORCE)]
+MultiplierField = Annotated[Value, quantity(NUMBER, units.LENGTH_PER_ANGLE, units.ANGLE_PER_LENGTH)]
+InertiaField = Annotated[Value, quantity(units.INERTIA)]
 
 
 def any_value(value: Any) -> Value | bool | str:
@@ -265,7 +251,7 @@ def _vector(dimension: Dimension) -> FieldValidator:
     """
     words = f"three values, each {dimension.words}"
     number, _, unit = dimension.example.partition(" ")
-    short = f"0 0 -{number} {unit}" if dimension == ACCELERATION else f"0 {number} 30 {unit}"
+    short = f"0 0 -{number} {unit}" if dimension == units.ACCELERATION else f"0 {number} 30 {unit}"
     listed = f"[{dimension.example}, 0, 0]"
 
     def validate(value: Any) -> Vector:
@@ -483,7 +469,7 @@ AnyQuantityField = Annotated[Union[Value, bool, str], FieldValidator(any_value, 
 JointValueField = Annotated[Union[Value, str], FieldValidator(_joint_value, "an angle or a length", _JOINT_SCHEMA)]
 Vector3Length = Annotated[Vector, _vector(LENGTH)]
 Vector3Angle = Annotated[Vector, _vector(ANGLE)]
-Vector3Acceleration = Annotated[Vector, _vector(ACCELERATION)]
+Vector3Acceleration = Annotated[Vector, _vector(units.ACCELERATION)]
 Name = Annotated[str, FieldValidator(name_of, "a name", _NAME_SCHEMA)]
 OmittedField = Annotated[tuple[str, ...], FieldValidator(_omitted, "levels of detail", _OMITTED_SCHEMA)]
 Index = Annotated[str, FieldValidator(_index, "the index of a coordinate", _INDEX_SCHEMA)]

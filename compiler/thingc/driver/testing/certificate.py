@@ -60,7 +60,7 @@ class Certificate:
     def _how(self, pair: ComparedPair) -> str:
         at = joints_text(self._assembly, {one.joint: pair.q[one.joint] for one in self._check.ranges}) if pair.q else ""
         gap = f" (the gap of the meshes is {shown(pair.gap, LENGTH)} at {at})" if pair.q else ""
-        return f"`{names_of(self._assembly, pair.one, pair.other).replace(' and ', '` and `')}` touch{gap}"
+        return f"{names_of(self._assembly, pair.one, pair.other, '`')} touch{gap}"
 
     @property
     def said(self) -> str:

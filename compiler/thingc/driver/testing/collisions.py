@@ -179,9 +179,9 @@ class Collisions:
             yield NearPair(one=pair[0], other=pair[1], gap=gap, depth=depth, volume=volume, allowance=allowance, where=frame)
 
 
-def names_of(assembly: Assembly, one: int, other: int) -> str:
-    """Return the names of two components, such as `left and right`."""
-    return f"{assembly.occurrences[one].path} and {assembly.occurrences[other].path}"
+def names_of(assembly: Assembly, one: int, other: int, quote: str = "") -> str:
+    """Return the names of two components, such as `left and right`, each between two quotes `quote`."""
+    return f"{quote}{assembly.occurrences[one].path}{quote} and {quote}{assembly.occurrences[other].path}{quote}"
 
 
 def collisions_of(request: EmitRequest) -> Collisions:

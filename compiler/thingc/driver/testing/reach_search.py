@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.pose import NO_POSE, Pose, Vector, rotate
+from thingc.base.pose import NO_POSE, Pose, rotate
 from thingc.base.source import Origin
+from thingc.documents.checks.point import PointCheck
 from thingc.driver.testing.numpy_tree import Array, NumpyTree, quasi_random
 from thingc.driver.testing.poses import posed, swept
 from thingc.model.assembly.kinematics import joints_of, on_loops
@@ -113,23 +114,12 @@ def _climb(chain: NumpyTree, ends: Ends, start: Array) -> tuple[float, Array] | 
     return _distance(chain, ends, x)[0], x
 
 
-class ReachGoal(FrozenStruct):
-    """The goal of a search: a mount should be within the distance `within` [m] of a point [m] in a frame (None: the world).
+def nearest(
+    robot: Robot, frame: Keyframe, mount: MountAt, seen_from: MountAt | None, check: PointCheck,
+) -> tuple[float, float, dict[str, float]] | None:
+    """Search for the joint positions in which a mount is closest to the point of a test.
 
-    If `direction` is given (a unit vector in the same frame), the z axis of the mount may deviate from this direction by at most `angle`
-    [rad].
-    """
-
-    mount: MountAt
-    frame: MountAt | None
-    point: Vector
-    direction: Vector | None
-    within: float
-    angle: float
-
-
-def nearest(robot: Robot, frame: Keyframe, target: ReachGoal) -> tuple[float, float, dict[str, float]] | None:
-    """Search for the joint positions in which a mount is closest to a point.
+    The point is in the frame of the mount `seen_from`, or of the world.
 
     Return the distance [m], the deviation of the z axis from the required direction [rad], and the joint positions by path. Return None if
     the kinematic loops of the robot do not close in any tried position.
@@ -138,17 +128,16 @@ def nearest(robot: Robot, frame: Keyframe, target: ReachGoal) -> tuple[float, fl
     keyframe, and then from positions spread over the joint ranges, until a result is close enough.
     """
     chain = NumpyTree(robot, frame.base)
-    mount = chain.mount(target.mount)
-    seen_from = None if target.frame is None else chain.mount(target.frame)
+    search = _PointSearch(chain, chain.mount(mount), None if seen_from is None else chain.mount(seen_from), check)
     best: tuple[float, float, Array] | None = None
     for start in _tries(chain, frame):
-        x = _approach(chain, mount, seen_from, target, start)
-        distance, off, open_ = _missed(chain, mount, seen_from, target, x)
+        x = search.approach(start)
+        distance, off, open_ = search.missed(x)
         if open_ > 1e-5:
             continue
-        if best is None or max(distance / target.within, off / target.angle) < max(best[0] / target.within, best[1] / target.angle):
+        if best is None or max(distance / check.within, off / check.angle) < max(best[0] / check.within, best[1] / check.angle):
             best = distance, off, x
-        if distance <= target.within and off <= target.angle:
+        if distance <= check.within and off <= check.angle:
             break
     return None if best is None else (best[0], best[1], _joints(chain, best[2]))
 
@@ -159,64 +148,71 @@ def _tries(chain: NumpyTree, frame: Keyframe) -> list[Array]:
     return [chain.x(frame.q), middle, *spread_out]
 
 
-def _situation(
-    chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
-) -> tuple[dict[str, float], tuple[Pose, ...], tuple[Array, Array], tuple[Array, Array]]:
-    """Return the state of a search at the joint coordinates x (n,): the joint positions by path, and the poses of all bodies.
+class _PointSearch(FrozenStruct, kw_only=False):
+    """A search for the joint positions in which a mount is at a point. `mount` and `frame` are given by a body and a pose in its frame."""
 
-    Also return the origin and the z axis of the mount, and the point and the direction of the goal, all in the world.
-    """
-    q = chain.q(x)
-    at = chain.bodies(q)
-    there, X_WF = at[mount[0]] @ mount[1], NO_POSE if frame is None else at[frame[0]] @ frame[1]
-    direction = target.direction or (0.0, 0.0, 1.0)
-    return q, at, (np.array(there.translation), np.array(there.rotation)[:, 2]), (
-        np.array(X_WF.apply(target.point)), np.array(rotate(X_WF.rotation, direction)),
-    )
+    chain: NumpyTree
+    mount: tuple[int, Pose]
+    frame: tuple[int, Pose] | None
+    check: PointCheck
 
+    def situation(self, x: Array) -> tuple[dict[str, float], tuple[Pose, ...], tuple[Array, Array], tuple[Array, Array]]:
+        """Return the state of a search at the joint coordinates x (n,): the joint positions by path, and the poses of all bodies.
 
-def _approach(chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, start: Array) -> Array:
-    from scipy.optimize import least_squares
+        Also return the origin and the z axis of the mount, and the point and the direction of the goal, all in the world.
+        """
+        q = self.chain.q(x)
+        at = self.chain.bodies(q)
+        there, X_WF = at[self.mount[0]] @ self.mount[1], NO_POSE if self.frame is None else at[self.frame[0]] @ self.frame[1]
+        direction = self.check.direction or (0.0, 0.0, 1.0)
+        return q, at, (np.array(there.translation), np.array(there.rotation)[:, 2]), (
+            np.array(X_WF.apply(self.check.point)), np.array(rotate(X_WF.rotation, direction)),
+        )
 
-    def residual(x: Array) -> Array:
-        q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
-        parts = [(place - goal) / target.within]
-        if target.direction is not None:
-            parts.append((axis - direction) / target.angle)
-        if chain.robot.closures:
-            parts.append(chain.closing(q)[0] / (0.01 * min(target.within, target.angle)))
+    def residual(self, x: Array) -> Array:
+        """Return the errors of the position, the direction and the loops, relative to their tolerances."""
+        q, _, (place, axis), (goal, direction) = self.situation(x)
+        parts = [(place - goal) / self.check.within]
+        if self.check.direction is not None:
+            parts.append((axis - direction) / self.check.angle)
+        if self.chain.robot.closures:
+            parts.append(self.chain.closing(q)[0] / (0.01 * min(self.check.within, self.check.angle)))
         return np.concatenate(parts)
 
-    def slope(x: Array) -> Array:
-        q, at, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
-        own, other = chain.jacobian(mount[0], place, q, at), chain.jacobian(None if frame is None else frame[0], goal, q, at)
-        parts = [(own[:3] - other[:3]) / target.within]
-        if target.direction is not None:
-            parts.append((np.cross(own[3:].T, axis).T - np.cross(other[3:].T, direction).T) / target.angle)
-        if chain.robot.closures:
-            parts.append(chain.closing(q)[1] / (0.01 * min(target.within, target.angle)))
+    def slope(self, x: Array) -> Array:
+        """Return the derivatives of `residual` by the joint coordinates."""
+        q, at, (place, axis), (goal, direction) = self.situation(x)
+        own = self.chain.jacobian(self.mount[0], place, q, at)
+        other = self.chain.jacobian(None if self.frame is None else self.frame[0], goal, q, at)
+        parts = [(own[:3] - other[:3]) / self.check.within]
+        if self.check.direction is not None:
+            parts.append((np.cross(own[3:].T, axis).T - np.cross(other[3:].T, direction).T) / self.check.angle)
+        if self.chain.robot.closures:
+            parts.append(self.chain.closing(q)[1] / (0.01 * min(self.check.within, self.check.angle)))
         return np.concatenate(parts)
 
-    if not len(start):
-        return start
-    inside = 1e-9 * (chain.upper - chain.lower)
-    solution = least_squares(
-        residual, np.clip(start, chain.lower + inside, chain.upper - inside), jac=slope, bounds=(chain.lower, chain.upper),
-        xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200,
-    )
-    return np.asarray(solution.x, dtype=np.float64)
+    def approach(self, start: Array) -> Array:
+        """Return the joint coordinates to which the optimization converges from `start`."""
+        from scipy.optimize import least_squares
 
+        if not len(start):
+            return start
+        lower, upper = self.chain.lower, self.chain.upper
+        inside = 1e-9 * (upper - lower)
+        solution = least_squares(
+            self.residual, np.clip(start, lower + inside, upper - inside), jac=self.slope, bounds=(lower, upper), xtol=1e-12, ftol=1e-12,
+            gtol=1e-12, max_nfev=200,
+        )
+        return np.asarray(solution.x, dtype=np.float64)
 
-def _missed(
-    chain: NumpyTree, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: ReachGoal, x: Array,
-) -> tuple[float, float, float]:
-    """Return the distance [m] of the mount from the goal, the angle [rad] from the required direction, and the largest closure error."""
-    q, _, (place, axis), (goal, direction) = _situation(chain, mount, frame, target, x)
-    off = 0.0
-    if target.direction is not None:
-        off = float(np.arctan2(np.linalg.norm(np.cross(axis, direction)), axis @ direction))
-    error, _ = chain.closing(q)
-    return float(np.linalg.norm(place - goal)), off, float(np.abs(error).max(initial=0.0))
+    def missed(self, x: Array) -> tuple[float, float, float]:
+        """Return the distance [m] from the goal, the angle [rad] from the required direction, and the largest closure error."""
+        q, _, (place, axis), (goal, direction) = self.situation(x)
+        off = 0.0
+        if self.check.direction is not None:
+            off = float(np.arctan2(np.linalg.norm(np.cross(axis, direction)), axis @ direction))
+        error, _ = self.chain.closing(q)
+        return float(np.linalg.norm(place - goal)), off, float(np.abs(error).max(initial=0.0))
 
 
 def _joints(chain: NumpyTree, x: Array) -> dict[str, float]:

@@ -10,7 +10,7 @@ from thingc.base.one_line_repr import counted
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import KIND, CollisionCheck, CollisionCode
 from thingc.driver.testing.certificate import Certificate
-from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of
+from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of, names_of
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.driver.testing.poses import joints_text, swept
 from thingc.model.assembly.types import Assembly, LinkedTest
@@ -57,7 +57,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
     if missing:
         measured["not_closing"] = missing
     if nearest is not None:
-        measured["pair"] = _pair_text(collisions.assembly, nearest, "")
+        measured["pair"] = names_of(collisions.assembly, nearest.one, nearest.other)
     looked = f", {counted(len(case.frames), 'position')}" if check.ranges and certificate is None else ""
     looked += f", in {missing} more positions the loops do not close" if missing else ""
     failure: Failure | None = None
@@ -96,7 +96,7 @@ def _found(
 def _least_gap(assembly: Assembly, nearest: NearPair | None) -> str:
     if nearest is None:
         return f"every gap between links without a common joint is over {Quantity(LOOK, LENGTH)}"
-    return f"least gap {shown(nearest.gap, LENGTH)}, {_pair_text(assembly, nearest, '')}"
+    return f"least gap {shown(nearest.gap, LENGTH)}, {names_of(assembly, nearest.one, nearest.other)}"
 
 
 def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> None:
@@ -152,13 +152,8 @@ def _skipped_text(collisions: Collisions) -> str:
     )
 
 
-def _pair_text(assembly: Assembly, near: NearPair, tick: str) -> str:
-    one, other = (assembly.occurrences[index].path for index in (near.one, near.other))
-    return f"{tick}{one}{tick} and {tick}{other}{tick}"
-
-
 def _how(assembly: Assembly, near: NearPair, clearance: float) -> str:
-    text = _pair_text(assembly, near, "`")
+    text = names_of(assembly, near.one, near.other, "`")
     if near.gap > 0.0:
         return f"{text} are {shown(near.gap, LENGTH)} apart, but at least {Quantity(clearance, LENGTH)} is required"
     if near.depth == 0.0:

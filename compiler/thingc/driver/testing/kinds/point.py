@@ -7,7 +7,7 @@ from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.documents.checks.point import KIND, PointCheck, PointCode
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.driver.testing.poses import joints_text
-from thingc.driver.testing.reach_search import ReachGoal, nearest
+from thingc.driver.testing.reach_search import nearest
 
 
 def measure(case: TestCase, check: PointCheck) -> Outcome:
@@ -15,10 +15,8 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
 
     Also measure the angle [rad] between the z axis of the mount and the required direction.
     """
-    best = nearest(case.robot, case.frames[0], ReachGoal(
-        mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],
-        point=check.point, direction=check.direction, within=check.within, angle=check.angle,
-    ))
+    mounts = case.linked.mounts
+    best = nearest(case.robot, case.frames[0], mounts[check.mount], None if check.frame is None else mounts[check.frame], check)
     target = f"within {Quantity(check.within, LENGTH)}"
     expected = {"distance": check.within} | ({"angle": check.angle} if check.direction is not None else {})
     failure: Failure | None = None
