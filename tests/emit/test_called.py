@@ -204,7 +204,7 @@ def test_documents_are_spoken_of_in_their_own_words(pair: thingc.Compiled) -> No
 
 PLAIN = {
     "ActuatorModel.name", "ActuatorModel.transmission", "Adhesion.mount", "Assembly.name", "Closure.name", "ExportedMount.mount",
-    "LinkedGroup.collides", "LinkedGroup.name", "LinkedMode.name",
+    "ContactGroup.collides", "ContactGroup.name", "LinkedMode.name",
     "LinkedMode.simulation", "LinkedMount.mount", "LinkedSensor.cutoff", "LinkedSensor.noise", "LinkedSensor.parts",
     "Mate.child_mount", "Mate.parent_mount", "Mimic.name",
     "RawAttribute.target", "RawAttribute.value", "RawElement.section", "RawElement.tag",
@@ -215,9 +215,10 @@ PLAIN = {
 
 def records(hint: Any, seen: dict[str, Any]) -> dict[str, Any]:
     """Every field of records in reach of a type, as `Record.field`, but for those that speak as documents do."""
-    if isinstance(hint, type) and issubclass(hint, FrozenStruct):
-        if hint not in AS_WRITTEN and not any(one.startswith(f"{hint.__name__}.") for one in seen):
-            fields = {f"{hint.__name__}.{name}": inner for name, inner in get_type_hints(hint, include_extras=True).items()}
+    kind = get_origin(hint) or hint
+    if isinstance(kind, type) and issubclass(kind, FrozenStruct):
+        if kind not in AS_WRITTEN and not any(one.startswith(f"{kind.__name__}.") for one in seen):
+            fields = {f"{kind.__name__}.{name}": inner for name, inner in get_type_hints(kind, include_extras=True).items()}
             seen.update(fields)
             for inner in fields.values():
                 records(inner, seen)

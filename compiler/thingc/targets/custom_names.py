@@ -56,10 +56,11 @@ def fields_of(record: type) -> Mapping[str, Any]:
 
 
 def _holds(hint: Any, within: frozenset[type]) -> bool:
-    if get_origin(hint) is Annotated or hint is CoordinateName:
+    kind = get_origin(hint) or hint
+    if kind is Annotated or kind is CoordinateName:
         return True
-    if isinstance(hint, type) and issubclass(hint, FrozenStruct) and hint not in AS_WRITTEN | within:
-        return any(_holds(inner, within | {hint}) for inner in get_type_hints(hint, include_extras=True).values())
+    if isinstance(kind, type) and issubclass(kind, FrozenStruct) and kind not in AS_WRITTEN | within:
+        return any(_holds(inner, within | {kind}) for inner in get_type_hints(kind, include_extras=True).values())
     return any(_holds(argument, within) for argument in get_args(hint))
 
 

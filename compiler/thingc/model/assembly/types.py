@@ -23,11 +23,12 @@ from thingc.model.resolve.types import (
     AssemblyDefinition,
     BomEntry,
     Component,
+    ContactGroup,
+    ContactPair,
     Material,
     ModeSettings,
     NamedPose,
     Overrides,
-    PairSettings,
     RawAttribute,
     RawElement,
     Reference,
@@ -437,21 +438,6 @@ class LinkedTendon(OneLineRepr, FrozenStruct):
         return sum_of(factor * q[path] for path, factor in self.moves.items())
 
 
-class LinkedPair(PairSettings):
-    """A pair of occurrences, given by their indices, that always collide."""
-
-    one: int
-    other: int
-
-
-class LinkedGroup(OneLineRepr, FrozenStruct):
-    """A contact group with the indices of its occurrences (see `ContactGroup`)."""
-
-    name: str
-    members: tuple[int, ...]
-    collides: tuple[str, ...]
-
-
 class LinkedMode(ModeSettings):
     """A mode of the top document with resolved references.
 
@@ -463,8 +449,8 @@ class LinkedMode(ModeSettings):
     root: LinkedMount
     exclude: tuple[tuple[int, int], ...]
     adhesion: dict[SitePath, float]
-    pairs: tuple[LinkedPair, ...] = ()
-    groups: tuple[LinkedGroup, ...] = ()
+    pairs: tuple[ContactPair[int], ...] = ()
+    groups: tuple[ContactGroup[int], ...] = ()
     holds: tuple[LinkedHold, ...] = ()
     feet: tuple[Foot, ...] = ()
 

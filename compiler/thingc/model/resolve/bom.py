@@ -17,8 +17,7 @@ def bom_entry(scope: Scope, layers: DefaultLayers) -> BomEntry:
     """Return the entry of a component in the bill of materials. Missing keys come from the defaults in `layers`."""
     lines = layers.sub("bom")
     number, supplier, make, link, cost, picture, one = (
-        None if (said := lines.pick(key)) is None else said[0]
-        for key in ("number", "supplier", "make", "link", "cost", "picture", "as_")
+        lines.pick(key).value for key in ("number", "supplier", "make", "link", "cost", "picture", "as_")
     )
     prices = cost if isinstance(cost, dict) else {}
     return BomEntry(

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
+from itertools import chain, product
 
 from thingc.base.diagnostics import Code, noted
-from thingc.base.source import Path
+from thingc.base.source import Origin, Path
 from thingc.base.units import FORCE, LENGTH
 from thingc.documents.spec.modes import PairSpec
 from thingc.model.resolve import references
@@ -24,37 +24,33 @@ MAX_EXCLUDED = 100_000
 
 def excluded(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, Reference], ...]:
     """Return the pairs of components whose contacts are ignored."""
-    said = contacts.pick("exclude")
-    if said is None:
-        return ()
-    pairs: dict[frozenset[str], tuple[Reference, Reference]] = {}
-    for index, entry in enumerate(said[0]):
-        sides: list[list[str]] = []
-        for side, text in enumerate(entry):
-            sides.append(components_fitting(table, scope, text, (*said[1], index, side)))
-        origin = scope.origin((*said[1], index))
+    said, path = contacts.pick("exclude")
+    pairs: dict[frozenset[tuple[str, ...]], tuple[Reference, Reference]] = {}
+    for index, entry in enumerate(said or ()):
+        at = (*path, index)
+        sides = [components_fitting(table, scope, text, (*at, side), scope.origin(at)) for side, text in enumerate(entry)]
         if len(pairs) + len(sides[0]) * len(sides[1]) > MAX_EXCLUDED:
             scope.error(
-                Code.TOO_MANY, f"with this entry, more than {MAX_EXCLUDED} pairs are excluded from contact", (*said[1], index),
+                Code.TOO_MANY, f"with this entry, more than {MAX_EXCLUDED} pairs are excluded from contact", at,
                 help="use patterns that match fewer components",
             )
             break
-        for first, second in product(*sides):
-            if first != second:
-                one, other = (Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in (first, second))
-                pairs.setdefault(frozenset((first, second)), (one, other))
+        for one, other in product(*sides):
+            if one.path != other.path:
+                pairs.setdefault(frozenset((one.path, other.path)), (one, other))
     return tuple(pairs.values())
 
 
-def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) -> list[str]:
-    """Return the components that match a name or pattern."""
+def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path, origin: Origin | None = None) -> list[Reference]:
+    """Return the components that match a name or pattern. The origin of the references is `origin`, or the location of the pattern."""
     if not GLOB.search(text):
         component = references.component(table, scope, text, path)
-        return [".".join(component[0].path)] if component is not None else []
-    names = [name for name, _ in references.matching(table, text)]
-    if not names and not table.unbuilt:
-        scope.error(Code.NO_MATCH, f"pattern `{text}` matches no component", path, help=suggested(text, table.nodes, what="components"))
-    return names
+        paths = [component[0].path] if component is not None else []
+    else:
+        paths = [tuple(name.split(".")) for name, _ in references.matching(table, text)]
+        if not paths and not table.unbuilt:
+            scope.error(Code.NO_MATCH, f"pattern `{text}` matches no component", path, help=suggested(text, table.nodes, what="components"))
+    return [Reference(path=one, mount=None, origin=scope.origin(path) if origin is None else origin) for one in paths]
 
 
 def adhesions(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
@@ -74,41 +70,32 @@ def adhesions(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tu
 
 def pairs(
     table: DocumentScope, scope: Scope, contacts: DefaultLayers, apart: Sequence[tuple[Reference, Reference]],
-) -> tuple[ContactPair, ...]:
+) -> tuple[ContactPair[Reference], ...]:
     """Return the pairs of components that always collide. The pairs `apart` must not collide.
 
-    Invalid pairs are reported and omitted.
+    Invalid pairs are reported and omitted. The pass `link` finds pairs that are listed twice.
     """
-    said, path = contacts.pick("pairs") or ((), ())
+    said, path = contacts.pick("pairs")
     ignored = {frozenset((one.path, other.path)): one.origin for one, other in apart}
-    found: dict[frozenset[tuple[str, ...]], ContactPair] = {}
-    for index, spec in enumerate(said):
+    found: list[ContactPair[Reference]] = []
+    for index, spec in enumerate(said or ()):
         at = (*path, index)
         for pair in _pairs_of(table, scope, spec, at):
-            names = frozenset((pair.one.path, pair.other.path))
-            words = " and ".join(f"`{'.'.join(one.path)}`" for one in (pair.one, pair.other))
-            if names in ignored:
-                scope.error(
-                    Code.CONTACTS, f"the contacts of {words} are excluded, and listed under `pairs`", (*at, "between"),
-                    help="remove one of the two entries", notes=noted("the pair is excluded here", ignored[names]),
-                )
-            elif names in found:
-                scope.error(
-                    Code.CONTACTS, f"the contact pair of {words} is listed twice", (*at, "between"),
-                    help="remove one of the two entries", notes=noted("the other entry is here", found[names].origin),
-                )
-            else:
-                found[names] = pair
-    return tuple(found.values())
+            excluded_here = ignored.get(frozenset((pair.one.path, pair.other.path)))
+            if excluded_here is None:
+                found.append(pair)
+                continue
+            scope.error(
+                Code.CONTACTS, f"the contacts of `{pair.one.text}` and `{pair.other.text}` are excluded, and listed under `pairs`",
+                (*at, "between"), help="remove one of the two entries", notes=noted("the pair is excluded here", excluded_here),
+            )
+    return tuple(found)
 
 
-def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) -> list[ContactPair]:
-    sides = [components_fitting(table, scope, text, (*path, "between", side)) for side, text in enumerate(spec.between)]
-    margin, gap = (
-        None if raw is None else scope.number(raw, (*path, key), LENGTH, f"`{key}`", least=0.0)
-        for key, raw in (("margin", spec.margin), ("gap", spec.gap))
-    )
+def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) -> list[ContactPair[Reference]]:
     origin = scope.origin((*path, "between"))
+    sides = [components_fitting(table, scope, text, (*path, "between", side), origin) for side, text in enumerate(spec.between)]
+    margin, gap = (scope.number(getattr(spec, key), (*path, key), LENGTH, f"`{key}`", least=0.0) for key in ("margin", "gap"))
     if gap is not None and gap > (margin or 0.0) and (margin is None) is (spec.margin is None):
         scope.error(
             Code.CONTACTS, "`gap` is larger than `margin`, so the contact transmits no force", (*path, "gap"),
@@ -116,21 +103,21 @@ def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) ->
         )
     if sides[0] == sides[1] and len(sides[0]) == 1:
         scope.error(
-            Code.CONTACTS, f"`{sides[0][0]}` cannot collide with itself", (*path, "between"), help="name two components of different links",
+            Code.CONTACTS, f"`{sides[0][0].text}` cannot collide with itself", (*path, "between"),
+            help="name two components of different links",
         )
     coefficients = friction(scope, spec.friction, (*path, "friction"))
-    unique = {frozenset(names): names for names in product(*sides) if len(set(names)) == 2}
-    ends = [[Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in names] for names in unique.values()]
+    unique = {frozenset(ends): ends for ends in product(*sides) if len(set(ends)) == 2}
     return [
-        ContactPair(one=one, other=other, friction=coefficients, margin=margin, gap=gap, origin=origin) for one, other in ends
+        ContactPair(one=one, other=other, friction=coefficients, margin=margin, gap=gap, origin=origin) for one, other in unique.values()
     ]
 
 
-def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[ContactGroup, ...]:
-    """Return the contact groups of a mode. Unknown names of groups, and components in two groups, are reported."""
-    said, path = contacts.pick("groups") or ({}, ())
-    made: list[ContactGroup] = []
-    owners: dict[str, str] = {}
+def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[ContactGroup[Reference], ...]:
+    """Return the contact groups of a mode. Unknown names of groups are reported. The pass `link` finds components in two groups."""
+    said, path = contacts.pick("groups")
+    said = said or {}
+    made: list[ContactGroup[Reference]] = []
     for name, spec in said.items():
         at = (*path, name)
         if name == OTHERS:
@@ -142,18 +129,6 @@ def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple
                     Code.CONTACTS, f"there is no contact group `{other}`", (*at, "collide", index),
                     help=suggested(other, (*said, OTHERS), what="contact groups"),
                 )
-        members: dict[str, Reference] = {}
-        for index, text in enumerate(spec.components):
-            place = (*at, "components", index)
-            for component in components_fitting(table, scope, text, place):
-                owner = owners.setdefault(component, name)
-                if owner != name:
-                    scope.error(
-                        Code.CONTACTS, f"`{component}` is in two contact groups, `{owner}` and `{name}`", place,
-                        help="remove the component from one of the two groups",
-                    )
-                    continue
-                members[component] = Reference(path=tuple(component.split(".")), mount=None, origin=scope.origin(place))
-        origin = scope.origin(at, key=True)
-        made.append(ContactGroup(name=name, members=tuple(members.values()), collides=tuple(spec.collide), origin=origin))
+        listed = (components_fitting(table, scope, text, (*at, "components", index)) for index, text in enumerate(spec.components))
+        made.append(ContactGroup(name=name, members=tuple(chain.from_iterable(listed)), collides=tuple(spec.collide)))
     return tuple(made)

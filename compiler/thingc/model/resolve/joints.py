@@ -10,23 +10,21 @@ from typing import Any, get_args
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Note
+from thingc.base.diagnostics import Code
 from thingc.base.joints.kinds import KINDS, JointKind
 from thingc.base.joints.twist import SLIDE, TURN, Twist, dimensions_of
-from thingc.base.numeric import hypot
 from thingc.base.pose import IDENTITY, Vector
-from thingc.base.source import Path, ScalarNode
-from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
+from thingc.base.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
+from thingc.base.units import ANGLE, LENGTH, Dimension, Quantity
 from thingc.documents.spec.assembly import JointSpec
 from thingc.documents.spec.drives import DriveKind, DriveSpec
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.model.resolve.document_scope import DocumentScope
-from thingc.model.resolve.joint_nodes import nodes_of
 from thingc.model.resolve.placement import Places
 from thingc.model.resolve.repeats import Unrolled
-from thingc.model.resolve.scope import DefaultLayers, Scope
+from thingc.model.resolve.scope import DefaultLayers, LayeredValue, Scope
 from thingc.model.resolve.types import Drive, Joint, Reference
 
 _ENDLESS = "; use `type: continuous` for a joint without limits"
@@ -38,15 +36,13 @@ NO_LIMIT = Limit()
 NO_DYNAMICS = Dynamics()
 
 
-def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
-    """Return the value that a document specifies for a setting of a joint.
+def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> LayeredValue:
+    """Return a setting of a joint.
 
     A default value for rotations is not used for translations, and vice versa.
     """
     said = layers.pick(key)
-    if said is not None and said[1][0] == "defaults":
-        return None if _of_others(scope, *said, key, coordinate) else said
-    return said
+    return LayeredValue() if said and not said.own and _of_others(scope, *said, key, coordinate) else said
 
 
 def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimension) -> bool:
@@ -56,19 +52,29 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
     return isinstance(value, Quantity) and not value.fits(own[key]) and value.fits(other[key])
 
 
-def _values(
+def values(
     scope: Scope, owner: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: tuple[str, ...],
-) -> dict[str, float | None]:
+) -> dict[str, Any]:
     """Return the values of settings of `owner`, such as a joint, that must not be negative, such as `damping`.
 
     Missing and invalid values are None. Invalid values are reported.
     """
     of = dimensions_of(coordinate)
-    values: dict[str, float | None] = {}
-    for key in keys:
-        said = _said(scope, layers, key, coordinate)
-        values[key] = scope.number(*said, of[key], f"`{section}.{key}` of {owner}", least=0.0) if said else None
-    return values
+    return {
+        key: scope.number(*_said(scope, layers, key, coordinate), of[key], f"`{section}.{key}` of {owner}", least=0.0) for key in keys
+    }
+
+
+def _refuse(
+    item: Unrolled[JointSpec], key: str | Path, words: str, help: str, *, code: Code = Code.JOINT_FIELD, typed: bool = True,
+) -> None:
+    """Report a key of a joint that the type of the joint does not allow. In the message, `words` follows the name of the joint.
+
+    `key` is the key, or its path in the document. With `typed`, a note shows the location of the type.
+    """
+    scope, path = item.scope, (*item.path, key) if isinstance(key, str) else key
+    notes = scope.beside("the type of the joint is set here", (*item.path, "type"), path) if typed else ()
+    scope.error(code, f"joint `{item.name}` {words}", path, key=True, help=help, notes=notes)
 
 
 def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
@@ -96,17 +102,14 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
             unsure = unsure or not spec.loop
         else:
             places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
-        if parent is None or child is None:
+        coordinates: tuple[Joint, ...] = ()
+        if parent is not None and child is not None:
+            coordinates = _coordinates(table, item, kind, parent, child, layers)
+        else:
             table.loose.extend(end for end in (parent, child) if end is not None)
-            table.joints[CoordinateName(item.name)] = None
-            if placed is not None:
-                table.nodes[placed].unplaced = True
-            continue
-        coordinates = _coordinates(table, item, kind, parent, child, layers)
-        table.joints.update((joint.name, joint) for joint in coordinates)
-        if doubtful:
-            for joint in coordinates:
-                del table.joints[joint.name]
+        if coordinates and not doubtful:
+            table.joints.update((joint.name, joint) for joint in coordinates)
+        else:
             table.joints[CoordinateName(item.name)] = None
             if placed is not None:
                 table.nodes[placed].unplaced = True
@@ -126,19 +129,16 @@ def _coordinates(
     table: DocumentScope, item: Unrolled[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: DefaultLayers,
 ) -> tuple[Joint, ...]:
     """Resolve a joint and return a tuple with one element per coordinate of the joint."""
-    scope, path, count = item.scope, item.path, len(kind.twists)
-    lead = _lead(scope, item.spec, kind, item.name, path)
-    axis = _axis(scope, item.spec, kind, item.name, path)
+    count = len(kind.twists)
+    lead, axis = _lead(item, kind), _axis(item, kind)
     twists = kind.about(axis, lead or 0.0) if axis is not None else kind.twists if lead is None else kind.with_lead(lead)
     if item.spec.reverse and kind.axial:
         twists = tuple(twist.reversed() for twist in twists)
     elif item.spec.reverse:
-        message = f"joint `{item.name}` is {kind.name} and cannot have `reverse`"
-        scope.error(Code.JOINT_FIELD, message, (*path, "reverse"), key=True, help="remove `reverse`")
+        _refuse(item, "reverse", f"is {kind.name} and cannot have `reverse`", "remove `reverse`", typed=False)
     if item.spec.keep and (kind.moves or item.spec.loop):
         why = f"is {kind.name}" if kind.moves else "closes a loop"
-        message = f"joint `{item.name}` {why} and cannot have `keep`: its sides are always separate links"
-        scope.error(Code.JOINT_FIELD, message, (*path, "keep"), key=True, help="remove `keep`")
+        _refuse(item, "keep", f"{why} and cannot have `keep`: its sides are always separate links", "remove `keep`", typed=False)
     if kind.free:
         return _free(table, item, kind, (parent, child), layers)
     if kind.at_once:
@@ -150,14 +150,11 @@ def _coordinates(
         if said is None or key not in item.spec.model_fields_set or (several == (count > 1) and all(n < count for n in numbers)):
             continue
         if count > 1:
-            words = f"joint `{item.name}` is {kind.name} and has {count} coordinates: `{key}` must be a list of {count} items"
+            words = f"is {kind.name} and has {count} coordinates: `{key}` must be a list of {count} items"
             help = "write, for example, `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` to set only some coordinates"
         else:
-            words, help = f"joint `{item.name}` is {kind.name}: `{key}` must not be a list", "write the value without a list"
-        scope.error(
-            Code.COORDINATES, words, (*path, key), key=True, help=help,
-            notes=scope.beside("the type of the joint is set here", (*path, "type"), (*path, key)),
-        )
+            words, help = f"is {kind.name}: `{key}` must not be a list", "write the value without a list"
+        _refuse(item, key, words, help, code=Code.COORDINATES)
     each: Sequence[tuple[int | None, Twist | None]] = [*enumerate(twists)] if count > 1 else [(None, next(iter(twists), None))]
     own = (_resolve_joint(table, item, kind, twist, (parent, child), layers, number) for number, twist in each)
     return tuple(replace(joint, axis=axis, reverse=item.spec.reverse) for joint in own)
@@ -169,11 +166,7 @@ def _free(
     """Resolve the coordinates of a free joint, which has no limits, dynamics and drives."""
     for key in ("limit", "dynamics", "drive", "offset", "loop"):
         if getattr(item.spec, key):
-            item.scope.error(
-                Code.JOINT_FIELD, f"joint `{item.name}` is free and cannot have `{key}`", (*item.path, key), key=True,
-                help=f"remove `{key}`: a free joint does not constrain its child", notes=item.scope.beside(
-                    "the type of the joint is set here", (*item.path, "type"), (*item.path, key)),
-            )
+            _refuse(item, key, f"is free and cannot have `{key}`", f"remove `{key}`: a free joint does not constrain its child")
     one = _resolve_joint(table, item, kind, None, mounts, layers, None)
     return tuple(replace(one, name=CoordinateName(item.name).numbered(k), twist=twist) for k, twist in enumerate(kind.twists))
 
@@ -186,30 +179,21 @@ def _ball(
     The limit and the dynamics apply to all coordinates. A ball joint can have up to three drives. Each drive acts about its own axis and is
     stored with one of the coordinates.
     """
-    scope, spec, path, name = item.scope, item.spec, item.path, item.name
+    scope, spec, name = item.scope, item.spec, item.name
     for key in ("limit", "dynamics"):
         if isinstance(getattr(spec, key), (list, dict)):
-            scope.error(
-                Code.COORDINATES, f"joint `{name}` is a ball: `{key}` must be a single value for all axes, not a list", (*path, key),
-                key=True, help="write the value without a list",
-            )
+            words = f"is a ball: `{key}` must be a single value for all axes, not a list"
+            _refuse(item, key, words, "write the value without a list", code=Code.COORDINATES, typed=False)
     if spec.offset is not None:
-        scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is a ball and cannot have an `offset`", (*path, "offset"), key=True,
-            help="rotate a mount of the joint, or use `turn`",
-        )
+        _refuse(item, "offset", "is a ball and cannot have an `offset`", "rotate a mount of the joint, or use `turn`", typed=False)
     one = _resolve_joint(table, item, kind, None, mounts, layers, None)
-    limit, dynamics = _cone(scope, name, layers.sub("limit")), _dynamics(scope, name, ANGLE, layers.sub("dynamics"))
-    rest = layers.sub("dynamics").pick("rest")
-    if rest is not None and rest[1][0] == "joints":
-        scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is a ball: its `dynamics` cannot have a `rest`", rest[1], key=True,
-            help="rotate a mount of the joint instead: the spring rests at q = 0",
-        )
-    drives = _drives_of_ball(table, item)
+    made = replace(dynamics(scope, f"joint `{name}`", ANGLE, layers.sub("dynamics")), rest=None)
+    if (rest := layers.sub("dynamics").pick("rest")).own:
+        help = "rotate a mount of the joint instead: the spring rests at q = 0"
+        _refuse(item, rest.path, "is a ball: its `dynamics` cannot have a `rest`", help, typed=False)
+    limit, drives = _cone(item, layers.sub("limit")), _drives_of_ball(table, item)
     return tuple(
-        replace(one, name=CoordinateName(name).numbered(k), twist=twist, limit=limit, dynamics=replace(dynamics, rest=None),
-                drive=drives.get(k))
+        replace(one, name=CoordinateName(name).numbered(k), twist=twist, limit=limit, dynamics=made, drive=drives.get(k))
         for k, twist in enumerate(kind.twists)
     )
 
@@ -239,7 +223,7 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
             )
             continue
         place = (*path, number, "axis")
-        drive = drive_of(table, scope, f"joint `{name}[{number}]`", ANGLE, (spec, place[:-1]))
+        drive = drive_of(table, scope, f"joint `{name}[{number}]`", ANGLE, LayeredValue(spec, place[:-1]))
         if spec.armature is not None:
             scope.error(
                 Code.DRIVE, f"drive {number} of ball joint `{name}` has an `armature`: a ball has one `armature` for all axes",
@@ -252,16 +236,8 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
 
 
 def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, code: Code) -> Vector | None:
-    """Normalize a vector from the document, such as an axis, to length 1.
-
-    If the vector is invalid or zero, report an error and return None. `code` is the diagnostic code for a zero vector.
-    """
-    axis = scope.vector(written, place, NUMBER, what)
-    size = 0.0 if axis is None else hypot(*axis)
-    if axis is None or size > 0.0:
-        return None if axis is None else (axis[0] / size, axis[1] / size, axis[2] / size)
-    scope.error(code, f"{what} has length 0 and thus no direction", place, help="write, for example, `[1, 0, 0]`")
-    return None
+    """Evaluate an axis, and return it with length 1. If the axis is invalid or zero, report an error and return None."""
+    return scope.direction(written, place, what, code, f"{what} has length 0 and thus no direction", "[1, 0, 0]")
 
 
 def _resolve_joint(
@@ -273,70 +249,88 @@ def _resolve_joint(
     if number is not None:
         name = name.numbered(number)
         item = replace(item, name=name)
-    turn, gap = layers.pick("turn"), layers.pick("gap")
-    offset = 0.0
-    limit, dynamics, drive = NO_LIMIT, NO_DYNAMICS, None
-    nodes = nodes_of(table, layers, number)
+    limit, made, drive, offset = NO_LIMIT, NO_DYNAMICS, None, None
+    nodes = _nodes_of(table, layers, number)
     if kind.at_once:
         pass  # read the values of a ball joint once for all coordinates
     elif twist is None:
         for key in ("limit", "dynamics", "offset", "drive"):
             if key in spec.model_fields_set and getattr(spec, key) is not None:
+                words = f"is {spec.type} and does not move: it cannot have `{key}`"
                 code = Code.DRIVE if key == "drive" else Code.JOINT_FIELD
-                scope.error(code, f"joint `{name}` is {spec.type} and does not move: it cannot have `{key}`", (*path, key), key=True,
-                            help="remove the key, or choose another `type`",
-                            notes=scope.beside("the type of the joint is set here", (*path, "type"), (*path, key)))
+                _refuse(item, key, words, "remove the key, or choose another `type`", code=code)
     else:
         limit = _limit(scope, item, kind, twist.coordinate, layers.sub("limit", number))
-        dynamics = _dynamics(scope, name, twist.coordinate, layers.sub("dynamics", number))
+        made = dynamics(scope, f"joint `{name}`", twist.coordinate, layers.sub("dynamics", number))
         drive = drive_of(table, scope, f"joint `{name}`", twist.coordinate, layers.pick("drive", number))
         _no_axis(scope, name, kind, layers.pick("drive", number))
         said = layers.pick("offset", number)
-        if said is not None and not isinstance(said[0], (list, dict)):
-            offset = scope.number(*said, twist.coordinate, f"`offset` of joint `{name}`") or 0.0
+        if not isinstance(said.value, (list, dict)):
+            offset = scope.number(*said, twist.coordinate, f"`offset` of joint `{name}`")
     return Joint(
-        name=name, kind=kind, twist=twist, parent=mounts[0], child=mounts[1], limit=limit, dynamics=dynamics,
-        turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
-        gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0, offset=offset, drive=drive, mimic=None,
+        name=name, kind=kind, twist=twist, parent=mounts[0], child=mounts[1], limit=limit, dynamics=made, offset=offset or 0.0,
+        turn=scope.number(*layers.pick("turn"), ANGLE, f"`turn` of joint `{name}`") or 0.0,
+        gap=scope.number(*layers.pick("gap"), LENGTH, f"`gap` of joint `{name}`") or 0.0, drive=drive, mimic=None,
         origin=scope.origin(path, key=True), loop=spec.loop, keep=spec.keep, spans={key: node.span for key, node in nodes.items()},
         written={key: node.text for key, node in nodes.items() if isinstance(node, ScalarNode)},
     )
 
 
-def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | None) -> None:
+def _nodes_of(table: DocumentScope, layers: DefaultLayers, number: int | None) -> dict[str, Node]:
+    """Return the nodes of the values of a joint or coordinate, keyed by path (`limit.lower`).
+
+    If the joint does not specify a value, the node of the default value is returned.
+    """
+    nodes: dict[str, Node] = {}
+    for _, base in reversed(layers.items):
+        _collect(node_at(table.document.tree, base), "", nodes, number)
+    return nodes
+
+
+def _collect(node: Node | None, prefix: str, nodes: dict[str, Node], number: int | None) -> None:
+    if isinstance(node, MappingNode):
+        for key, child in node.entries.items():
+            own: Node | None = child
+            if number is not None and isinstance(child, SequenceNode) and key != "axis":
+                own = child.items[number] if number < len(child.items) else None
+            elif number is not None and isinstance(child, MappingNode) and all(word.isdigit() for word in child.entries):
+                own = child.entries.get(str(number))
+            if own is not None:
+                nodes[prefix + key] = own
+                _collect(own, f"{prefix}{key}.", nodes, number)
+
+
+def _no_axis(scope: Scope, name: str, kind: JointKind, said: LayeredValue) -> None:
     """Report an error for a drive with an axis if its joint is not a ball joint."""
-    if said is not None and isinstance(said[0], DriveSpec) and said[0].axis is not None and said[1][0] == "joints":
+    if said.own and isinstance(said.value, DriveSpec) and said.value.axis is not None:
         scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive cannot have an `axis`", (*said[1], "axis"), key=True,
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive cannot have an `axis`", (*said.path, "axis"), key=True,
             help="remove `axis`: the drive acts along the coordinate of the joint",
         )
 
 
-def _axis(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> Vector | None:
+def _axis(item: Unrolled[JointSpec], kind: JointKind) -> Vector | None:
     """Return the joint axis as a unit vector. Return None if the document does not specify an axis, or if the axis is invalid.
 
     An invalid axis is reported. If the document does not specify an axis, the joint moves about the z axis of its parent mount.
     """
-    if spec.axis is None:
+    if item.spec.axis is None:
         return None
-    place = (*path, "axis")
     if not kind.axial:
-        scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is {kind.name} and cannot have an `axis`", place, key=True,
-            help="remove `axis`: the joint uses the axes of the parent mount" if kind.moves else "remove `axis`: the joint does not move",
-            notes=scope.beside("the type of the joint is set here", (*path, "type"), place),
-        )
+        help = "remove `axis`: the joint uses the axes of the parent mount" if kind.moves else "remove `axis`: the joint does not move"
+        _refuse(item, "axis", f"is {kind.name} and cannot have an `axis`", help)
         return None
-    axis = _direction(scope, spec.axis, place, f"the axis of joint `{name}`", Code.OUT_OF_RANGE)
+    axis = _direction(item.scope, item.spec.axis, (*item.path, "axis"), f"the axis of joint `{item.name}`", Code.OUT_OF_RANGE)
     return next((one for one in IDENTITY if one == axis), axis)  # `Twist` detects exact vectors
 
 
-def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:
+def _lead(item: Unrolled[JointSpec], kind: JointKind) -> float | None:
     """Return the lead of a screw joint, which is its advance per turn [m].
 
     Return None for other joints. If the lead is invalid, report an error and return None.
     """
-    if spec.lead is None:
+    scope, path, name = item.scope, item.path, item.name
+    if item.spec.lead is None:
         if kind.leads and not scope.doubts.touch(path):
             scope.error(
                 Code.LEAD, f"joint `{name}` is a {kind.name} and needs a `lead`, the advance per turn", path, key=True,
@@ -344,13 +338,9 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
             )
         return None
     if not kind.leads:
-        scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is {kind.name} and cannot have a `lead`", (*path, "lead"), key=True,
-            help="remove `lead`, or use `type: screw`",
-            notes=scope.beside("the type of the joint is set here", (*path, "type"), (*path, "lead")),
-        )
+        _refuse(item, "lead", f"is {kind.name} and cannot have a `lead`", "remove `lead`, or use `type: screw`")
         return None
-    lead = scope.number(spec.lead, (*path, "lead"), LENGTH, f"`lead` of joint `{name}`")
+    lead = scope.number(item.spec.lead, (*path, "lead"), LENGTH, f"`lead` of joint `{name}`")
     if lead == 0.0:
         scope.error(
             Code.LEAD, f"the `lead` of joint `{name}` is 0: the joint would not advance", (*path, "lead"),
@@ -362,27 +352,23 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
 
 def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate: Dimension, layers: DefaultLayers) -> Limit:
     name, path = item.name, item.path
-    lower, upper = (_said(scope, layers, key, coordinate) for key in ("lower", "upper"))
+    ends = {key: _said(scope, layers, key, coordinate) for key in ("lower", "upper")}
     low = high = None
     cone = layers.pick("cone")
-    if cone is not None and cone[1][0] == "joints":
-        scope.error(
-            Code.LIMIT, f"joint `{name}` is {kind.name} and cannot have a `limit.cone`", cone[1], key=True,
-            help="only a `ball` has a cone; use `lower` and `upper`",
-        )
+    if cone.own:
+        help = "only a `ball` has a cone; use `lower` and `upper`"
+        _refuse(item, cone.path, f"is {kind.name} and cannot have a `limit.cone`", help, code=Code.LIMIT, typed=False)
     if not kind.may_stop:
-        own = [(key, said[1]) for key, said in (("lower", lower), ("upper", upper)) if said is not None and said[1][0] == "joints"]
-        if own:
-            named = " or ".join(f"`limit.{key}`" for key, _ in own)
-            scope.error(
-                Code.LIMIT, f"joint `{name}` is {kind.name} and cannot have {named}", own[0][1], key=True,
-                help="use `type: revolute` for a joint with limits",
-                notes=scope.beside("the type of the joint is set here", (*path, "type"), own[0][1]),
-            )
+        own = {f"`limit.{key}`": said for key, said in ends.items() if said.own}
+        for first in [*own.values()][:1]:
+            words = f"is {kind.name} and cannot have {' or '.join(own)}"
+            _refuse(item, first.path, words, "use `type: revolute` for a joint with limits", code=Code.LIMIT)
     else:
-        low = scope.number(*lower, coordinate, f"`limit.lower` of joint `{name}`", notes=_type(scope, item, lower)) if lower else None
-        high = scope.number(*upper, coordinate, f"`limit.upper` of joint `{name}`", notes=_type(scope, item, upper)) if upper else None
-        missing = [f"`limit.{key}`" for key, said in (("lower", lower), ("upper", upper)) if said is None]
+        low, high = (
+            scope.number(*said, coordinate, f"`limit.{key}` of joint `{name}`", notes=[] if not said else scope.beside(
+                f"the type of `{name}` is set here", (*path, "type"), said.path)) for key, said in ends.items()
+        )
+        missing = [f"`limit.{key}`" for key, said in ends.items() if not said]
         in_doubt = scope.doubts.touch(path) or scope.doubts.touch(("defaults", "joint"))
         if missing and kind.limits == "required" and item.spec.mimic is None and not in_doubt:
             example = "{lower: -90 deg, upper: 90 deg}" if coordinate == ANGLE else "{lower: 0, upper: 20 mm}"
@@ -391,57 +377,52 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
                 (*path, "limit") if item.spec.limit is not None else path, key=True,
                 help=f"write, for example, `limit: {example}`" + (_ENDLESS if coordinate == ANGLE else ""),
             )
-        if low is not None and high is not None and lower is not None and upper is not None and not low < high:
+        if low is not None and high is not None and not low < high:
             fault = "are reversed" if low > high else "are equal"
-            shown = [scope.shown(Quantity(q, coordinate), said[1]) for q, said in ((low, lower), (high, upper))]
+            lower, upper = ends.values()
+            shown = [scope.shown(Quantity(q, coordinate), said.path) for q, said in ((low, lower), (high, upper))]
             scope.error(
                 Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, "
                 f"found {(', and ' if any(',' in one for one in shown) else ' and ').join(shown)}",
-                lower[1], help="swap the limits" if low > high else "widen the limits, or use `type: fixed`",
-                notes=scope.beside("the upper limit is set here", upper[1], lower[1]),
+                lower.path, help="swap the limits" if low > high else "widen the limits, or use `type: fixed`",
+                notes=scope.beside("the upper limit is set here", upper.path, lower.path),
             )
             low = high = None
-    return Limit(lower=low, upper=high, **_values(scope, f"joint `{name}`", coordinate, "limit", layers, ("effort", "velocity")))
+    return Limit(lower=low, upper=high, **values(scope, f"joint `{name}`", coordinate, "limit", layers, ("effort", "velocity")))
 
 
-def _cone(scope: Scope, name: str, layers: DefaultLayers) -> Limit:
+def _cone(item: Unrolled[JointSpec], layers: DefaultLayers) -> Limit:
     """Return the cone limit of a ball joint, which is its largest rotation angle [rad] from q = 0. Return None if there is no limit."""
-    own = [(key, said[1]) for key in ("lower", "upper", "effort", "velocity") if (said := layers.pick(key)) and said[1][0] == "joints"]
-    if own:
-        scope.error(
-            Code.LIMIT, f"joint `{name}` is a ball and cannot have `limit.{own[0][0]}`", own[0][1], key=True,
-            help="limit its angle by `cone`, and effort and velocity in its drives",
-        )
-    said = layers.pick("cone")
-    return Limit(cone=None if said is None else scope.number(*said, ANGLE, f"`limit.cone` of joint `{name}`", above=0.0))
+    for key, said in ((key, layers.pick(key)) for key in ("lower", "upper", "effort", "velocity")):
+        if said.own:
+            help = "limit its angle by `cone`, and effort and velocity in its drives"
+            _refuse(item, said.path, f"is a ball and cannot have `limit.{key}`", help, code=Code.LIMIT, typed=False)
+            break
+    return Limit(cone=item.scope.number(*layers.pick("cone"), ANGLE, f"`limit.cone` of joint `{item.name}`", above=0.0))
 
 
-def _type(scope: Scope, item: Unrolled[JointSpec], said: tuple[Any, Path]) -> list[Note]:
-    """Return a note that explains which physical dimension a value of the joint must have, and why."""
-    return scope.beside(f"the type of `{item.name}` is set here", (*item.path, "type"), said[1])
-
-
-def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: DefaultLayers) -> Dynamics:
+def dynamics(scope: Scope, owner: str, coordinate: Dimension, layers: DefaultLayers, *, least: float | None = None) -> Dynamics:
+    """Return the passive dynamics of `owner`, a joint or tendon. `least` is the smallest valid rest position of its spring."""
     if not layers:
         return NO_DYNAMICS
-    keys = ("damping", "friction", "armature", "stiffness")
-    said, rest = _said(scope, layers, "rest", coordinate), None
-    if said is not None:
-        rest = scope.number(*said, coordinate, f"`dynamics.rest` of joint `{name}`")
-        if said[1][0] == "joints" and layers.pick("stiffness") is None and not scope.doubts.touch(said[1][:-1]):
-            scope.error(
-                Code.JOINT_FIELD, f"joint `{name}` has a `dynamics.rest` but no `stiffness`: `rest` is the rest position of a spring",
-                said[1], key=True, help="add `stiffness`, or remove `rest`",
-            )
-    return Dynamics(**_values(scope, f"joint `{name}`", coordinate, "dynamics", layers, keys), rest=rest)
+    rest = _said(scope, layers, "rest", coordinate)
+    if rest.own and not layers.pick("stiffness") and not scope.doubts.touch(rest.path[:-1]):
+        scope.error(
+            Code.JOINT_FIELD, f"{owner} has a `dynamics.rest` but no `stiffness`: `rest` is the rest position of a spring",
+            rest.path, key=True, help="add `stiffness`, or remove `rest`",
+        )
+    return Dynamics(
+        **values(scope, owner, coordinate, "dynamics", layers, ("damping", "friction", "armature", "stiffness")),
+        rest=scope.number(*rest, coordinate, f"`dynamics.rest` of {owner}", least=least),
+    )
 
 
-def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimension, said: tuple[Any, Path] | None) -> Drive | None:
+def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimension, said: LayeredValue) -> Drive | None:
     """Resolve a drive of a joint or transmission `owner`. Return None without a drive, and for an invalid drive, which is reported.
 
     `coordinate` is the physical dimension of the coordinate along which the drive acts. `said` contains the drive and its path.
     """
-    if said is None or isinstance(said[0], (list, dict)):
+    if not said or isinstance(said.value, (list, dict)):
         return None
     spec, path = said
     key = "actuator" if path[0] == "transmissions" else "drive"
@@ -453,14 +434,10 @@ def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimensi
         reference = None if spec.component is None else _driving_part(table, scope, owner, spec.component, (*path, "component"))
         if spec.component is not None and reference is None:
             return None
-        written = DefaultLayers(((spec, path),))
-        values = _values(scope, owner, coordinate, key, written, ("kp", "kv", "effort", "velocity", "armature"))
-        if spec.kp is not None and values["kp"] is None:
-            values["kp"] = 1.0  # placeholder, so that no later pass reports the value as missing
-        return Drive(
-            component=reference, kind=spec.kind, kp=values["kp"], kv=values["kv"], effort=values["effort"], velocity=values["velocity"],
-            armature=values["armature"], origin=scope.origin(path),
-        )
+        given = values(scope, owner, coordinate, key, DefaultLayers(((spec, path),)), ("kp", "kv", "effort", "velocity", "armature"))
+        if spec.kp is not None and given["kp"] is None:
+            given["kp"] = 1.0  # placeholder, so that no later pass reports the value as missing
+        return Drive(component=reference, kind=spec.kind, origin=scope.origin(path), **given)
     known = spec in table.nodes or table.unbuilt or table.doubts.lacks("components") or table.doubts.touch(("components", spec))
     if not known and (spec in DRIVE_KINDS or spec == "servo"):
         kind = spec if spec in DRIVE_KINDS else "position"

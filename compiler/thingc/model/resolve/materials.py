@@ -11,11 +11,11 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.inertia import DENSEST
-from thingc.base.source import Document, Origin, Path
+from thingc.base.source import Document, Path
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import DENSITY, LENGTH, NUMBER, shortened
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.materials import FrictionSpec, MaterialSpec, MaterialsSpec
+from thingc.documents.spec.materials import FrictionSpec, MaterialSpec, MaterialsSpec, ProcessSpec
 from thingc.model.resolve.document_scope import ResolveRun
 from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Material, Process
@@ -102,7 +102,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
         density = scope.number(spec.density, (*path, "density"), DENSITY, f"the density of `{name}`", above=0.0, most=DENSEST)
         wrong = density is None
     slide, torsion, roll = friction(scope, spec.friction, (*path, "friction"))
-    made = process(scope, DefaultLayers(((spec.process, (*path, "process")),))) if spec.process is not None else None
+    made = process(scope, DefaultLayers(((spec, path),)).sub("process")) if spec.process is not None else None
     return Material(
         name=name, density=_STAND_IN if wrong and density is None else density, color=spec.color or base_color, slide=slide,
         torsion=torsion, roll=roll, process=made, origin=scope.origin(path, key=True),
@@ -119,11 +119,8 @@ def friction(scope: Scope, spec: FrictionSpec | None, path: Path) -> tuple[float
     if spec is None:
         return None, None, None
     slide = scope.number(spec.slide, (*path, "slide"), NUMBER, "sliding friction", least=0.0)
-    torsion, roll = (
-        None if value is None else scope.number(value, (*path, key), (LENGTH, NUMBER), f"{word} friction", least=0.0)
-        for key, value, word in (("torsion", spec.torsion, "torsional"), ("roll", spec.roll, "rolling"))
-    )
-    return slide, torsion, roll
+    torsion = scope.number(spec.torsion, (*path, "torsion"), (LENGTH, NUMBER), "torsional friction", least=0.0)
+    return slide, torsion, scope.number(spec.roll, (*path, "roll"), (LENGTH, NUMBER), "rolling friction", least=0.0)
 
 
 def process(scope: Scope, layers: DefaultLayers) -> Process:
@@ -131,32 +128,13 @@ def process(scope: Scope, layers: DefaultLayers) -> Process:
 
     A missing setting is replaced by its default in `layers`. Invalid settings are reported and omitted.
     """
-
-    origins: dict[str, Origin] = {}
-
-    def read(key: str) -> tuple[Any, Path]:
-        raw, path = layers.pick(key) or (None, ())
-        if raw is not None:
-            origins[key] = scope.origin(path)
-        return raw, path
-
-    def count(key: str) -> int | None:
-        raw, path = read(key)
-        return None if raw is None else scope.count(raw, path, f"`{key}`")
-
-    def length(key: str) -> float | None:
-        raw, path = read(key)
-        return None if raw is None else scope.number(raw, path, LENGTH, f"`{key}`", above=0.0)
-
-    def share(key: str, least: float, most: float) -> float | None:
-        raw, path = read(key)
-        return None if raw is None else _share(scope, raw, path, key, least, most)
-
-    values: dict[str, Any] = {
-        "kind": read("kind")[0], "walls": count("walls"), "line_width": length("line_width"), "layer": length("layer"),
-        "top": count("top"), "bottom": count("bottom"), "infill": share("infill", 0.0, 1.0), "overlap": share("overlap", 0.0, 1.0),
-        "bridge_flow": share("bridge_flow", *BRIDGE_FLOWS), "estimate": read("estimate")[0],
-    }
+    said = {key: layers.pick(key) for key in ProcessSpec.model_fields}
+    values: dict[str, Any] = {key: said[key].value for key in ("kind", "estimate")}
+    values |= {key: scope.count(*said[key], f"`{key}`") for key in ("walls", "top", "bottom")}
+    values |= {key: scope.number(*said[key], LENGTH, f"`{key}`", above=0.0) for key in ("line_width", "layer")}
+    for key, bounds in (("infill", (0.0, 1.0)), ("overlap", (0.0, 1.0)), ("bridge_flow", BRIDGE_FLOWS)):
+        values[key] = _share(scope, *said[key], key, *bounds)
+    origins = {key: scope.origin(setting.path) for key, setting in said.items() if setting}
     left_out = {key for key in values for _, path in layers.items if scope.doubts.touch((*path, key))}
     wrong = frozenset(key for key, value in values.items() if value is None and (key in origins or key in left_out))
     return Process(**values, origins=origins, wrong=wrong)

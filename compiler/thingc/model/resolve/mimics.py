@@ -28,7 +28,7 @@ def mimics(table: DocumentScope, items: Iterable[Unrolled[JointSpec]]) -> None:
         own = [joint for joint in table.joints.values() if joint is not None and joint.name.joint == item.name]
         for number, joint in enumerate(own):
             said = DefaultLayers(((item.spec, item.path),)).pick("mimic", None if len(own) == 1 else number)
-            mimic = _mimic(table, replace(item, name=joint.name), joint, *said) if said is not None else None
+            mimic = _mimic(table, replace(item, name=joint.name), joint, *said) if said else None
             if mimic is not None:
                 table.joints[joint.name] = replace(joint, mimic=mimic)
     _break_cycles(table, {name: item for item in items for name, joint in table.joints.items() if joint and joint.name.joint == item.name})
@@ -51,7 +51,7 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
     followed = _followed(table, item, spec, path)
     if followed is None:
         return None
-    name, notes = followed.name, [Note(message=f"`{followed.name}` is defined here", span=followed.joint.origin[0])]
+    name, notes = followed.name, followed.joint.defined(followed.name)
     if spec.polynomial is not None:
         return _polynomial(item, followed, coordinate, spec.polynomial, path, notes)
     ratio = coordinate / followed.coordinate
@@ -74,7 +74,7 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
 
 
 def _polynomial(
-    item: Unrolled[JointSpec], followed: _Followed, coordinate: Dimension, written: Sequence[Any], path: Path, notes: list[Note],
+    item: Unrolled[JointSpec], followed: _Followed, coordinate: Dimension, written: Sequence[Any], path: Path, notes: tuple[Note, ...],
 ) -> Mimic | None:
     """Resolve the polynomial of a mimic. The coefficient of q(joint)^k has the unit of q / q(joint)^k."""
     scope, place = item.scope, (*path, "polynomial")
@@ -135,13 +135,13 @@ def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, 
     if other.kind.at_once:
         scope.error(
             Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`: `{name.joint}` is {other.kind.words}, whose rotation is not a single "
-            "number", place, notes=[Note(message=f"`{name.joint}` is defined here", span=other.origin[0])],
+            "number", place, notes=other.defined(name.joint),
         )
         return None
     if other.twist is None:
         scope.error(
             Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`, which is {other.kind.name} and does not move", place,
-            notes=[Note(message=f"`{name}` is defined here", span=other.origin[0])],
+            notes=other.defined(name),
         )
         return None
     return _Followed(name, other, other.twist.coordinate)

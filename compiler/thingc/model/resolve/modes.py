@@ -57,13 +57,10 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
 
     Invalid joints are reported and omitted.
     """
-    said = layers.pick("cut")
-    if said is None:
-        return ()
-    patterns, path = said
-    joints = dict(table.all_joints())
+    patterns, path = layers.pick("cut")
+    joints = dict(table.all_joints()) if patterns else {}
     chosen: dict[str, Path] = {}
-    for index, pattern in enumerate(patterns):
+    for index, pattern in enumerate(patterns or ()):
         at = (*path, index)
         if pattern in patterns[:index]:
             scope.error(Code.CUT, f"`{pattern}` is listed twice in `cut`", at, help="remove one of the two entries")
@@ -92,10 +89,9 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
 
     Invalid mounts are reported.
     """
-    said = layers.pick("standing_on")
-    if said is None or said[0] == []:
+    written, path = layers.pick("standing_on")
+    if not written:
         return None
-    written, path = said
     if base != "free":
         scope.error(
             Code.STANDING, f"mode `{name}` has `standing_on`, but its base is `{base}`, which already supports the robot", path,
@@ -104,9 +100,7 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
         return None
     texts, friction = written, None
     if isinstance(written, StandingSpec):
-        texts = written.mounts
-        if written.friction is not None:
-            friction = scope.number(written.friction, (*path, "friction"), NUMBER, "the friction", least=0.0)
+        texts, friction = written.mounts, scope.number(written.friction, (*path, "friction"), NUMBER, "the friction", least=0.0)
         path = (*path, "mounts")
     mounts: dict[tuple[tuple[str, ...], str | None], Reference] = {}
     for index, text in enumerate(texts):
@@ -216,8 +210,7 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
 def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers | None) -> Mode | None:
     if layers is None:
         return None
-    base = layers.pick("base")
-    kind: BaseType = base[0] if base else "fixed"
+    kind: BaseType = layers.pick("base").value or "fixed"
     at, on_floor = _at(scope, name, layers)
     gravity, gravity_origin = _gravity(scope, layers)
     pose = _pose(table, scope, layers)
@@ -230,7 +223,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
     if on_floor:
         _check_holds_on_floor(scope, name, layers, held)
     root = layers.pick("root")
-    if root is None:
+    if not root:
         if any(scope.doubts.touch(path) for _, path in layers.items):
             return None
         scope.error(
@@ -273,11 +266,11 @@ def _contacts(table: DocumentScope, scope: Scope, name: str, said: DefaultLayers
 
 def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: BaseType) -> dict[str, Pose]:
     """Return the pose of the root in the world by named pose of the robot, for poses with a different root placement than the mode."""
-    said, path = layers.pick("at_in") or ({}, ())
+    said, path = layers.pick("at_in")
     poses: dict[str, Pose] = {}
     if said and base not in ("free", "held"):
         scope.error(Code.STANDING, f"the base is `{base}`, so its place in the world is the same in all poses", path, help="remove `at_in`")
-    for name, spec in said.items():
+    for name, spec in (said or {}).items():
         place = (*path, name)
         pose = scope.pose(spec, place)
         if name not in table.poses:
@@ -295,23 +288,22 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
     at = layers.sub("at")
     if not at:
         return NO_POSE, False
-    zero = ((0, 0, 0), ())
-    on, xyz = at.pick("on"), at.pick("xyz") or zero
+    on, xyz = at.pick("on"), at.pick("xyz")
     turn = next((layer for layer in at.items if layer[0].model_fields_set & {"rpy", "quat"}), None)
-    translation = scope.vector(xyz[0], xyz[1], LENGTH, "`xyz`") or NO_POSE.translation
+    translation = scope.vector(*xyz, LENGTH, "`xyz`") or NO_POSE.translation
     rotation = scope.rotation(*turn) if turn is not None else None  # type: ignore[arg-type]
     pose = Pose(rotation=rotation or IDENTITY, translation=translation)
-    if on is None:
+    if not on:
         return pose, False
     x, y, z = pose.translation
     order = [path for _, path in at.items]
-    own, other = order.index(on[1][:-1]), order.index(xyz[1][:-1]) if xyz is not zero else len(order)
+    own, other = order.index(on.path[:-1]), order.index(xyz.path[:-1]) if xyz else len(order)
     if z != 0.0 and other < own:
         return pose, False
     if z != 0.0 and other == own:
         scope.error(
             Code.HEIGHT, f"mode `{name}` sets the height of the robot twice: by `on: floor` and by a height of {Quantity(z, LENGTH)}",
-            (*xyz[1], 2), help="set z to `0`, or remove `on: floor`",
+            (*xyz.path, 2), help="set z to `0`, or remove `on: floor`",
         )
     return replace(pose, translation=(x, y, 0.0)), True
 
@@ -320,13 +312,13 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: 
     """Report an error for a hold with a position in a mode with `on: floor`, because both would determine the height."""
     on = layers.sub("at").pick("on")
     for hold in held:
-        if hold.pose is not None and on is not None:
+        if hold.pose is not None and on:
             mount = ".".join((*hold.mount.path, *((hold.mount.mount,) if hold.mount.mount else ())))
             scope.error(
                 Code.HEIGHT,
                 f"mode `{name}` sets the height of the robot twice: by `on: floor` and by the hold of `{mount}` at a fixed place",
                 ("modes", name, "hold"), span=hold.origin[0], help=f"write `{mount}: here`, or set a height in `at`",
-                notes=[Note(message="`on: floor` is written here", span=scope.span(on[1]))],
+                notes=[Note(message="`on: floor` is written here", span=scope.span(on.path))],
             )
 
 
@@ -335,32 +327,26 @@ def _gravity(scope: Scope, layers: DefaultLayers) -> tuple[Vector, Origin]:
 
     If gravity is a keyword or the default, the location is empty.
     """
-    said = layers.pick("gravity")
-    if said is None:
-        return GRAVITY["floor"], ()
-    if isinstance(said[0], str):
-        return GRAVITY[cast("StandsOn", said[0])], ()
-    gravity = scope.vector(*said, ACCELERATION, "`gravity`")
-    return (GRAVITY["floor"], ()) if gravity is None else (gravity, scope.origin(said[1]))
+    said, path = layers.pick("gravity")
+    if isinstance(said, str):
+        return GRAVITY[cast("StandsOn", said)], ()
+    gravity = scope.vector(said, path, ACCELERATION, "`gravity`")
+    return (GRAVITY["floor"], ()) if gravity is None else (gravity, scope.origin(path))
 
 
 def _pose(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> str | None:
-    said = layers.pick("pose")
-    if said is None:
-        return None
-    name, path = said
-    if name in table.poses:
-        return str(name)
+    name: str | None = layers.pick("pose").value
+    if name is None or name in table.poses:
+        return name
     if not scope.doubts.lacks("poses"):
-        report_unmatched(scope, name, table.poses, path, "pose")
+        report_unmatched(scope, name, table.poses, layers.pick("pose").path, "pose")
     return None
 
 
 def _poses(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[str, ...]:
-    said = layers.pick("poses")
-    if said is None:
+    names, path = layers.pick("poses")
+    if names is None:
         return tuple(table.poses)
-    names, path = said
     poses: list[str] = []
     for index, name in enumerate(names):
         if name in table.poses and name not in poses:
@@ -372,10 +358,10 @@ def _poses(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[s
 
 def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[str, ...] | None:
     """Return the paths (with `/`) of the driven joints of the mode, in document order."""
-    said = layers.pick("actuators")
-    if said is None:
+    patterns, path = layers.pick("actuators")
+    if patterns is None:
         return _actuators_of_nested(table)
-    return driven(table, scope, [(pattern, (*said[1], index)) for index, pattern in enumerate(said[0])])
+    return driven(table, scope, [(pattern, (*path, index)) for index, pattern in enumerate(patterns)])
 
 
 def _actuators_of_nested(table: DocumentScope) -> tuple[str, ...] | None:
@@ -410,7 +396,7 @@ def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Pat
                 scope.error(
                     Code.DRIVE, f"joint `{pattern}` has no `drive`: it is not an actuator", at,
                     help=f"use the drives of its differential, such as `{coupled[0]}`" if joint.geared else "give the joint a `drive`",
-                    notes=[Note(message=f"`{pattern}` is defined here", span=joint.origin[0])],
+                    notes=joint.defined(pattern),
                 )
             chosen.add(pattern)
             continue
@@ -423,15 +409,12 @@ def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Pat
 
 def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
     """Return the settings `timestep` [s], `integrator`, `cone` and `impratio` that the document specifies."""
-    settings: dict[str, float | str] = {}
-    for key, dimension in (("timestep", TIME), ("integrator", None), ("cone", None), ("impratio", NUMBER)):
-        said = layers.pick(key)
-        if said is None:
-            continue
-        value = str(said[0]) if dimension is None else scope.number(*said, dimension, f"`{key}`", above=0.0)
-        if value is not None:
-            settings[key] = value
-    return settings
+    settings: dict[str, float | str | None] = {
+        "timestep": scope.number(*layers.pick("timestep"), TIME, "`timestep`", above=0.0),
+        "integrator": layers.pick("integrator").value, "cone": layers.pick("cone").value,
+        "impratio": scope.number(*layers.pick("impratio"), NUMBER, "`impratio`", above=0.0),
+    }
+    return {key: value for key, value in settings.items() if value is not None}
 
 
 def step_origin(scope: Scope, layers: DefaultLayers) -> Origin:
@@ -440,4 +423,4 @@ def step_origin(scope: Scope, layers: DefaultLayers) -> Origin:
     If the document does not specify `timestep`, return an empty origin.
     """
     said = layers.pick("timestep")
-    return scope.origin(said[1]) if said is not None else ()
+    return scope.origin(said.path) if said else ()

@@ -6,18 +6,17 @@ from typing import Literal
 
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT
-from thingc.base.numeric import hypot
-from thingc.base.pose import NO_POSE, Vector
+from thingc.base.pose import NO_POSE
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER
+from thingc.base.units import INERTIA, LENGTH, MASS
 from thingc.documents.spec.link_shapes import ChoiceSpec, CollisionSpec, DecomposeSpec
-from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
+from thingc.documents.spec.mass import CentreOfMassSpec, InertiaSpec, MassSpec
 from thingc.model.resolve.document_scope import ComponentScope
 from thingc.model.resolve.materials import process
 from thingc.model.resolve.references import ORIGIN
 from thingc.model.resolve.repeats import check_names
-from thingc.model.resolve.scope import DefaultLayers, Scope
+from thingc.model.resolve.scope import DefaultLayers, LayeredValue, Scope
 from thingc.model.resolve.types import CollisionChoice, ExtraMount, Material, Overrides, StatedValue
 
 NONE_SAID = Overrides()
@@ -52,12 +51,13 @@ def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
     choice, targets = _collision(scope, *collision) if collision else (CollisionChoice(), {})
-    made, up = layers.sub("process"), _up(scope, layers)
-    if all(one is None for one in (mass, com, inertia, collision, visual, up)) and not made:
+    made, zero = layers.sub("process"), "`up` must not be zero, found `0 0 0`"
+    up = scope.direction(*layers.sub("print").pick("up"), "a component of `up`", Code.OUT_OF_RANGE, zero, "up: [0, 0, 1]")
+    if not any((mass, com, inertia, collision, visual, up, made)):
         return NONE_SAID
     return Overrides(
         mass=mass, com=com, inertia=inertia, collision=choice.collision, pieces=choice.pieces, targets=targets,
-        visual=visual[0] if visual else True, process=process(scope, made) if made else None, up=up,
+        visual=visual.value if visual else True, process=process(scope, made) if made else None, up=up,
     )
 
 
@@ -84,54 +84,40 @@ def most_pieces(scope: Scope, spec: DecomposeSpec | Literal[True] | None, path: 
     return scope.count(spec.pieces, (*path, "pieces"), "`pieces`", least=1) or 0
 
 
+def _with_source(said: LayeredValue) -> tuple[LayeredValue, str]:
+    """Return the mass, the centre of mass or the inertia in a setting, and its source, which the long form of the setting contains."""
+    if isinstance(said.value, (MassSpec, CentreOfMassSpec, InertiaSpec)):
+        return LayeredValue(said.value.value, (*said.path, "value")), said.value.source
+    return said, "stated"
+
+
 def _mass(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
     said = layers.pick("mass")
-    if said is None:
+    if not said:
         return None
-    raw, path = said
-    source, at = (raw.source, (*path, "value")) if isinstance(raw, MassSpec) else ("stated", path)
-    value = scope.number(raw.value if isinstance(raw, MassSpec) else raw, at, MASS, "the mass", above=0.0, most=HEAVIEST)
+    stated, source = _with_source(said)
+    value = scope.number(*stated, MASS, "the mass", above=0.0, most=HEAVIEST)
     # Replace invalid values by a placeholder, so that no later pass reports the values as missing.
-    return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(path), stand_in=value is None)
+    return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(said.path), stand_in=value is None)
 
 
 def _com(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
     said = layers.pick("com")
-    if said is None:
-        return None
-    raw, path = said
-    source, at = (raw.source, (*path, "value")) if isinstance(raw, CentreOfMassSpec) else ("stated", path)
-    value = scope.vector(raw.value if isinstance(raw, CentreOfMassSpec) else raw, at, LENGTH, "the centre of mass")
-    return None if value is None else StatedValue(value=value, source=source, origin=scope.origin(path))
+    stated, source = _with_source(said)
+    value = scope.vector(*stated, LENGTH, "the centre of mass")
+    return None if value is None else StatedValue(value=value, source=source, origin=scope.origin(said.path))
 
 
 def _inertia(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
     said = layers.pick("inertia")
-    if said is None:
+    if not said:
         return None
-    raw, path = said
-    source, at = (raw.source, (*path, "value")) if isinstance(raw, InertiaSpec) else ("stated", path)
-    matrix: InertiaMatrix = raw.value if isinstance(raw, InertiaSpec) else raw
+    (matrix, at), source = _with_source(said)
     values = [
         scope.number(getattr(matrix, key), (*at, key), INERTIA, f"`{key}`", least=-LARGEST_MOMENT, most=LARGEST_MOMENT) for key in _MOMENTS
     ]
     sound = tuple(value for value in values if value is not None)
-    return StatedValue(value=sound, source=source, origin=scope.origin(path)) if len(sound) == len(_MOMENTS) else None
-
-
-def _up(scope: Scope, layers: DefaultLayers) -> Vector | None:
-    said = layers.sub("print").pick("up")
-    if said is None:
-        return None
-    raw, path = said
-    x, y, z = (scope.number(part, (*path, index), NUMBER, "a component of `up`") for index, part in enumerate(raw))
-    if x is None or y is None or z is None:
-        return None
-    length = hypot(x, y, z)
-    if not length > 0.0:
-        scope.error(Code.OUT_OF_RANGE, "`up` must not be zero, found `0 0 0`", path, help="write, for example, `up: [0, 0, 1]`")
-        return None
-    return x / length + 0.0, y / length + 0.0, z / length + 0.0
+    return StatedValue(value=sound, source=source, origin=scope.origin(said.path)) if len(sound) == len(_MOMENTS) else None
 
 
 def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
@@ -139,10 +125,9 @@ def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | No
 
     An unknown material is reported, unless a materials document could not be read.
     """
-    said = layers.pick("material")
-    if said is None:
+    name, path = layers.pick("material")
+    if name is None:
         return None
-    name, path = said
     if name in known:
         return known[name]
     if not unreadable:

@@ -45,10 +45,8 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
     if isinstance(spec, AttachSpec):
         mine = references.own_mount(node, scope, spec.mount, (*path, "mount"))
         to_text, to_path = spec.to, (*path, "to")
-        if spec.turn is not None:
-            turn = scope.number(spec.turn, (*path, "turn"), ANGLE, "`turn`") or 0.0
-        if spec.gap is not None:
-            gap = scope.number(spec.gap, (*path, "gap"), LENGTH, "`gap`") or 0.0
+        turn = scope.number(spec.turn, (*path, "turn"), ANGLE, "`turn`") or 0.0
+        gap = scope.number(spec.gap, (*path, "gap"), LENGTH, "`gap`") or 0.0
     elif spec:
         name, to_text = next(iter(spec.items()))
         to_path = (*path, name)

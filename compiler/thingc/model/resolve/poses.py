@@ -95,7 +95,7 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
     scope.error(
         Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value must be a list of {len(names)} items" if names
         else f"joint `{key}` has one coordinate: its value must not be a list", path, key=True,
-        help=f"write `[{shown}]`, or set only one: `{names[0]}`" if names else "write one value", notes=_joint_notes(key, joint),
+        help=f"write `[{shown}]`, or set only one: `{names[0]}`" if names else "write one value", notes=joint.defined(key),
     )
 
 
@@ -105,7 +105,7 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
     if not isinstance(raw, TurnSpec) or (raw.xyz is not None and not free):
         scope.error(
             Code.POSE, f"joint `{key}` is {ball.kind.words}: its value in a pose must be {'`xyz`, ' if free else ''}`rpy` or `quat`", path,
-            key=True, help=f"write, for example, `{key}: {_EXAMPLE[free]}`", notes=_joint_notes(key, ball),
+            key=True, help=f"write, for example, `{key}: {_EXAMPLE[free]}`", notes=ball.defined(key),
         )
         return
     place = scope.vector(raw.xyz, (*path, "xyz"), LENGTH, f"`xyz` of joint `{key}`") if raw.xyz is not None else (0.0, 0.0, 0.0)
@@ -138,7 +138,7 @@ def _stand_ins(known: Joints, origin: Origin) -> Settings:
     """
     settings: Settings = {}
     for name, joint in known.items():
-        if joint is None or not _movable(joint):
+        if joint is None or not joint.settable:
             continue
         if joint.limit.lower is not None and joint.limit.lower > 0.0:
             settings[name.path] = (joint.limit.lower, origin)
@@ -155,7 +155,7 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
         if joint.kind.at_once:
             scope.error(
                 Code.POSE, f"joint `{name.joint}` is {joint.kind.words}: a pose cannot set a single coordinate", path, key=True,
-                help=f"write, for example, `{name.joint}: {_EXAMPLE[joint.kind.free]}`", notes=_joint_notes(name.joint, joint),
+                help=f"write, for example, `{name.joint}: {_EXAMPLE[joint.kind.free]}`", notes=joint.defined(name.joint),
             )
             continue
         coordinate = joint.twist.coordinate if joint.twist is not None else None
@@ -163,7 +163,7 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
             scope.error(
                 Code.POSE, f"joint `{name}` is {joint.kind.name} and has no coordinate to set", path, key=True,
                 help="remove the joint from the pose",
-                notes=_joint_notes(name, joint),
+                notes=joint.defined(name),
             )
             continue
         if joint.mimic is not None:
@@ -177,26 +177,21 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
         if isinstance(raw, str):
             scope.error(
                 Code.POSE, f"joint `{name}` must be {coordinate.words} (such as {coordinate.example}), found the string `{raw}`", path,
-                help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, notes=_joint_notes(name, joint),
+                help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, notes=joint.defined(name),
             )
             continue
-        value = scope.number(raw, path, coordinate, what, notes=_joint_notes(name, joint))
+        value = scope.number(raw, path, coordinate, what, notes=joint.defined(name))
         if value is not None:
             into[name.path] = (value, scope.origin(path))
 
 
-def _joint_notes(name: str, joint: Joint) -> list[Note]:
-    """Return a note with the location of a joint."""
-    return [Note(message=f"`{name}` is defined here", span=joint.origin[0])]
-
-
-def _movable(joint: Joint | None) -> bool:
-    return joint is not None and joint.mimic is None and joint.twist is not None and not joint.kind.at_once
+def _settable(known: Joints) -> list[CoordinateName]:
+    return [name for name, joint in known.items() if joint is not None and joint.settable]
 
 
 def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
     fitting = [name for name in known if fnmatchcase(name, key)]
-    movable = [name for name in fitting if _movable(known[name])]
+    movable = [name for name in fitting if (joint := known[name]) is not None and joint.settable]
     if movable:
         _set(scope, known, movable, raw, path, into, exact=False)
     elif any(known[name] is None for name in fitting) or table.unsure_joints():
@@ -210,7 +205,7 @@ def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: A
     else:
         scope.error(
             Code.NO_MATCH, f"pattern `{key}` matches no joint", path, key=True,
-            help=suggested(key, [name for name in known if _movable(known[name])], what="joints"),
+            help=suggested(key, _settable(known), what="joints"),
         )
 
 
@@ -249,7 +244,7 @@ def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, in
                 help=suggested(key, nested, what="nested assemblies"),
             )
         else:
-            joints = [name for name, joint in table.all_joints() if _movable(joint)]
+            joints = _settable(dict(table.all_joints()))
             scope.error(
                 Code.UNKNOWN_JOINT, f"there is no joint or nested assembly `{key}`", path, key=True,
                 help=suggested(key, [*joints, *nested], what="joints and nested assemblies"),
@@ -289,7 +284,7 @@ def _report_unknown(table: DocumentScope, scope: Scope, known: Joints, key: str,
         return
     if node is not None and "." in key and node.table is not None and node.table.doubts:
         return
-    names: list[str] = [name for name, joint in known.items() if _movable(joint)]
+    names: list[str] = [*_settable(known)]
     if node is not None and "." not in key:
         if node.table is not None:
             message, help = f"`{key}` is a nested assembly: its value must be the name of one of its poses", suggested(

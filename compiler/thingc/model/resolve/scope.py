@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Set
-from typing import Any
+from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 from pydantic import BaseModel
@@ -146,12 +146,12 @@ class Scope(FrozenStruct):
     ) -> float | None:
         """Evaluate a number in a document, check its physical dimension and its bounds, and return it in SI units.
 
-        If the value is invalid, report an error and return None.
+        If the value is invalid, report an error and return None. A missing number, which is None, stays None.
 
         `what` is the name of the value in messages: "the mass", "`limit.lower` of joint `yaw`". `notes` explains why the value must have
         this physical dimension.
         """
-        quantity = self.value(raw, path)
+        quantity = None if raw is None else self.value(raw, path)
         if quantity is None:
             return None
         dimensions = dimension if isinstance(dimension, tuple) else (dimension,)
@@ -187,13 +187,28 @@ class Scope(FrozenStruct):
         return int(value)
 
     def vector(self, raw: Any, path: Path, dimension: Dimension, what: str) -> Vector | None:
-        """Evaluate a vector of three values with the same physical dimension, and return it in SI units.
+        """Evaluate a vector of three values with the same physical dimension, and return it in SI units. A missing vector stays None.
 
         If a value is invalid, or a length is above `FARTHEST`, report an error and return None.
         """
+        if raw is None:
+            return None
         least, most = (-FARTHEST, FARTHEST) if dimension == LENGTH else (None, None)
         x, y, z = (self.number(part, (*path, index), dimension, what, least=least, most=most) for index, part in enumerate(raw))
         return None if x is None or y is None or z is None else (x, y, z)
+
+    def direction(self, raw: Any, path: Path, what: str, code: Code, zero: str, example: str) -> Vector | None:
+        """Evaluate a vector, such as an axis, and return it with length 1. A missing vector stays None.
+
+        If the vector is invalid, report an error and return None. `code`, `zero` and `example` are the code and the message for a vector of
+        length 0, and the vector in its help text.
+        """
+        vector = self.vector(raw, path, NUMBER, what)
+        size = 0.0 if vector is None else numeric.hypot(*vector)
+        if vector is None or size > 0.0:
+            return None if vector is None else (vector[0] / size, vector[1] / size, vector[2] / size)
+        self.error(code, zero, path, help=f"write, for example, `{example}`")
+        return None
 
     def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
         """Evaluate the pose at `path`, which consists of a position and a rotation.
@@ -290,6 +305,21 @@ def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int
     return (written[number], number) if number < len(written) else None
 
 
+class LayeredValue(NamedTuple):
+    """The value of a setting and its path in the document. If the setting is missing, the value is None."""
+
+    value: Any = None
+    path: Path = ()
+
+    def __bool__(self) -> bool:
+        return self.value is not None
+
+    @property
+    def own(self) -> bool:
+        """Whether the element itself contains the setting, which is not a default value of the document."""
+        return bool(self) and self.path[0] != "defaults"
+
+
 class DefaultLayers(FrozenStruct, kw_only=False):
     """The settings of an element, followed by layers of default values. The most specific layer comes first.
 
@@ -298,12 +328,9 @@ class DefaultLayers(FrozenStruct, kw_only=False):
 
     items: tuple[tuple[BaseModel, Path], ...]
 
-    def pick(self, key: str, number: int | None = None) -> tuple[Any, Path] | None:
-        """Return the value of a setting and its path, from the most specific layer that contains the setting.
-
-        Return None if no layer contains the setting.
-        """
-        return next(self._written(key, number), None)
+    def pick(self, key: str, number: int | None = None) -> LayeredValue:
+        """Return a setting from the most specific layer that contains it."""
+        return next(self._written(key, number), LayeredValue())
 
     def sub(self, key: str, number: int | None = None) -> DefaultLayers:
         """Return the layers of a setting that is a mapping, such as `limit`.
@@ -312,7 +339,7 @@ class DefaultLayers(FrozenStruct, kw_only=False):
         """
         return DefaultLayers(tuple((value, path) for value, path in self._written(key, number) if isinstance(value, BaseModel)))
 
-    def _written(self, key: str, number: int | None) -> Iterator[tuple[Any, Path]]:
+    def _written(self, key: str, number: int | None) -> Iterator[LayeredValue]:
         for model, path in self.items:
             value = getattr(model, key, None) if key in model.model_fields_set else None
             place: Path = (*path, key.rstrip("_"))
@@ -320,7 +347,7 @@ class DefaultLayers(FrozenStruct, kw_only=False):
                 own = numbered(value, number)
                 value, place = (None, place) if own is None else (own[0], (*place, own[1]))
             if value is not None:
-                yield value, place
+                yield LayeredValue(value, place)
 
     def __bool__(self) -> bool:
         return bool(self.items)

@@ -62,9 +62,8 @@ class _Reader:
         if tendon is not None:
             of = ANGLE if tendon.turns else LENGTH
         noise, cutoff = self._numbers("noise", spec.noise, of), self._numbers("cutoff", spec.cutoff, of)
-        if spec.range is not None:
-            reach = self.scope.number(spec.range, (*self.path, "range"), LENGTH, f"`range` of sensor `{self.name}`", above=0.0)
-            cutoff = {} if reach is None else {"distance": reach}
+        reach = self.scope.number(spec.range, (*self.path, "range"), LENGTH, f"`range` of sensor `{self.name}`", above=0.0)
+        cutoff = cutoff if reach is None else {"distance": reach}
         named = None if joint is None else CoordinateName(spec.joint if spec.joint is not None else self.name)
         return Sensor(
             name=self.name, kind=spec.type, at=mount, seen_from=seen_from, joint=None if named is None else named.path, tendon=spec.tendon,

@@ -7,16 +7,16 @@ from typing import Any, Literal
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Note
-from thingc.base.joints.twist import dimensions_of
+from thingc.base.diagnostics import Code
 from thingc.base.source import Path
 from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 from thingc.documents.spec.tendons import AroundSpec, PulleySpec, TendonSpec
 from thingc.model.resolve import references
-from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
+from thingc.model.resolve.coordinates import CoordinateName, Limit
 from thingc.model.resolve.document_scope import DocumentScope
+from thingc.model.resolve.joints import dynamics, values
 from thingc.model.resolve.references import suggested
-from thingc.model.resolve.scope import Scope
+from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Drive, Joint, PathStep, Tendon
 
 
@@ -26,9 +26,7 @@ def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
         path: Path = ("tendons", name)
         if spec.path is not None:
             steps = tuple(_steps(table, scope, name, spec.path, (*path, "path")))
-            width, what = None, f"`width` of tendon `{name}`"
-            if spec.width is not None:
-                width = scope.number(spec.width, (*path, "width"), LENGTH, what, above=0.0)
+            width = scope.number(spec.width, (*path, "width"), LENGTH, f"`width` of tendon `{name}`", above=0.0)
             tendon = _tendon(scope, name, spec, path, LENGTH, ())
             if len(steps) == len(spec.path) and _sound(scope, name, steps, (*path, "path")):
                 yield replace(tendon, path=steps, width=width)
@@ -119,7 +117,7 @@ def moving_joint(table: DocumentScope, scope: Scope, text: str, place: Path, can
     if joint.twist is None or joint.kind.at_once:
         why = "does not move" if joint.twist is None else "has no single coordinate"
         scope.error(
-            Code.JOINT_FIELD, f"{cannot} `{text}`, which is {joint.kind.name} and {why}", place, key=key, notes=_defined(joint, text),
+            Code.JOINT_FIELD, f"{cannot} `{text}`, which is {joint.kind.name} and {why}", place, key=key, notes=joint.defined(text),
             help="use a coordinate that rotates about one axis or slides along one",
         )
         return None
@@ -136,7 +134,7 @@ def factor_of(
     """
     own = ANGLE if joint.twist is None else joint.twist.coordinate
     fitting = (length / own,) if length is not None else (ANGLE / own, LENGTH / own)
-    factor, value = scope.number(raw, place, fitting, what, notes=_defined(joint, joint.name)), scope.value(raw, place)
+    factor, value = scope.number(raw, place, fitting, what, notes=joint.defined(joint.name)), scope.value(raw, place)
     if factor is not None and isinstance(value, Quantity):
         turns, slides = value.fits(ANGLE / own), value.fits(LENGTH / own)
         if length is None and turns != slides:  # a plain 0 has any unit
@@ -144,35 +142,18 @@ def factor_of(
     return factor, length
 
 
-def _defined(joint: Joint, name: str) -> list[Note]:
-    return [Note(message=f"`{name}` is defined here", span=joint.origin[0])]
-
-
 def _tendon(
     scope: Scope, name: str, spec: TendonSpec, path: Path, coordinate: Dimension, moves: tuple[tuple[CoordinateName, float], ...],
 ) -> Tendon:
-    of = dimensions_of(coordinate)
-
-    def number(section: str, key: str, *, least: float | None = 0.0) -> float | None:
-        model: Any = getattr(spec, section)
-        raw = getattr(model, key) if model is not None else None
-        what = f"`{section}.{key}` of tendon `{name}`"
-        return None if raw is None else scope.number(raw, (*path, section, key), of[key], what, least=least)
-
+    owner, layers = f"tendon `{name}`", DefaultLayers(((spec, path),))
     least = 0.0 if spec.path is not None else None  # the length of a path is not negative
-    limit = Limit(lower=number("limit", "lower", least=least), upper=number("limit", "upper", least=least))
+    lower, upper = (
+        scope.number(*layers.sub("limit").pick(key), coordinate, f"`limit.{key}` of {owner}", least=least) for key in ("lower", "upper")
+    )
+    limit = Limit(lower=lower, upper=upper)
     if limit.lower is not None and limit.upper is not None and not limit.lower < limit.upper:
         scope.error(Code.LIMIT, f"limits of tendon `{name}`: expected lower < upper", (*path, "limit", "lower"), help="swap the limits")
         limit = Limit()
-    dynamics = Dynamics(
-        **{key: number("dynamics", key) for key in ("damping", "friction", "armature", "stiffness")},
-        rest=number("dynamics", "rest", least=least),
-    )
-    if dynamics.rest is not None and spec.dynamics is not None and spec.dynamics.stiffness is None:
-        scope.error(
-            Code.JOINT_FIELD, f"tendon `{name}` has a `dynamics.rest` but no `stiffness`: `rest` is the rest position of a spring",
-            (*path, "dynamics", "rest"), key=True, help="add `stiffness`, or remove `rest`",
-        )
     drive = None
     if spec.drive is not None:
         for key in ("axis", "armature", "component"):
@@ -181,10 +162,9 @@ def _tendon(
                     Code.DRIVE, f"the drive of tendon `{name}` cannot have `{key}`", (*path, "drive", key), key=True,
                     help="set it under `dynamics`" if key == "armature" else f"remove `{key}`",
                 )
-        drive = Drive(
-            component=None, kind=spec.drive.kind, kp=number("drive", "kp"), kv=number("drive", "kv"), effort=number("drive", "effort"),
-            velocity=number("drive", "velocity"), origin=scope.origin((*path, "drive")),
-        )
+        given = values(scope, owner, coordinate, "drive", layers.sub("drive"), ("kp", "kv", "effort", "velocity"))
+        drive = Drive(component=None, kind=spec.drive.kind, origin=scope.origin((*path, "drive")), **given)
     return Tendon(
-        name=name, moves=moves, turns=coordinate == ANGLE, limit=limit, dynamics=dynamics, drive=drive, origin=scope.origin(path, key=True),
+        name=name, moves=moves, turns=coordinate == ANGLE, limit=limit, drive=drive, origin=scope.origin(path, key=True),
+        dynamics=dynamics(scope, owner, coordinate, layers.sub("dynamics"), least=least),
     )

@@ -160,10 +160,9 @@ class Reader:
         """Return the components that match a name or pattern."""
         if text is None:
             return ()
-        names = components_fitting(self.table, self.scope, text, self.at(key))
-        self.sound = self.sound and bool(names)
-        origin = self.origin(key)
-        return tuple(Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in names)
+        components = components_fitting(self.table, self.scope, text, self.at(key))
+        self.sound = self.sound and bool(components)
+        return tuple(components)
 
     def drives(self, said: str | list[str], key: Key) -> tuple[str, ...]:
         """Return the paths of the driven joints that match names or patterns."""
@@ -216,7 +215,7 @@ class Reader:
         match a joint, the exact name takes precedence.
         """
         joints = dict(self.table.all_joints())
-        movable = {name: joint for name, joint in joints.items() if joint is not None and _movable(joint)}
+        movable = {name: joint for name, joint in joints.items() if joint is not None and joint.settable}
         chosen: dict[CoordinateName, tuple[Any, Path]] = {}
         given = (
             [(text, value, (key, text)) for text, value in said.items()] if isinstance(said, dict)
@@ -237,7 +236,7 @@ class Reader:
                 continue
             if joint is None:
                 self.sound = False
-            elif not _movable(joint):
+            elif not joint.settable:
                 why = f"is {joint.kind.name} and has no coordinate" if joint.twist is None else "is a ball"
                 if joint.mimic is not None:
                     why = f"mimics `{joint.mimic.joint}`"
@@ -273,7 +272,3 @@ class Reader:
 def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
     """Convert a value that is a string or a list of strings to a list of pairs of a string and its path in the document."""
     return [(said, path)] if isinstance(said, str) else [(text, (*path, index)) for index, text in enumerate(said)]
-
-
-def _movable(joint: Joint) -> bool:
-    return joint.mimic is None and joint.twist is not None and not joint.kind.at_once

@@ -23,6 +23,7 @@ from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.joints import NO_DYNAMICS, NO_LIMIT, drive_of
 from thingc.model.resolve.repeats import Unrolled
+from thingc.model.resolve.scope import LayeredValue
 from thingc.model.resolve.tendons import factor_of, moving_joint
 from thingc.model.resolve.types import Drive, Gear, Joint, Tendon
 
@@ -73,9 +74,9 @@ class _Reader:
             self.fault(f"`ratio` of {self.what} is 0: the actuator would not move the joint", place,
                        "write the revolutions of the actuator per revolution of the joint, such as `ratio: 9`")
         drive = self.drive(self.spec.actuator, (*self.path, "actuator"), motor or ANGLE, ratio or 1.0)
-        backlash = self.spec.backlash
-        if joint.twist is not None and backlash is not None and drive is not None and drive.gear is not None:
-            play = self.scope.number(backlash, (*self.path, "backlash"), joint.twist.coordinate, f"`backlash` of {self.what}", least=0.0)
+        if joint.twist is not None and drive is not None and drive.gear is not None:
+            what, coordinate = f"`backlash` of {self.what}", joint.twist.coordinate
+            play = self.scope.number(self.spec.backlash, (*self.path, "backlash"), coordinate, what, least=0.0)
             drive = replace(drive, gear=replace(drive.gear, backlash=play))
         self.table.joints[joint.name] = replace(joint, drive=drive, geared=True)
 
@@ -137,17 +138,15 @@ class _Reader:
         if isinstance(spec, DriveSpec) and spec.axis is not None:
             self.scope.error(Code.JOINT_FIELD, f"the actuator of {self.what} cannot have an `axis`", (*place, "axis"), key=True,
                              help="remove `axis`: the actuator acts along the coordinate of the joint")
-        drive = drive_of(self.table, self.scope, self.what, motor, (spec, place))
+        drive = drive_of(self.table, self.scope, self.what, motor, LayeredValue(spec, place))
         named = None if drive is None else drive.component
         if named is not None and not self.once(("actuator", *named.path), f"actuator `{named.text}`", place, "the actuator"):
             return None
         efficiency = self.scope.number(
             self.spec.efficiency, (*self.path, "efficiency"), NUMBER, f"`efficiency` of {self.what}", above=0.0, most=1.0,
         )
-        inertia = None
-        if self.spec.inertia is not None:
-            mass = dimensions_of(motor)["armature"]
-            inertia = self.scope.number(self.spec.inertia, (*self.path, "inertia"), mass, f"`inertia` of {self.what}", least=0.0)
+        mass = dimensions_of(motor)["armature"]
+        inertia = self.scope.number(self.spec.inertia, (*self.path, "inertia"), mass, f"`inertia` of {self.what}", least=0.0)
         gear = Gear(name=self.item.name, turns=motor == ANGLE, ratio=ratio, efficiency=efficiency or 1.0, inertia=inertia)
         return None if drive is None else replace(drive, gear=gear)
 

@@ -6,8 +6,9 @@ the mounts depend on the geometry of the part. Such a reference contains only th
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Generic, Literal, TypeVar
 
+from thingc.base.diagnostics import Note, noted
 from thingc.base.export_names import JointPath, PoseName, RawAttributes, RawPath
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.kinds import BaseType
@@ -296,6 +297,15 @@ class Joint(Coordinate):
     base: bool = False
     pose: Pose = NO_POSE
 
+    @property
+    def settable(self) -> bool:
+        """Whether the coordinate is a single number that poses and tests can set. It does not mimic another joint."""
+        return self.mimic is None and self.twist is not None and not self.kind.at_once
+
+    def defined(self, name: str) -> tuple[Note, ...]:
+        """Return a note with the location of the joint, which is called `name` in the message."""
+        return noted(f"`{name}` is defined here", self.origin)
+
 
 class Wrap(OneLineRepr, FrozenStruct):
     """A step of a tendon's path, where the tendon passes through a mount, wraps around a shape, or runs over a pulley.
@@ -451,33 +461,34 @@ class ModeSettings(OneLineRepr, FrozenStruct):
     at_in: dict[PoseName, Pose] = {}
 
 
-class PairSettings(OneLineRepr, FrozenStruct):
-    """The settings of a contact pair: friction (sliding, torsional, rolling), margin [m] and gap [m], each None for the default."""
+Member = TypeVar("Member")
+"""A component: a `Reference` before the pass `link`, and the index of an occurrence after this pass."""
 
+
+class ContactPair(OneLineRepr, FrozenStruct, Generic[Member]):
+    """A pair of components that always collide.
+
+    The settings are friction (sliding, torsional, rolling), margin [m] and gap [m], each None for the default.
+    """
+
+    one: Member
+    other: Member
     friction: tuple[float | None, float | None, float | None]
     margin: float | None
     gap: float | None
     origin: Origin
 
 
-class ContactPair(PairSettings):
-    """A pair of components that always collide."""
-
-    one: Reference
-    other: Reference
-
-
 OTHERS = "others"
 """Name of the contact group of all components without a group, of the floor, and of other objects in a scene."""
 
 
-class ContactGroup(OneLineRepr, FrozenStruct):
+class ContactGroup(OneLineRepr, FrozenStruct, Generic[Member]):
     """A group of components that collide only with the groups in `collides`."""
 
     name: str
-    members: tuple[Reference, ...]
+    members: tuple[Member, ...]
     collides: tuple[str, ...]
-    origin: Origin
 
 
 class Mode(ModeSettings):
@@ -491,8 +502,8 @@ class Mode(ModeSettings):
     root: Reference
     exclude: tuple[tuple[Reference, Reference], ...]
     adhesion: tuple[tuple[Reference, float], ...]
-    pairs: tuple[ContactPair, ...] = ()
-    groups: tuple[ContactGroup, ...] = ()
+    pairs: tuple[ContactPair[Reference], ...] = ()
+    groups: tuple[ContactGroup[Reference], ...] = ()
     holds: tuple[Hold, ...] = ()
     standing: Standing | None = None
     step_origin: Origin = ()

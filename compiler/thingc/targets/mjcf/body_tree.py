@@ -9,8 +9,8 @@ from typing import Any, assert_never
 from thingc.base.memo import Memo
 from thingc.base.numeric import maximum, sum_of
 from thingc.base.pose import Pose
-from thingc.model.assembly.types import Link, LinkedGroup
-from thingc.model.resolve.types import OTHERS
+from thingc.model.assembly.types import Link
+from thingc.model.resolve.types import OTHERS, ContactGroup
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, TreeJoint
@@ -67,7 +67,7 @@ def class_name(robot: Robot) -> str:
     return f"{name}_robot" if name in RESERVED_CLASSES else name
 
 
-def group_masks(groups: Sequence[LinkedGroup]) -> dict[int, elements.Masks]:
+def group_masks(groups: Sequence[ContactGroup[int]]) -> dict[int, elements.Masks]:
     """Return the contact masks of the occurrences in contact groups.
 
     Each group has its own bit in `contype`, and `conaffinity` contains the bits of the groups with which it collides. The bit 1 of

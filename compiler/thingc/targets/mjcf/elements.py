@@ -16,7 +16,7 @@ from thingc.base.pose import IDENTITY, Pose, Vector
 from thingc.base.source import Origin
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.resolve.coordinates import Dynamics
-from thingc.model.resolve.types import Material, PairSettings
+from thingc.model.resolve.types import ContactPair, Material
 from thingc.model.robot.types import TreeJoint
 from thingc.targets import geometry
 from thingc.targets.geometry import MeshAsset, Shape, Shapes, channels, material_name, numbered
@@ -122,7 +122,7 @@ def named_collision(shapes: Shapes) -> Iterator[tuple[str, Shape]]:
         yield shape.name or numbered(f"{shapes.path}:collision", index), shape
 
 
-def pair(settings: PairSettings, one: Material | None, other: Material | None) -> dict[str, XmlValue]:
+def pair(settings: ContactPair[int], one: Material | None, other: Material | None) -> dict[str, XmlValue]:
     """Return the attributes of a `pair` element for two materials, other than its geoms.
 
     The friction is always written, because MuJoCo does not derive the friction of a pair from its geoms. Without a friction in the
