@@ -149,7 +149,7 @@ READERS = (
             "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
         ),
         "Newton computes in single precision on a CPU. The study places a floating base at the origin. "
-        "The tree in Newton does not contain holds and joints that close loops. The study "
+        "The tree in Newton does not contain holds or joints that close loops. The study "
         "reads frames of USD from the file, relative to the links in Newton. Efforts and meshes are compared for USD only.",
         floats=True,
     ),

@@ -182,7 +182,7 @@ screw seat, the selector selects the screw hole. Then the study applies the same
 the best axis for each selector: the axis X, Y or Z (or the pair of axes, for selectors with two steps) along which the feature differs most
 from its neighbours. The index of a selector counts from the end that is nearer to the feature. `T` is the geometry type of the surface. A
 selector returns the `same` feature, silently returns `another` feature, or `fails` with an `IndexError`. Plain selectors work if a change
-moves faces without creating, splitting or swapping faces, so results for one part do not apply to other parts.
+only moves faces, without creating, splitting or swapping faces. Therefore, the results differ between parts.
 """
 SHARES = "The columns show how often each outcome occurs, in percent: same / another / fails."
 
