@@ -48,7 +48,7 @@ def limits(joint: UsdJoint, follower: MimicJoint | None) -> tuple[float, float]:
 
 
 def equip(prim: Prim, joint: UsdJoint, robot: Robot, follower: MimicJoint | None) -> None:
-    """Add the limits and drives of a joint to its USD prim. The limits of a joint with one axis are always written, even if the limits are infinite."""
+    """Add the limits and drives of a joint to its USD prim. Limits of joints with one axis are written even if infinite."""
     if joint.type == "D6":
         free = {freedom.name: ends(freedom) for freedom in joint.freedoms}
         for name in GENERIC:
