@@ -47,6 +47,7 @@ GROUPS = {
 }
 FEATURES = {
     "of_joints.cone": "`limit: {cone: ...}`", "of_joints.velocity": "velocity limit", "of_joints.friction": "dry friction",
+    "of_joints.delay": "delay of a drive", "of_joints.effects": "torque-speed line, deadband and noise of a drive",
     "loops.hold": "`hold` of a mount", "loops.weld": "`fixed`", "loops.ball": "`ball`", "loops.hinge": "a hinge",
     "loops.slide": "a slide", "loops.screw": "a screw", "loops.universal": "`universal`",
     "loops.several": "several coordinates", "bases.start": "start pose of a `free` base",

@@ -197,7 +197,7 @@ def write_state(mode: Mode, state: State[Array], found: ModelMap, data: Any) -> 
 
 
 def carry(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> tuple[str, ...]:
-    """Copy the time, the controls and the actuator activations from the `MjData` of one mode to the `MjData` of another mode.
+    """Copy the time, the current and past controls, and the actuator activations from the `MjData` of one mode to that of another mode.
 
     Return the names of the actuators that only the new mode has. The controls of these actuators do not change. Joint accelerations are
     also copied, for the warm start of MuJoCo's solver.
@@ -211,7 +211,25 @@ def carry(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any
     for (_, here, size), (_, there, count) in common:
         if size == count:
             target.act[there : there + size] = source.act[here : here + size]
+    for name, (there, _, _) in new.actuators.items():
+        _carry_history(old.actuators.get(name, (-1, 0, 0))[0], there, source, target)
     return tuple([name for name in new.actuators if name not in old.actuators])
+
+
+def _carry_history(here: int, there: int, source: Any, target: Any) -> None:
+    """Copy the past controls of a delayed actuator, whose numbers in the two models are `here` and `there`.
+
+    An actuator that only the new mode has (`here` is -1) gets its current control as past control. Times are those of the new time step.
+    """
+    (count, _), first = target.model.actuator_history[there], int(target.model.actuator_historyadr[there]) + 1
+    if not count:
+        return
+    times, values = target.time - target.model.opt.timestep * np.arange(count, 0, -1), np.full(count, target.ctrl[there])
+    if here >= 0 and (size := int(source.model.actuator_history[here, 0])):
+        past, past_values = np.split(source.history[int(source.model.actuator_historyadr[here]) + 2 :][: 2 * size], 2)
+        order = np.argsort(past)
+        values = past_values[order][np.maximum(np.searchsorted(past[order], times + 1e-9, side="right") - 1, 0)]
+    target.history[first : first + 1 + 2 * count] = [count - 1, *times, *values]
 
 
 def _warm_start(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> None:

@@ -125,6 +125,8 @@ class OfJoints(TypedDict):
     tendon: Plain
     differential: Plain
     backlash: Plain
+    delay: Plain
+    effects: Plain
 
 
 class Drives(TypedDict, Generic[By]):
@@ -317,16 +319,28 @@ class _Lost:
             if drive.backlash:
                 what = f"the backlash of {drive.backlash:.6g} {'rad' if joint.twist.turns else 'm'}"
                 yield from self(self.says["of_joints"]["backlash"], None, joint.path, what, drive.origin)
+            yield from self.of_effects(joint.path, drive)
+
+    def of_effects(self, path: str, drive: ActuatorModel) -> Iterator[Loss]:
+        """Yield the export losses for the delay, the torque-speed line, the deadband and the noise of a drive."""
+        words = {"stall": "the torque-speed line", "deadband": "the deadband", "noise": "the noise"}
+        for key in ("delay", *words):
+            if getattr(drive, key):
+                cell = self.says["of_joints"]["delay" if key == "delay" else "effects"]
+                yield from self(cell, None, path, words.get(key) or f"the delay of {drive.delay:.6g} s", drive.origin)
 
     def of_tendon(self, tendon: LinkedTendon) -> Iterator[Loss]:
         """Yield the export losses for a tendon, or for one of the drives of a differential."""
         of, drive = self.says["of_joints"], tendon.actuator
         if drive is None or drive.transmission is None:
             yield from self(of["tendon"], None, tendon.path, "this tendon and its dynamics", tendon.origin)
+            if drive is not None and not isinstance(of["tendon"], Omitted):
+                yield from self.of_effects(tendon.path, drive)
             return
         yield from self(of["differential"], None, tendon.path, f"this drive of the differential `{drive.transmission}`", tendon.origin)
         if not isinstance(of["differential"], Omitted):
             yield from self(self.says["drives"][drive.kind], None, tendon.path, _drive_words(drive), drive.origin)
+            yield from self.of_effects(tendon.path, drive)
             if tendon.dynamics.armature:
                 unit = "kg m^2" if tendon.turns else "kg"
                 yield from self(of["armature"], None, tendon.path, f"the armature of {tendon.dynamics.armature:.6g} {unit}", tendon.origin)

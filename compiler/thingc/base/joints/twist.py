@@ -24,6 +24,7 @@ from thingc.base.units import (
     LINEAR_DAMPING,
     LINEAR_STIFFNESS,
     MASS,
+    TIME,
     TORQUE,
     VELOCITY,
     Dimension,
@@ -32,13 +33,13 @@ from thingc.base.units import (
 TURN: Mapping[str, Dimension] = {
     "lower": ANGLE, "upper": ANGLE, "offset": ANGLE, "kp": ANGULAR_STIFFNESS, "kv": ANGULAR_DAMPING, "effort": TORQUE,
     "velocity": ANGULAR_VELOCITY, "damping": ANGULAR_DAMPING, "friction": TORQUE, "armature": INERTIA, "stiffness": ANGULAR_STIFFNESS,
-    "rest": ANGLE,
+    "rest": ANGLE, "stall": TORQUE, "delay": TIME,
 }
 """Physical dimensions of the values of a rotational coordinate, by key."""
 SLIDE: Mapping[str, Dimension] = {
     "lower": LENGTH, "upper": LENGTH, "offset": LENGTH, "kp": LINEAR_STIFFNESS, "kv": LINEAR_DAMPING, "effort": FORCE,
     "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS, "stiffness": LINEAR_STIFFNESS,
-    "rest": LENGTH,
+    "rest": LENGTH, "stall": FORCE, "delay": TIME,
 }
 """Physical dimensions of the values of a translational coordinate, by key."""
 

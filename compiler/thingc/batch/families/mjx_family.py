@@ -218,6 +218,8 @@ class FamilyMjx:
     def _put_base(self, mode: str) -> mjx.Model:
         """Convert the MuJoCo model for `start` to an MJX model in which the fields that depend on numbers can be replaced."""
         model = copy.copy(self.mj_model)
+        if model.nhistory:
+            raise FamilyError("MJX does not support the `delay` of drives", "use `at={\"joints.NAME.drive.delay\": 0}`")
         for name in FRICTION:
             if name in self._writes:  # MJX has constraints only for joints with friction in the model that it converts
                 getattr(model, name)[self._writes[name].at] = 1.0

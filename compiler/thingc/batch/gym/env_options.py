@@ -56,7 +56,7 @@ class EnvOptions(TypedDict, total=False):
         action_offset: The controls for an action of 0, if there is an `action_scale` (default: the controls of the first keyframe of the
             mode).
         action_delay: The number of actions by which controls are delayed. If the option is a tuple of the smallest and the largest number,
-            the delay is drawn for each episode.
+            the delay is drawn for each episode. By default, each drive has the `delay` that its document specifies.
         push: A tuple of a number of actions and an impulse [N s]. Once in this number of actions, a random body is pushed in a random
             horizontal direction.
         pose: The keyframe in which episodes start (default: the first keyframe).
@@ -82,7 +82,7 @@ class EnvOptions(TypedDict, total=False):
     descriptor: Sequence[str] | str
     action_scale: float | Sequence[float] | None
     action_offset: Sequence[float] | None
-    action_delay: int | tuple[int, int]
+    action_delay: int | tuple[int, int] | None
     push: tuple[int, float] | None
     pose: str | None
     noise: float
@@ -113,7 +113,7 @@ class EnvRules(FrozenStruct):
     descriptor: Sequence[str] | str = ()
     action_scale: float | Sequence[float] | None = None
     action_offset: Sequence[float] | None = None
-    action_delay: int | tuple[int, int] = 0
+    action_delay: int | tuple[int, int] | None = None
     push: tuple[int, float] | None = None
     pose: str | None = None
     noise: float = 0.0
@@ -154,7 +154,7 @@ class EnvRules(FrozenStruct):
     @property
     def delays(self) -> tuple[int, int]:
         """The smallest and the largest number of actions by which controls are delayed."""
-        return self.action_delay if isinstance(self.action_delay, tuple) else (self.action_delay, self.action_delay)
+        return self.action_delay if isinstance(self.action_delay, tuple) else (self.action_delay or 0,) * 2
 
 
 def env_rules(options: EnvOptions) -> EnvRules:

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thingc.base.suggestions import did_you_mean
+from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.env_options import EnvRules
 from thingc.batch.gym.rewards import Array, StepInfo
 from thingc.batch.results import FamilyError, UnknownVariant
+from thingc.targets.mjcf.drives import start_delays
 
 if TYPE_CHECKING:
     import mujoco
@@ -45,15 +47,19 @@ class ModeSimulation:
     """The MuJoCo model and data of a robot in the mode `name`.
 
     `spans` contains the lower and the upper bounds of the controls. For each control of the model, `controls` contains its index in an
-    action.
+    action. `effects` simulates the model.
     """
 
-    def __init__(self, name: str, model: mujoco.MjModel, data: mujoco.MjData, spans: tuple[Array, Array], controls: Any = None) -> None:
+    def __init__(
+        self, name: str, model: mujoco.MjModel, data: mujoco.MjData, spans: tuple[Array, Array], effects: DriveEffects,
+        controls: Any = None,
+    ) -> None:
         self.name = name
         self.model = model
         self.data = data
         self.spans = spans
         self.controls = np.arange(model.nu) if controls is None else controls
+        self.effects = effects
 
 
 class Episode:
@@ -174,14 +180,12 @@ class Episode:
 
     def run(self) -> None:
         """Simulate the robot for the duration of one action."""
-        import mujoco
-
-        model, data = self.model, self.data
-        mujoco.mj_step(model, data, self._rules.frame_skip)
+        data, effects = self.data, self.simulations[self.mode].effects
+        effects.step(data, self._rules.frame_skip, self._source)
         self.steps += 1
         self.unstable = _unstable(data)
         if not self.unstable:
-            mujoco.mj_forward(model, data)
+            effects.forward(data)
 
     def judge(self) -> tuple[float, bool, bool, Mapping[str, Any]]:
         """Return the reward of the last action, a flag for termination, a flag for truncation, and further information.
@@ -226,6 +230,7 @@ def _reset(simulation: ModeSimulation, pose: str | None, name: str) -> None:
         mujoco.mj_resetData(model, data)
     else:
         mujoco.mj_resetDataKeyframe(model, data, 0 if pose is None else _keyframe(model, pose, name))
+    start_delays(model, data)
 
 
 def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from thingc.batch.families.results import NoModel
+from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.episode import spans_of
 from thingc.batch.results import FamilyError
 from thingc.batch.run_options import as_names, at_least
@@ -130,6 +131,8 @@ class MjxEnv:
         self._worlds = tuple(
             _World(robot[mode], family.mjx(names, mode=mode, at=at, floor=floor, dtype=dtype)) for mode in self.modes
         )
+        if any(DriveEffects(world.family.mj_model).acts for world in self._worlds):
+            raise FamilyError("environments in MJX do not support `stall`, `deadband` and `noise` of drives", "use `make_vec_env`")
         if len(self.modes) > 1:
             for world in self._worlds:
                 world.check_switches()

@@ -13,6 +13,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.families.family import RobotFamily, as_many
 from thingc.batch.families.results import NoModel
+from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.env_options import Draw, EnvRules, Settings
 from thingc.batch.gym.episode import Episode, ModeSimulation, spans_of
 from thingc.batch.gym.rewards import Array, Descriptor
@@ -38,18 +39,21 @@ class MorphologyDistribution(FrozenStruct):
 
 
 class Morphology:
-    """A robot with given settings: a MuJoCo model in each mode, a descriptor, and the bounds `spans` of its controls.
+    """A robot with given settings: a MuJoCo model in each mode, a descriptor, and the bounds `spans` and the `effects` of its drives.
 
     If there are several modes, the object `robot` switches between the modes. `layout` contains sizes and names of the models. Robots with
     an equal `layout` can share an `MjData`.
     """
 
-    def __init__(self, models: Sequence[mujoco.MjModel], robot: Modes | None, settings: Settings, described: Array) -> None:
+    def __init__(
+        self, models: Sequence[mujoco.MjModel], robot: Modes | None, settings: Settings, described: Array, *, undelayed: bool,
+    ) -> None:
         self.models = models
         self.robot = robot
         self.settings = settings
         self.described = described
         self.spans = [spans_of(model) for model in models]
+        self.effects = [DriveEffects(model, undelayed=undelayed) for model in models]
         names = [name for name in dir(models[0]) if name.startswith("n")]
         sizes = [[getattr(model, name) for name in names] for model in models]
         self.layout = [(model.names, *(size for size in own if isinstance(size, int))) for model, own in zip(models, sizes, strict=True)]
@@ -139,7 +143,8 @@ class Morphologies:
         for one in (*models, robot):
             if isinstance(one, NoModel):
                 return one
-        made = Morphology(built, None if isinstance(robot, NoModel) else robot, settings, self._descriptor(settings))
+        switched, undelayed = None if isinstance(robot, NoModel) else robot, self._rules.action_delay is not None
+        made = Morphology(built, switched, settings, self._descriptor(settings), undelayed=undelayed)
         for mode, mine, others in zip(self.modes, made.sizes, made.sizes if self._first is None else self._first.sizes):
             if mine != others:
                 sizes = [f"nq, nv, nu = {', '.join(map(str, one))}" for one in (mine, others)]
@@ -158,8 +163,10 @@ class Morphologies:
         else:
             states = [mujoco.MjData(model) for model in morphology.models]
         simulations = [
-            ModeSimulation(mode, model, data, spans, self._controls(model) if morphology.robot is not None else None)
-            for mode, model, data, spans in zip(self.modes, morphology.models, states, morphology.spans, strict=True)
+            ModeSimulation(mode, model, data, spans, effects, self._controls(model) if morphology.robot is not None else None)
+            for mode, model, data, spans, effects in zip(
+                self.modes, morphology.models, states, morphology.spans, morphology.effects, strict=True,
+            )
         ]
         return Episode(simulations, morphology.settings, self._rules, morphology.robot)
 

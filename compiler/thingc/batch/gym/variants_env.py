@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.env_options import EnvRules
 from thingc.batch.gym.episode import Episode, ModeSimulation, as_actions, known_options, spans_of
 from thingc.batch.gym.rewards import TASKS, Array, Reward, StepInfo, Terminated
@@ -126,7 +127,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         episode = self._episodes.get(variant.id)
         if episode is None:
             (model,) = self.family.models([variant], self.mode, scene=self._rules.floor, visual=self._rules.shows_visual)
-            simulation = ModeSimulation(self.mode, model, mujoco.MjData(model), spans_of(model))
+            simulation = ModeSimulation(self.mode, model, mujoco.MjData(model), spans_of(model), DriveEffects(model))
             episode = self._episodes[variant.id] = Episode([simulation], variant, self._rules)
             while len(self._episodes) > self._rules.cache:
                 self._episodes.popitem(last=False)

@@ -36,7 +36,7 @@ class Entry(FrozenStruct):
 
 INERT = frozenset((
     "jnt_range", "jnt_actfrcrange", "jnt_stiffness", "dof_damping", "dof_frictionloss", "actuator_ctrlrange", "actuator_forcerange",
-    "actuator_gainprm", "actuator_biasprm", "tendon_range", "tendon_stiffness", "tendon_damping", "tendon_frictionloss",
+    "actuator_gainprm", "actuator_biasprm", "actuator_delay", "tendon_range", "tendon_stiffness", "tendon_damping", "tendon_frictionloss",
     "tendon_lengthspring", "key_qpos", "key_qvel", "key_ctrl", "key_mpos", "key_mquat", "numeric_data", "opt.timestep",
     "opt.gravity", "stat.center", "stat.extent", "eq_data", "geom_friction", "site_pos", "site_quat", "qpos_spring",
 ))
@@ -62,7 +62,7 @@ _TENDON = {
     "range": "tendon_range", "stiffness": "tendon_stiffness", "damping": "tendon_damping", "frictionloss": "tendon_frictionloss",
     "armature": "tendon_armature", "springlength": "tendon_lengthspring",
 }
-_ACTUATOR = {"ctrlrange": "actuator_ctrlrange", "forcerange": "actuator_forcerange"}
+_ACTUATOR = {"ctrlrange": "actuator_ctrlrange", "forcerange": "actuator_forcerange", "delay": "actuator_delay"}
 _GAINS = {
     ("position", "kp"): (("actuator_gainprm", 0, 1.0), ("actuator_biasprm", 1, -1.0)),
     ("position", "kv"): (("actuator_biasprm", 2, -1.0),),

@@ -37,6 +37,7 @@ class DriveSpec(Model):
 
     model_config = ConfigDict(json_schema_extra={
         "anyOf": [{"required": ["component"]}, {"required": ["kind"]}],
+        "dependentRequired": {"noise": ["kind"], "deadband": ["kind"]},
         "if": {"properties": {"kind": {"const": "position"}, "component": False}, "required": ["kind"]}, "then": {"required": ["kp"]},
         "allOf": [
             {
@@ -61,6 +62,14 @@ class DriveSpec(Model):
     """Largest speed."""
     armature: fields.ArmatureField | None = None
     """Reflected rotor inertia."""
+    stall: fields.EffortField | None = None
+    """Torque or force at rest that the voltage of the drive allows. The limit falls linearly to 0 at `velocity`."""
+    delay: fields.TimeField | None = Field(default=None, examples=["10 ms"])
+    """Time after which a command acts."""
+    deadband: fields.CommandField | None = Field(default=None, examples=["0.5 deg"])
+    """Largest difference between the command and the motion that the drive ignores; for a `motor`, the largest ignored command."""
+    noise: fields.CommandField | None = Field(default=None, examples=["0.1 deg"])
+    """Standard deviation of random changes of the command."""
     axis: Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
     """The axis of the drive of a ball joint, in the axes of the parent mount at q = 0. The axis moves with the child mount."""
 
@@ -76,6 +85,9 @@ class DriveSpec(Model):
         for key in UNUSED.get(self.kind or "", ()) if self.component is not None else ():
             if getattr(self, key) is not None:
                 raise rule(f"a {self.kind} drive cannot have `{key}`", f"remove `{key}`", key)
+        for key in ("noise", "deadband") if self.kind is None else ():
+            if getattr(self, key) is not None:
+                raise rule(f"`{key}` needs a `kind`, which determines its unit", "write, for example, `kind: position`", key)
         if self.kind == "position" and self.kp is None and self.component is None:
             raise rule("a position drive needs `kp`", "write, for example, `kp: 20 N*m/rad`")
         return self

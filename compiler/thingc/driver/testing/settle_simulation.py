@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose, Vector
 from thingc.model.robot.types import Keyframe, Robot
+from thingc.targets.mjcf.drives import start_delays
 from thingc.targets.mjcf.scene import FLOOR
 from thingc.targets.mjcf.verify import heard
 
@@ -67,6 +68,7 @@ def simulated(
         model = _model(scene, files, floor=floor)
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, model.key(frame.name.replace("/", separator)).id)
+        start_delays(model, data)
         points = _points(robot, model, separator)
         count = max(1, round(seconds / model.opt.timestep))
         path = np.empty((count + 1, sum(len(own) for _, own in points), 3))

@@ -5,15 +5,16 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note, noted
-from thingc.base.joints.twist import Twist
+from thingc.base.joints.twist import Twist, dimensions_of
 from thingc.base.numeric import sum_of
 from thingc.base.source import Origin
 from thingc.base.suggestions import did_you_mean
+from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.geometry.record import ActuatorRecord
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.types import ActuatorModel, JointEdge
-from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.resolve.coordinates import CoordinateName, Limit
 from thingc.model.resolve.types import Drive, Joint
 
 _INLINE = {True: "`drive: {kind: position, kp: 20 N*m/rad}`", False: "`drive: {kind: position, kp: 200 N/m}`"}
@@ -57,22 +58,42 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
                 path=path, help="lower `limit.effort`, or use a stronger actuator", notes=noted("the actuator is set here", drive.origin),
             )
         limit = replace(
-            limit, effort=limit.effort if limit.effort is not None else drive.effort,
-            velocity=limit.velocity if limit.velocity is not None else drive.velocity,
+            limit, effort=first(limit.effort, drive.effort), velocity=first(limit.velocity, drive.velocity),
         )
         if dynamics.armature is None:
             dynamics = replace(dynamics, armature=drive.armature)
-        actuator = replace(actuator_of(instance, drive, joint.origin), effort=limit.effort, velocity=limit.velocity)
+        actuator = actuator_of(instance, f"joint `{joint.name}`", drive, limit, joint.origin, findings, turns=twist.turns)
+        actuator = replace(actuator, effort=limit.effort, velocity=limit.velocity)
     return replace(stated_edge(instance, joint, twist), limit=limit, dynamics=dynamics, actuator=actuator)
 
 
-def actuator_of(instance: Instance, drive: Drive, origin: Origin) -> ActuatorModel:
-    """Return the model of a drive whose values are complete. `origin` is the location of the joint, for a drive without a location."""
-    gear = drive.gear
+def actuator_of(
+    instance: Instance, owner: str, drive: Drive, limit: Limit, origin: Origin, findings: LinkReport, *, turns: bool,
+) -> ActuatorModel:
+    """Return the model of a drive whose values are complete. `origin` is the location of the joint, for a drive without a location.
+
+    `limit` contains the limits of the coordinate. A torque-speed line without a speed is an error, and so is a deadband that ignores all
+    commands.
+    """
+    gear, speed, of = drive.gear, first(drive.velocity, limit.velocity), dimensions_of(ANGLE if turns else LENGTH)
+    if drive.stall is not None and not speed:
+        findings.error(
+            Code.DRIVE, f"the drive of {owner} has a `stall`, but no `velocity`", (drive.spans["stall"], *instance.origin),
+            help="set `velocity` to the speed without load, at which the torque is 0",
+        )
+    key, reach = ("effort", first(limit.effort, drive.effort)) if drive.kind == "motor" else ("velocity", first(limit.velocity, speed))
+    if drive.kind == "position":
+        key, reach = "rest", None if limit.lower is None or limit.upper is None else limit.upper - limit.lower
+    if drive.deadband is not None and reach is not None and drive.deadband >= reach:
+        found = f"its deadband is {Quantity(drive.deadband, of[key])}, and the command range {Quantity(reach, of[key])}"
+        place = drive.spans["deadband"], *instance.origin
+        findings.error(Code.DRIVE, f"the drive of {owner} ignores all commands: {found}", place, help="use a smaller `deadband`")
     return ActuatorModel(
         kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=drive.effort, velocity=drive.velocity, axis=drive.axis,
         origin=(drive.origin or origin) + instance.origin, transmission=None if gear is None else instance.within(gear.name),
         ratio=None if gear is None else gear.ratio, backlash=None if gear is None else gear.backlash,
+        stall=(drive.stall, speed) if drive.stall is not None and speed else None, delay=drive.delay, deadband=drive.deadband,
+        noise=drive.noise,
     )
 
 
@@ -114,6 +135,7 @@ def _at_joint(drive: Drive) -> Drive:
         return drive
     ratio, inertias = abs(gear.ratio), [one for one in (drive.armature, gear.inertia) if one is not None]
     push = ratio * gear.efficiency
+    command = push if drive.kind == "motor" else 1.0 / ratio
 
     def times(value: float | None, factor: float) -> float | None:
         return None if value is None else value * factor
@@ -121,6 +143,7 @@ def _at_joint(drive: Drive) -> Drive:
     return replace(
         drive, kp=times(drive.kp, push * ratio), kv=times(drive.kv, push * ratio), effort=times(drive.effort, push),
         velocity=times(drive.velocity, 1.0 / ratio), armature=sum_of(inertias) * ratio * ratio if inertias else None,
+        stall=times(drive.stall, push), deadband=times(drive.deadband, command), noise=times(drive.noise, command),
     )
 
 
@@ -148,10 +171,12 @@ def _drive_notes(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ..
     return written_at(f"`{named.part.definition.label}`", named.part.record.code)
 
 
-def _over(drive: Drive, actuator: ActuatorRecord) -> Drive:
-    def first(said: float | None, else_: float | None) -> float | None:
-        return said if said is not None else else_
+def first(said: float | None, else_: float | None) -> float | None:
+    """Return the first of two values that is not None."""
+    return said if said is not None else else_
 
+
+def _over(drive: Drive, actuator: ActuatorRecord) -> Drive:
     kind = drive.kind or actuator.kind
     return replace(
         drive, kind=kind, kp=first(drive.kp, actuator.kp) if kind in ("position", actuator.kind) else None, kv=first(drive.kv, actuator.kv),

@@ -35,7 +35,7 @@ def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tupl
             tendons.append(LinkedTendon(
                 path=instance.within(one.name), moves={instance.within(name.path): factor for name, factor in one.moves}, turns=one.turns,
                 limit=limit, dynamics=dynamics, origin=one.origin + instance.origin, steps=whole, width=one.width,
-                actuator=None if drive is None else actuator_of(instance, drive, one.origin),
+                actuator=None if drive is None else actuator_of(instance, owner, drive, limit, one.origin, findings, turns=one.turns),
             ))
     return tuple(tendons)
 

@@ -216,6 +216,8 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
     For a drive of a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child. `name` is
     the name of the drive in output files if it differs from the name of the joint. `transmission` is the path of the transmission between
     the actuator and the joint, `ratio` is its ratio, and `backlash` [rad or m] its play at the joint. All other values are at the joint.
+    The torque-speed line `stall` contains the effort at rest and the speed at which the effort is 0. Commands act after `delay` [s].
+    `deadband` and `noise` have the unit of the command.
     """
 
     kind: DriveType
@@ -229,6 +231,10 @@ class ActuatorModel(OneLineRepr, FrozenStruct):
     transmission: str | None = None
     ratio: float | None = None
     backlash: float | None = None
+    stall: tuple[float, float] | None = None
+    delay: float | None = None
+    deadband: float | None = None
+    noise: float | None = None
 
 
 class JointEdge(Coordinate):

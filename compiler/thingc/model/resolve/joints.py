@@ -32,6 +32,9 @@ _ENDLESS = "; use `type: continuous` for a joint without limits"
 DRIVE_KINDS: tuple[str, ...] = get_args(DriveKind)
 """The possible kinds of an inline drive."""
 
+BOUNDS: dict[str, Any] = {"stall": {"above": 0}, "delay": {"least": 0, "most": 1}, "deadband": {"least": 0}, "noise": {"least": 0}}
+"""Bounds of the delay [s] and of the other values with which a drive differs from a perfect drive."""
+
 NO_LIMIT = Limit()
 NO_DYNAMICS = Dynamics()
 
@@ -437,7 +440,8 @@ def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimensi
         given = values(scope, owner, coordinate, key, DefaultLayers(((spec, path),)), ("kp", "kv", "effort", "velocity", "armature"))
         if spec.kp is not None and given["kp"] is None:
             given["kp"] = 1.0  # placeholder, so that no later pass reports the value as missing
-        return Drive(component=reference, kind=spec.kind, origin=scope.origin(path), **given)
+        drive = Drive(component=reference, kind=spec.kind, origin=scope.origin(path), **given)
+        return with_effects(scope, drive, spec, f"`{key}.{{}}` of {owner}", coordinate, path)
     known = spec in table.nodes or table.unbuilt or table.doubts.lacks("components") or table.doubts.touch(("components", spec))
     if not known and (spec in DRIVE_KINDS or spec == "servo"):
         kind = spec if spec in DRIVE_KINDS else "position"
@@ -449,6 +453,16 @@ def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimensi
         return None
     reference = _driving_part(table, scope, owner, spec, path)
     return None if reference is None else Drive(component=reference, origin=scope.origin(path))
+
+
+def with_effects(scope: Scope, drive: Drive, spec: DriveSpec, what: str, coordinate: Dimension, path: Path) -> Drive:
+    """Add the delay, the torque-speed line, the deadband and the noise of a drive. In messages, `what` describes the value of a key."""
+    of, given = dimensions_of(coordinate), dict[str, float | None]()
+    command = coordinate if spec.kind == "position" else of["velocity" if spec.kind == "velocity" else "effort"]
+    for key, bounds in BOUNDS.items():
+        if (raw := getattr(spec, key)) is not None:
+            given[key] = scope.number(raw, (*path, key), of.get(key, command), what.format(key), **bounds)
+    return replace(drive, **given, spans={key: scope.span((*path, key)) for key in given})
 
 
 def _driving_part(table: DocumentScope, scope: Scope, owner: str, text: str, path: Path) -> Reference | None:

@@ -14,7 +14,7 @@ from thingc.documents.spec.tendons import AroundSpec, PulleySpec, TendonSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Limit
 from thingc.model.resolve.document_scope import DocumentScope
-from thingc.model.resolve.joints import dynamics, values
+from thingc.model.resolve.joints import dynamics, values, with_effects
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Drive, Joint, PathStep, Tendon
@@ -164,6 +164,7 @@ def _tendon(
                 )
         given = values(scope, owner, coordinate, "drive", layers.sub("drive"), ("kp", "kv", "effort", "velocity"))
         drive = Drive(component=None, kind=spec.drive.kind, origin=scope.origin((*path, "drive")), **given)
+        drive = with_effects(scope, drive, spec.drive, f"`drive.{{}}` of tendon `{name}`", coordinate, (*path, "drive"))
     return Tendon(
         name=name, moves=moves, turns=coordinate == ANGLE, limit=limit, drive=drive, origin=scope.origin(path, key=True),
         dynamics=dynamics(scope, owner, coordinate, layers.sub("dynamics"), least=least),

@@ -252,7 +252,8 @@ class Drive(OneLineRepr, FrozenStruct):
     """A drive of a joint. `component` is a component whose Thing declares an actuator, or None for an inline drive.
 
     For a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child. With a `gear`, all
-    other values are those of the actuator, on the motor side of the transmission.
+    other values are those of the actuator, on the motor side of the transmission. `deadband` and `noise` have the unit of the command.
+    `spans` contains the locations of `stall` and `deadband`.
     """
 
     component: Reference | None
@@ -265,6 +266,11 @@ class Drive(OneLineRepr, FrozenStruct):
     origin: Origin = ()
     axis: Vector | None = None
     gear: Gear | None = None
+    stall: float | None = None
+    delay: float | None = None
+    deadband: float | None = None
+    noise: float | None = None
+    spans: dict[str, Span] = {}
 
 
 class Joint(Coordinate):

@@ -9,7 +9,7 @@ from typing import Any, assert_never
 from thingc.base.memo import Memo
 from thingc.base.numeric import maximum, sum_of
 from thingc.base.pose import Pose
-from thingc.model.assembly.types import Link
+from thingc.model.assembly.types import Link, LinkedTendon
 from thingc.model.resolve.types import OTHERS, ContactGroup
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import BASE
@@ -19,7 +19,7 @@ from thingc.targets.capabilities import drive_cell, written
 from thingc.targets.geometry import Geometry
 from thingc.targets.mjcf import adhesion_contacts, closures, elements, merged_joints, sensors, tendons
 from thingc.targets.mjcf.capabilities import CAPABILITIES
-from thingc.targets.mjcf.drives import NOTHING
+from thingc.targets.mjcf.drives import NOTHING, add_custom_data, time_step
 from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lowered, positions
 from thingc.targets.xml_writer import Element, XmlValue
@@ -161,7 +161,7 @@ class _Builder:
             collision.add("default", {"class": adhesion_contacts.CLASS}).add("geom", adhesion_contacts.contact(self.assembly))
 
     def custom(self) -> None:
-        """Add velocity limits [rad/s or m/s] and backlash [rad or m] as custom data, because MJCF has no attributes for them."""
+        """Add velocity limits [rad/s or m/s] and properties of drives as custom data, because MJCF has no attributes for them."""
         section = self.root.add("custom")
         for joint in self.joints.values():
             if joint.limit.velocity is not None:
@@ -169,6 +169,9 @@ class _Builder:
                 section.add("numeric", {"name": f"{joint.path}:velocity", "data": data}, joint.origin)
             if joint.actuator is not None and joint.actuator.backlash:
                 section.add("numeric", {"name": f"{joint.path}:backlash", "data": joint.actuator.backlash}, joint.actuator.origin)
+        driven: list[TreeJoint | LinkedTendon] = [*(self.joints[path] for path in self.driven), *tendons.pulled(self.robot)]
+        for one in driven:
+            add_custom_data(section, one)
 
     def asset(self) -> None:
         """Add the materials and the meshes. Materials and meshes are in the order in which the occurrences of the document first use
@@ -265,7 +268,7 @@ class _Builder:
 
     def actuator(self) -> None:
         """Add the actuators. The drives of joints come first, followed by the drives of tendons and by the adhesion of magnets."""
-        section = self.root.add("actuator")
+        section, step = self.root.add("actuator"), time_step(self.robot)
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
             form = None if drive is None else written(CAPABILITIES["drives"][drive_cell(joint, drive)])
@@ -273,10 +276,10 @@ class _Builder:
                 case "ball":
                     assert drive is not None and drive.axis is not None
                     body = next(body for body in self.robot.bodies if joint in body.joints)
-                    inputs = self.name_of(joint), joint, drive, in_body(body, drive.axis)
+                    inputs = self.name_of(joint), joint, drive, step, in_body(body, drive.axis)
                     self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive_of_ball, *inputs)
                 case "joint":
-                    self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive)
+                    self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive, step)
                 case None:
                     pass
                 case _:

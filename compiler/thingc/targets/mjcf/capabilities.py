@@ -22,6 +22,7 @@ _EACH: Supported[JointForm] = Supported("each")
 _EACH_OF_SEVERAL: Supported[JointForm] = Supported("each", "hinges and slides of one body")
 _ELEMENTS: Supported[SensorForm] = Supported("elements")
 _DRIVES: Supported[DriveForm] = Supported("joint")
+_CUSTOM = Lossy[None](None, "carried as custom data")
 
 CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "joints": {
@@ -32,9 +33,9 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         ),
     },
     "of_joints": {
-        "cone": SAYS, "velocity": Lossy(None, "carried as custom data"), "damping": SAYS, "friction": SAYS, "armature": SAYS,
+        "cone": SAYS, "velocity": _CUSTOM, "damping": SAYS, "friction": SAYS, "armature": SAYS,
         "stiffness": SAYS, "mimic": Supported(None, "an equality"), "polynomial": SAYS, "tendon": SAYS,
-        "differential": Supported(None, "fixed tendons"), "backlash": Lossy(None, "carried as custom data"),
+        "differential": Supported(None, "fixed tendons"), "backlash": _CUSTOM, "delay": SAYS, "effects": _CUSTOM,
     },
     "drives": {"position": _DRIVES, "velocity": _DRIVES, "motor": _DRIVES, "universal": _DRIVES, "ball": Supported("ball")},
     "loops": {

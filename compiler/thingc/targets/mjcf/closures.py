@@ -13,7 +13,7 @@ right angles. Both ends of every constraint are written explicitly, so that no c
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from typing import Literal, assert_never, cast
+from typing import Literal, assert_never
 
 from thingc.base.numeric import degrees, dist, rounded, sqrt
 from thingc.base.pose import NO_POSE, Pose, shifted
@@ -21,6 +21,7 @@ from thingc.model.robot.types import Closure, Robot, residual_words
 from thingc.targets.artifact import Loss
 from thingc.targets.capabilities import written
 from thingc.targets.mjcf.capabilities import CAPABILITIES
+from thingc.targets.mjcf.drives import time_step
 from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.xml_writer import Element, XmlValue
 
@@ -29,8 +30,6 @@ STIFFNESS = "0.999 0.9999 0.001"
 fraction of a millimetre.
 """
 
-TIMESTEP = 0.002
-"""MuJoCo's default time step [s]. The shortest time constant of an equality constraint (`solref`) is twice the time step."""
 
 
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
@@ -39,8 +38,8 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     A mount that is held with its orientation, or a rigid loop, is written as a `weld`. A point or a ball is written as a `connect`, and a
     hinge is written as two `connect` constraints. A universal joint is written as a `connect` and a tendon.
     """
-    stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
-    stiff: dict[str, XmlValue] = {"solref": (2.0 * cast("float", stepped), 1.0), "solimp": STIFFNESS}
+    # The shortest time constant of an equality constraint (`solref`) is twice the time step.
+    stiff: dict[str, XmlValue] = {"solref": (2.0 * time_step(robot), 1.0), "solimp": STIFFNESS}
     for closure in robot.closures:
         parent = anchor_name(closure) if closure.parent is None else links[closure.parent]
         form = equality(closure)

@@ -169,18 +169,19 @@ def geoms(
     return tuple(elements)
 
 
-def drive(joint: TreeJoint, drive: ActuatorModel) -> tuple[Element, ...]:
-    """Return the actuator element for the drive of a joint."""
-    attributes = {"name": drive.name or joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
+def drive(joint: TreeJoint, drive: ActuatorModel, step: float) -> tuple[Element, ...]:
+    """Return the actuator element for the drive of a joint. `step` is the time step [s]."""
+    attributes = {"name": drive.name or joint.path, "joint": joint.path, **drive_attributes(joint, drive, step)}
     return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
 
 
-def drive_of_ball(name: str, joint: TreeJoint, drive: ActuatorModel, axis: Vector) -> tuple[Element, ...]:
+def drive_of_ball(name: str, joint: TreeJoint, drive: ActuatorModel, step: float, axis: Vector) -> tuple[Element, ...]:
     """Return an actuator element for the ball joint `name`. The attribute `gear` is the axis of the torque in the frame of the body.
 
     If the joint is reversed, the axis is fixed to the parent in the tree of the mode.
     """
-    attributes = {"name": drive.name or joint.path, "jointinparent" if joint.reversed else "joint": name, **drive_attributes(joint, drive)}
+    target = "jointinparent" if joint.reversed else "joint"
+    attributes = {"name": drive.name or joint.path, target: name, **drive_attributes(joint, drive, step)}
     return (Element(tag=drive.kind, attributes=attributes | {"gear": axis}, origin=drive.origin),)
 
 

@@ -16,7 +16,7 @@ from thingc.model.robot.kinematics import body_poses, course_of
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import merged_joints
-from thingc.targets.mjcf.drives import drive_attributes, joint_range
+from thingc.targets.mjcf.drives import drive_attributes, joint_range, time_step
 from thingc.targets.mjcf.elements import dynamics_attributes, pose_attributes
 from thingc.targets.xml_writer import Element, XmlValue
 
@@ -89,8 +89,8 @@ def drives(robot: Robot, section: Element) -> None:
     """Add an actuator for each tendon with a drive."""
     for one in pulled(robot):
         if one.actuator is not None:
-            attributes = {"name": one.actuator.name or one.path, "tendon": one.path, **drive_attributes(_within(robot, one), one.actuator)}
-            section.add(one.actuator.kind, attributes, one.actuator.origin)
+            values = drive_attributes(_within(robot, one), one.actuator, time_step(robot))
+            section.add(one.actuator.kind, {"name": one.actuator.name or one.path, "tendon": one.path, **values}, one.actuator.origin)
 
 
 def _within(robot: Robot, tendon: LinkedTendon) -> LinkedTendon:

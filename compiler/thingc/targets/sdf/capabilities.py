@@ -33,7 +33,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": SAYS,
         "mimic": Supported(None, "from SDFormat 1.11 on"),
         "polynomial": Lossy(None, "approximated", ": linearized at position 0 of the followed joint"), "tendon": OMITTED,
-        "differential": OMITTED, "backlash": OMITTED,
+        "differential": OMITTED, "backlash": OMITTED, "delay": OMITTED, "effects": OMITTED,
     },
     "drives": {
         "position": Lossy("position controller", "carried as custom data", _PLUGIN),

@@ -38,7 +38,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
             None, "carried as custom data", ", for two hinges or two slides; read by Newton, and by PhysX for hinges with limits",
         ),
         "polynomial": Lossy(None, "approximated", ": linearized at position 0 of the followed joint"), "tendon": OMITTED,
-        "differential": OMITTED, "backlash": OMITTED,
+        "differential": OMITTED, "backlash": OMITTED, "delay": OMITTED, "effects": OMITTED,
     },
     "drives": {"position": _DRIVE, "velocity": _DRIVE, "motor": _DRIVE, "universal": _DRIVE, "ball": OMITTED},
     "loops": {

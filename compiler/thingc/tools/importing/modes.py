@@ -182,7 +182,10 @@ def drive_words(drive: SourceDrive, turns: bool) -> dict[str, str]:
     values = {
         "kp": (drive.kp, "N*m/rad" if turns else "N/m"), "kv": (drive.kv, "N*m*s/rad" if turns else "N*s/m"),
         "effort": (drive.effort, "N*m" if turns else "N"), "velocity": (drive.velocity, "rad/s" if turns else "m/s"),
+        "stall": (drive.stall, "N*m" if turns else "N"), "delay": (drive.delay, "s"),
     }
+    command = {"position": "rad" if turns else "m", "velocity": values["velocity"][1], "motor": values["effort"][1]}[drive.kind]
+    values |= {"deadband": (drive.deadband, command), "noise": (drive.noise, command)}
     return {"kind": drive.kind, **{key: quantity(value, unit) for key, (value, unit) in values.items() if value is not None}}
 
 

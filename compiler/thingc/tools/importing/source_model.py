@@ -143,7 +143,8 @@ class SourceMimic(FrozenStruct):
 class SourceDrive(SourceThing):
     """The drive (motor) of a joint or tendon.
 
-    A drive has gains [N m/rad or N/m, N m s/rad or N s/m], a maximum effort [N m or N] and a maximum velocity [rad/s or m/s].
+    A drive has gains [N m/rad or N/m, N m s/rad or N s/m], a maximum effort [N m or N] and a maximum velocity [rad/s or m/s]. `stall` has
+    the unit of the effort, `delay` is in [s], and `deadband` and `noise` have the unit of the command.
     """
 
     kind: Literal["motor", "position", "velocity"]
@@ -151,6 +152,10 @@ class SourceDrive(SourceThing):
     kv: float | None = None
     effort: float | None = None
     velocity: float | None = None
+    stall: float | None = None
+    delay: float | None = None
+    deadband: float | None = None
+    noise: float | None = None
     raw: Raw = ()
 
 

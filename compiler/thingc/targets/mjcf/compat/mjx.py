@@ -55,6 +55,10 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
             hint="exclude the mode with `--mode`, or use another root",
         )
     yield from LACKS.refusals(root)
+    for element in root.walk():
+        if element.get("nsample"):
+            what = "it does not support delays"
+            yield Refusal(what=what, origin=element.origin, path=element.get("name"), hint="remove `delay`")
     option = root.find("option")
     if option is not None and option.get("integrator") == "implicitfast":
         for name in FLUID:

@@ -56,18 +56,21 @@ class CompiledSource:
         self.sensors = self._names("sensor", lambda one: one.objname or "sensor")
         self.cameras = self._names("camera", lambda one: "camera")
         self.equalities = self._names("equality", lambda one: f"{one.name1}_to_{one.name2}")
-        self.speeds = dict(self._speeds())
+        self.custom: dict[str, dict[str, tuple[float, ...]]] = {}
+        self._read_numbers()
+        self.speeds = {name: own["velocity"][0] for name, own in self.custom.items() if "velocity" in own}
 
-    def _speeds(self) -> Iterator[tuple[str, float]]:
-        """Yield the name and the velocity limit [rad/s or m/s] of each joint that has a velocity limit.
+    def _read_numbers(self) -> None:
+        """Read the velocity limits of joints and the properties of actuators that MJCF does not support.
 
-        MJCF does not support velocity limits, so thingc writes them to custom `<numeric>` elements with names such as `elbow:velocity`.
-        Other `<numeric>` elements are recorded as losses.
+        thingc writes them to custom `<numeric>` elements with names such as `elbow:velocity`. Other `<numeric>` elements are recorded as
+        losses.
         """
         for one in self.spec.numerics:
-            joint, speed = one.name.removesuffix(":velocity"), floats(one.data)
-            if joint != one.name and joint in self.joints.values() and len(speed) == 1 and speed[0] > 0.0:
-                yield joint, speed[0]
+            name, _, key = one.name.rpartition(":")
+            data, size = floats(one.data), {"velocity": 1, "stall": 2, "deadband": 1, "noise": 1}.get(key)
+            if len(data) == size and min(data) > 0.0 and name in (self.joints if key == "velocity" else self.actuators).values():
+                self.custom.setdefault(name, {})[key] = data
             else:
                 self.losses.note(f"the number `{one.name}`", "documents cannot store custom data", self.flat.place(one.info))
 

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
+from thingc.targets.mjcf.drives import delay_steps
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import CompiledSource, differing, floats, numbers
 from thingc.tools.importing.mjcf.tendons import Tendons
@@ -17,7 +18,7 @@ AT_JOINT, AT_PARENT, AT_TENDON, AT_BODY = 0, 1, 3, 5
 FIXED_GAIN, NO_BIAS, AFFINE = 0, 0, 1
 NOT_DYNAMIC, EXACT = 0, 3
 HINGE, SLIDE = 3, 2
-UNSAID = ("actlimited", "actearly", "armature", "delay")
+UNSAID = ("actlimited", "actearly", "armature")
 """Attributes of actuators that documents cannot express. The default value of these attributes is 0."""
 
 
@@ -96,9 +97,21 @@ class Actuators:
         drive = self._drive(number, length)
         if drive is None:
             return "a drive in a document is a motor, a position drive or a velocity drive"
-        drives[target] = drive
+        drives[target] = self._with_effects(number, drive)
         self.driven[number] = what
         return ""
+
+    def _with_effects(self, number: int, drive: SourceDrive) -> SourceDrive:
+        """Add the delay of an actuator to its drive, and the values that thingc writes as custom data."""
+        (count, interpolation), delay = self.model.actuator_history[number], float(self.model.actuator_delay[number])
+        steps = delay_steps(delay, float(self.model.opt.timestep)) if delay else 0
+        raw = differing([("nsample", str(count)), ("interp", str(interpolation))], {"nsample": str(steps), "interp": "0"})
+        own = self.original.custom.get(drive.name, {})
+        stall, speed = own.get("stall", (None, drive.velocity))
+        return replace(
+            drive, delay=delay or None, stall=stall, velocity=speed, deadband=own.get("deadband", (None,))[0],
+            noise=own.get("noise", (None,))[0], raw=(*drive.raw, *raw),
+        )
 
     def _unsaid(self, number: int, what: str) -> None:
         for name in UNSAID:
