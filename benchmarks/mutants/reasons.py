@@ -9,7 +9,7 @@ FRAME = (
     "The component is a mass without a shape inside the robot. The document does not contain other information about its position or mass."
 )
 RANGE = "A joint can have this range."
-MODE = "The mode is valid, although it differs from the intended one."
+MODE = "The mode is valid, although the author intended another mode."
 PASSIVE = "Robots can have passive joints, which are joints without a drive."
 MOUNT = "A component can be attached to any mount of a part, and all components are still connected."
 ZERO = "The author chooses the zero position of a joint, and the poses stay within the limits."
