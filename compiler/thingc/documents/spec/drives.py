@@ -63,13 +63,13 @@ class DriveSpec(Model):
     armature: fields.ArmatureField | None = None
     """Reflected rotor inertia."""
     stall: fields.EffortField | None = None
-    """Torque or force at rest that the voltage of the drive allows. The limit falls linearly to 0 at `velocity`."""
+    """Stall torque or force, which is the maximum at rest. The maximum falls linearly to 0 at `velocity`."""
     delay: fields.TimeField | None = Field(default=None, examples=["10 ms"])
-    """Time after which a command acts."""
+    """Time until a command takes effect."""
     deadband: fields.CommandField | None = Field(default=None, examples=["0.5 deg"])
     """Largest difference between the command and the motion that the drive ignores; for a `motor`, the largest ignored command."""
     noise: fields.CommandField | None = Field(default=None, examples=["0.1 deg"])
-    """Standard deviation of random changes of the command."""
+    """Standard deviation of the noise that is added to the command."""
     axis: Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
     """The axis of the drive of a ball joint, in the axes of the parent mount at q = 0. The axis moves with the child mount."""
 

@@ -79,7 +79,7 @@ def actuator_of(
     if drive.stall is not None and not speed:
         findings.error(
             Code.DRIVE, f"the drive of {owner} has a `stall`, but no `velocity`", (drive.spans["stall"], *instance.origin),
-            help="set `velocity` to the speed without load, at which the torque is 0",
+            help="set `velocity` to the no-load speed, at which the torque is 0",
         )
     key, reach = ("effort", first(limit.effort, drive.effort)) if drive.kind == "motor" else ("velocity", first(limit.velocity, speed))
     if drive.kind == "position":
