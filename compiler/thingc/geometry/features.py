@@ -110,6 +110,20 @@ class Sheet(FrozenStruct):
     reason: str = ""
 
 
+VIEWS: dict[str, tuple[Vector, Vector]] = {
+    "front": ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0)), "top": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)), "left": ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)),
+    "isometric": ((1.0, -1.0, 1.0), (1.0, 1.0, 0.0)),
+}
+"""The views of a drawing: for each view, the direction towards the viewer and the direction to the right, in the frame of the part."""
+
+
+class View(FrozenStruct):
+    """The edges of a part in a view, in coordinates to the right and up [m]. Their origin is the origin of the part."""
+
+    visible: tuple[Curve, ...]
+    hidden: tuple[Curve, ...]
+
+
 class StepPart(FrozenStruct):
     """A part of a STEP assembly. `sha256` is the digest of its own STEP file in the store.
 

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
-from thingc.geometry.features import Features, Sheet
+from thingc.geometry.features import Features, Sheet, View
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
@@ -480,6 +480,10 @@ class GeometryService:
     def sheets(self, breps: Collection[str]) -> dict[str, Sheet]:
         """Return B-reps in the store as parts that are cut from a sheet, by their digests. Raises `AssemblyFailed` as `features` does."""
         return {brep: convert(made, Sheet) for brep, made in self._of_breps("sheets", breps).items()}
+
+    def views(self, breps: Collection[str]) -> dict[str, dict[str, View]]:
+        """Return the views of B-reps in the store, by their digests and by name. Raises `AssemblyFailed` as `features` does."""
+        return {brep: convert(made, dict[str, View]) for brep, made in self._of_breps("views", breps).items()}
 
     def _of_breps(self, operation: str, breps: Collection[str]) -> dict[str, Any]:
         versions = sorted(self._parts.versions(None).items())

@@ -35,7 +35,7 @@ AHEAD = (
 )
 """Modules that the server imports, so that its child processes do not have to import them."""
 
-SEARCHES = {"features": ("feature_search", "features_of"), "sheets": ("sheets", "sheet_of")}
+SEARCHES = {"features": ("feature_search", "features_of"), "sheets": ("sheets", "sheet_of"), "views": ("views", "views_of")}
 """Requests that compute a result for each of several B-reps: the modules and functions that compute it."""
 
 
