@@ -124,6 +124,12 @@ class View(FrozenStruct):
     hidden: tuple[Curve, ...]
 
 
+class Views(FrozenStruct):
+    """The views of a part by the names in `VIEWS`."""
+
+    by_name: dict[str, View]
+
+
 class StepPart(FrozenStruct):
     """A part of a STEP assembly. `sha256` is the digest of its own STEP file in the store.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from msgspec import convert, to_builtins
 from msgspec.structs import replace
@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
-from thingc.geometry.features import Features, Sheet, View
+from thingc.geometry.features import Features
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
@@ -54,6 +54,7 @@ to load the CAD kernel.
 """
 
 Progress = Callable[[str, int, int], None]
+Result = TypeVar("Result")
 Printed = Callable[[str, Sequence[str]], None]
 
 
@@ -471,21 +472,14 @@ class GeometryService:
         return convert(made, StoredFile)
 
     def features(self, breps: Collection[str]) -> dict[str, Features]:
-        """Return the cylinders and planar faces of B-reps in the store by their digests.
+        """Return the cylinders and planar faces of B-reps in the store by their digests. Raises `AssemblyFailed` as `search` does."""
+        return self.search("features", breps, Features)
+
+    def search(self, operation: str, breps: Collection[str], kind: type[Result]) -> dict[str, Result]:
+        """Return the results of an operation of the worker (`SEARCHES` in `worker/server.py`) for B-reps in the store, by their digests.
 
         Raises `AssemblyFailed` if the kernel cannot read a B-rep.
         """
-        return {brep: convert(made, Features) for brep, made in self._of_breps("features", breps).items()}
-
-    def sheets(self, breps: Collection[str]) -> dict[str, Sheet]:
-        """Return B-reps in the store as parts that are cut from a sheet, by their digests. Raises `AssemblyFailed` as `features` does."""
-        return {brep: convert(made, Sheet) for brep, made in self._of_breps("sheets", breps).items()}
-
-    def views(self, breps: Collection[str]) -> dict[str, dict[str, View]]:
-        """Return the views of B-reps in the store, by their digests and by name. Raises `AssemblyFailed` as `features` does."""
-        return {brep: convert(made, dict[str, View]) for brep, made in self._of_breps("views", breps).items()}
-
-    def _of_breps(self, operation: str, breps: Collection[str]) -> dict[str, Any]:
         versions = sorted(self._parts.versions(None).items())
         keys = {brep: repr([brep, versions]) for brep in sorted(breps)}
         found = {brep: kept for brep, key in keys.items() if (kept := self.store.get_json(operation, key)) is not None}
@@ -497,7 +491,7 @@ class GeometryService:
             for brep, made in answer["answer"]["found"].items():
                 self.store.put_json(operation, keys[brep], made)
                 found[brep] = made
-        return found
+        return {brep: convert(made, kind) for brep, made in found.items()}
 
     def _answer(self, request: dict[str, Any]) -> dict[str, Any]:
         """Send a request that only requires OCP to a running worker. If no worker is running, start a process for the request."""

@@ -12,7 +12,7 @@ from string import ascii_uppercase
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
 from thingc.base.pose import Pose, Vector, added, cross, dot
-from thingc.geometry.features import VIEWS, CentreLine, Cylinder, Features, Point, View
+from thingc.geometry.features import VIEWS, CentreLine, Cylinder, Features, Point, Views
 from thingc.geometry.service import GeometryService
 from thingc.targets import Artifacts, EmitRequest
 from thingc.tools.workshop.manufactured_parts import ManufacturedPart, computed
@@ -40,7 +40,7 @@ CAPTIONS = {
 class Drawn(FrozenStruct):
     """What the CAD kernel computes for a drawing."""
 
-    views: Mapping[str, View]
+    views: Views
     features: Features
 
 
@@ -59,7 +59,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _drawn(geometry: GeometryService, breps: Collection[str]) -> dict[str, Drawn]:
-    views, features = geometry.views(breps), geometry.features(breps)
+    views, features = geometry.search("views", breps, Views), geometry.features(breps)
     return {brep: Drawn(views=views[brep], features=features[brep]) for brep in breps}
 
 
@@ -70,7 +70,7 @@ def sheet(part: ManufacturedPart, drawn: Drawn, robot: str) -> bytes:
     page = SvgPage(WIDTH, HEIGHT, f"{part.label} ({robot})")
     page.rectangle((FRAME, FRAME, WIDTH - FRAME, HEIGHT - FRAME), "frame")
     scale, places = _placements(record.box)
-    for name, view in drawn.views.items():
+    for name, view in drawn.views.by_name.items():
         page.path(places[name].path(view.hidden), "hidden")
         page.path(places[name].path(view.visible), "visible")
     _add_sizes(page, record.box, places)

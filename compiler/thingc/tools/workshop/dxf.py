@@ -22,7 +22,7 @@ LAYERS = {"CUT": 1, "ENGRAVE": 5}
 
 def emit(request: EmitRequest) -> Artifacts:
     """Write a file for each part that is flat and not bought. Other parts that are not bought are export losses."""
-    parts, losses = computed(request, "dxf", request.geometry.sheets)
+    parts, losses = computed(request, "dxf", lambda breps: request.geometry.search("sheets", breps, Sheet))
     files: dict[str, bytes] = {}
     for part, sheet in parts:
         if sheet.reason:

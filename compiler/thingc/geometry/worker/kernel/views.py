@@ -11,7 +11,7 @@ from OCP.HLRBRep import HLRBRep_Algo, HLRBRep_HLRToShape
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS
 
-from thingc.geometry.features import VIEWS, Curve, View
+from thingc.geometry.features import VIEWS, Curve, View, Views
 from thingc.geometry.worker.kernel.integrals import explored
 from thingc.geometry.worker.kernel.sheets import curve_of
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
 
-def views_of(shape: TopoDS_Shape) -> dict[str, View]:
+def views_of(shape: TopoDS_Shape) -> Views:
     """Return all views of a shape."""
     views: dict[str, View] = {}
     for name, (toward, right) in VIEWS.items():
@@ -33,7 +33,7 @@ def views_of(shape: TopoDS_Shape) -> dict[str, View]:
             visible=_curves(edges.VCompound(), edges.OutLineVCompound()),
             hidden=() if name == "isometric" else _curves(edges.HCompound(), edges.OutLineHCompound()),
         )
-    return views
+    return Views(by_name=views)
 
 
 def _curves(*compounds: Any) -> tuple[Curve, ...]:
