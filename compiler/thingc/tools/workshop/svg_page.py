@@ -9,6 +9,7 @@ from html import escape
 import numpy as np
 from scipy.interpolate import BSpline
 
+from thingc.base.numeric import dist
 from thingc.base.safe_text import escape_control
 from thingc.geometry.features import Arc, Curve, Point, Spline, StraightEdge
 
@@ -147,7 +148,7 @@ class SvgPage:
         box = next((one for one in boxes if not any(_overlap(one, other) for other in self.taken)), boxes[0])
         self.taken.append(box)
         middle = ((box[0] + box[2]) / 2.0, (box[1] + box[3]) / 2.0)
-        far = math.dist(place, middle)
+        far = dist(place, middle)
         start = (place[0] + (middle[0] - place[0]) * distance / far, place[1] + (middle[1] - place[1]) * distance / far)
         self.line(start, middle)
         self.rectangle(box, "label" if boxed else "number")
