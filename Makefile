@@ -145,6 +145,7 @@ $(VENV)/.thingc-dev: pyproject.toml
 docs: $(VENV)/.thingc-dev
 	$(BIN)/python docs/generate.py
 	$(BIN)/python docs/mate_picture.py
+	$(BIN)/python docs/motion_picture.py
 	$(BIN)/python docs/concept_pictures.py
 
 # The documentation as a website with viewers: build/site/index.html

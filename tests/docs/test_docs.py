@@ -130,6 +130,7 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
         mass,
         materials,
         modes,
+        motions,
         names,
         poses,
         repeats,
@@ -143,8 +144,8 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
 
     checks = [sys.modules[kind.model.__module__] for kind in kinds().values()]
     rooms = (
-        assembly, calibration, drives, link_shapes, materials, modes, names, poses, repeats, sensors, mass, tendons, tests, transmissions,
-        *checks, variants, workspace,
+        assembly, calibration, drives, link_shapes, materials, modes, motions, names, poses, repeats, sensors, mass, tendons, tests,
+        transmissions, *checks, variants, workspace,
     )
     models = {
         name: value for module in rooms
@@ -442,7 +443,10 @@ def test_generated_pictures_are_what_is_committed() -> None:
     import runpy
 
     docs = ROOT / "docs"
-    drawn = {"mate.svg": runpy.run_path(str(docs / "mate_picture.py"))["picture"]}
+    drawn = {
+        name: runpy.run_path(str(docs / script))["picture"]
+        for name, script in (("mate.svg", "mate_picture.py"), ("drive_margin.svg", "motion_picture.py"))
+    }
     drawn |= runpy.run_path(str(docs / "concept_pictures.py"))["DRAWN"]
     for name, draw in drawn.items():
         assert (docs / "pictures" / name).read_text() == draw(), f"{name}: run make docs"

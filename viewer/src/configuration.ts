@@ -117,7 +117,7 @@ export class Configuration {
     const at = (path: string): number => from.q[path] + part * (to.q[path] - from.q[path]);
     const base = this.moves.nearest(mixed(from.base, to.base, part));
     if (!this.closes) {
-      this.q = Object.fromEntries(Object.keys(to.q).map((path) => [path, at(path)]));
+      this.q = this.couplings.settle(Object.fromEntries(Object.keys(to.q).map((path) => [path, at(path)])));
       this.base = base;
       this.pose = null;
       return;

@@ -57,6 +57,9 @@ export interface Mode extends Place {
   feet: MountAt[]; adhesion: Record<string, number>; driven: string[]; start: string | null; poses: NamedPose[]; unclosed: string[];
 }
 
+/** A motion: the positions of all joints at its times [s]. Unless it is smooth, the robot rests at each time. */
+export interface Motion { name: string; times: number[]; q: Record<string, number[]>; smooth: boolean }
+
 export interface BomRow {
   number: string; name: string; definition: string; quantity: number; make: string; material: string | null; mass: number;
   source: string; supplier: string | null; cost: string | null; total: string | null; link: string | null; picture: string | null;
@@ -65,7 +68,7 @@ export interface BomRow {
 
 export interface Robot {
   version: number; name: string; mass: number; definitions: Definition[]; links: Link[]; occurrences: Occurrence[];
-  mounts: (MountAt & { mount: string })[]; joints: Joint[]; tendons: number; magnets: MountAt[]; bom: BomRow[]; modes: Mode[];
+  mounts: (MountAt & { mount: string })[]; joints: Joint[]; tendons: number; magnets: MountAt[]; bom: BomRow[]; modes: Mode[]; motions?: Motion[];
 }
 
 /** A coordinate with its unit, in degrees or millimetres. */

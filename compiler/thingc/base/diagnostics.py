@@ -147,6 +147,7 @@ class Code(DiagnosticCode):
     MIRROR_AXES = ("TC362", "component mirrored along two axes", "Use the same mirror axis for the assembly and the component inside it.")
     UNKNOWN_TENDON = ("TC363", "unknown tendon", "Use a tendon of the same document.")
     TENDON_PATH = ("TC364", "invalid path of a tendon", "Correct the path as the message describes.")
+    MOTION = ("TC368", "invalid motion", "Correct the poses, the times or the CSV file as the message describes.")
     TRANSMISSION = ("TC365", "invalid transmission", "Correct the ratio or the matrix, or use each actuator and joint only once.")
 
     # --- TC4xx: parts (realize) ------------------------------------------------------------------------------------

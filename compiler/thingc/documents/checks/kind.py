@@ -45,8 +45,8 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
 
     `position` determines the order of the tests in the documentation. `summary` is one sentence for the schema and the documentation, and
     `examples` contains example values. `stub` is the content of a new test of this type, with the placeholders `$mount` and `$base` for
-    mounts. The new test is valid for any robot. `lengths` contains the names of values that are lengths [m] and that `thingc diff` prints
-    with a unit. `of_limits` is True if the specification depends on joint limits.
+    mounts, and `$motion` for a motion. The new test is valid for any robot with a motion. `lengths` contains the names of values that are
+    lengths [m] and that `thingc diff` prints with a unit. `of_limits` is True if the specification depends on joint limits.
     """
 
     name: str

@@ -60,14 +60,14 @@ def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck
     joints = reader.drives(written.drive, "drive")
     floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
     if floating:
-        standing = [name for name, mode in reader.modes.items() if _carried(mode) and not _left_out(joints, mode)]
+        standing = [name for name, mode in reader.modes.items() if _carried(mode) and not left_out(joints, mode)]
         others = f", or use a mode with a support: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
         reader.error(
             Code.TEST, f"the base of mode `{floating[0]}` is free and has no support", "mode" if written.mode is not None else (),
             on_key=written.mode is None, help=f"set `standing_on: [...]` in the mode{others}",
         )
     for name in reader.chosen_modes:
-        absent = _left_out(joints, reader.modes[name])
+        absent = left_out(joints, reader.modes[name])
         if absent:
             reader.error(
                 Code.TEST, f"mode `{name}` does not use the drive of joint `{absent[0]}`", "drive",
@@ -81,7 +81,7 @@ def _carried(mode: Mode) -> bool:
     return mode.base != "free" or mode.standing is not None or bool(mode.holds)
 
 
-def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
+def left_out(joints: Sequence[str], mode: Mode) -> list[str]:
     """Return the paths in `joints` of joints whose drives are not used in a mode."""
     present = mode.actuators
     return [joint for joint in joints if present is not None and joint not in present]

@@ -23,7 +23,8 @@ LANGUAGE = frozenset({
 """Codes of misspelled words that documents do not declare: keywords, units, Python names, file names, and expressions."""
 
 GIVING = frozenset({
-    "components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "sensors", "tendons", "transmissions",
+    "components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "motions", "sensors", "tendons",
+    "transmissions",
 })
 """Keys of a document whose entries declare names."""
 

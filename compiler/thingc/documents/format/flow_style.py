@@ -36,7 +36,7 @@ FIRST: dict[type[BaseModel], tuple[str, ...]] = {
     AtSpec: ("in",), WorldAtSpec: ("on",), HoldSpec: ("at",), ModeSpec: ("extends",),
     AssemblySpec: (
         "name", "description", "parameters", "materials", "defaults", "components", "joints", "tendons", "transmissions", "links",
-        "mounts", "poses", "modes", "sensors", "names",
+        "mounts", "poses", "motions", "modes", "sensors", "names",
     ),
 }
 """Keys of document models that come first in the canonical order, before the other fields of the model.

@@ -1,4 +1,4 @@
-"""Parse the catalogue of bought parts (CSV) to a tree with source positions."""
+"""Parse CSV files with source positions: the catalogue of bought parts to a tree, and the table of a motion to cells."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import io
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, line_of
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import did_you_mean, nearest
 from thingc.base.units import shortened
 from thingc.documents.load.text import Source
 
@@ -18,13 +18,15 @@ COLUMNS = ("number", "supplier", "cost", "quantity", "link", "picture")
 def read_csv(source: Source, report: Report) -> MappingNode | None:
     """Parse CSV (RFC 4180) with a header line to the tree of a catalogue: a list `rows`, in which each row is a mapping.
 
-    All values are strings. Empty cells and empty rows are omitted. If the table is invalid, report the error and return None.
+    All values are strings. Empty cells and empty rows are omitted. If the table is invalid, report the error and return None. For the table
+    of a motion, which has a column `time` or no column of a catalogue, return an empty tree: `model/resolve/motions.py` reads its cells.
     """
-    rows = _cells(source, report)
+    rows = cells_of(source, report)
     if rows is None:
         return None
     if not rows:
-        report.add(Code.NOT_A_MAPPING, "the table is empty", source.span(0, 0), help=f"start the table with the line `{','.join(COLUMNS)}`")
+        columns = f"`{','.join(COLUMNS)}` for a catalogue, or `time,elbow [deg]` for a motion"
+        report.add(Code.NOT_A_MAPPING, "the table is empty", source.span(0, 0), help=f"start the table with its columns: {columns}")
         return None
     whole, header = source.span(0, len(source.text)), rows[0]
     names = [text for text, _ in header]
@@ -32,6 +34,8 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
         mark = "`;`" if other == ";" else "tabs"
         report.add(Code.SYNTAX, f"expected cells separated by `,`, found {mark}", header[0][1], help="export the table with commas")
         return None
+    if any(text.startswith("time") for text in names) or not any(nearest(text, COLUMNS) for text in names):
+        return MappingNode(entries={}, keys={}, span=whole)
     unknown = [(text, span) for text, span in header if text not in COLUMNS]
     for text, span in unknown:
         help = did_you_mean(text, [name for name in COLUMNS if name not in names], what="columns")
@@ -59,7 +63,7 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
     return MappingNode(entries={"rows": SequenceNode(items=tuple(entries), span=whole)}, keys={"rows": whole}, span=whole)
 
 
-def _cells(source: Source, report: Report) -> list[list[tuple[str, Span]]] | None:
+def cells_of(source: Source, report: Report) -> list[list[tuple[str, Span]]] | None:
     """Split a table into rows of cells, each with its span. Empty rows are omitted."""
     rows: list[list[tuple[str, Span]]] = []
     at = 0

@@ -258,7 +258,10 @@ class _Reader:
         if document is None:
             said = len(self.report.diagnostics)
             tree = read_tree(path, data, self.report)
-            kind = "catalog" if path.lower().endswith(CATALOG_SUFFIXES) else None if tree is None else document_kind(tree, self.report)
+            if tree is not None and path.lower().endswith(CATALOG_SUFFIXES):
+                kind: str | None = "catalog" if tree.entries else "motion"
+            else:
+                kind = None if tree is None else document_kind(tree, self.report)
             if tree is None or kind is None:
                 return None
             document = Document(path=path, relative=relative, kind=kind, tree=tree, sha256=sha256, text=data.decode("utf-8-sig"))
@@ -283,9 +286,9 @@ class _Reader:
                 return
             if key == "materials":
                 self.named(document, text, where, "materials")
-            elif key == "catalog":
-                if (catalog := self.named(document, text, where, "catalog")) is not None:
-                    self.follow(catalog, chain)
+            elif key in ("catalog", "motion"):
+                if (table := self.named(document, text, where, key)) is not None:
+                    self.follow(table, chain)
             elif key == "picture":
                 self.find(text, document, where, PICTURE_SUFFIXES, "a picture")
             elif key == "file":
@@ -392,7 +395,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
 
 
 def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
-    """Yield the files that an assembly document references: materials documents, part files, meshes of links, and nested assemblies.
+    """Yield the files that an assembly document references, such as part files, meshes of links, and nested assemblies.
 
     Each item contains the key (such as `file` or `mesh`), the reference, and its location.
     """
@@ -402,7 +405,9 @@ def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
     named = [
         *(("materials", one) for one in _items(tree.entries.get("materials"))), *(("file", one.get("file")) for one in components),
         *(("mesh", one.get("mesh")) for one in shapes), *(("assembly", one.get("assembly")) for one in components),
-        ("catalog", tree.entries.get("catalog")), *(("picture", entries_of(one.get("bom")).get("picture")) for one in components),
+        ("catalog", tree.entries.get("catalog")),
+        *(("motion", entries_of(one).get("file")) for one in entries_of(tree.entries.get("motions")).values()),
+        *(("picture", entries_of(one.get("bom")).get("picture")) for one in components),
     ]
     yield from _texts(named)
 
@@ -427,6 +432,6 @@ _FILES = {"assembly": _named_files, "catalog": _pictures}
 
 _REFERENCED = {
     "assembly": ("an assembly document", DOCUMENT_SUFFIXES), "materials": ("a materials document", DOCUMENT_SUFFIXES),
-    "catalog": ("a catalogue", CATALOG_SUFFIXES),
+    "catalog": ("a catalogue", CATALOG_SUFFIXES), "motion": ("a CSV file of a motion", CATALOG_SUFFIXES),
 }
 """The kinds of documents that an assembly can reference, with a description and the possible file extensions."""

@@ -123,7 +123,7 @@ class NameReader:
             case "pose of a nested assembly":
                 for inner in self.components_of(base, [word for _, word in _words(str(path[-1]))], index):
                     yield from self.in_section(self.nested(*inner), "pose", text)
-            case "pose" | "poses" | "mode" | "modes" | "tendon":
+            case "pose" | "poses" | "mode" | "modes" | "motion" | "tendon":
                 yield from self.in_section(base, what.removesuffix("s"), text)
             case "sensor":
                 yield from self.in_section(base, "sensor", text.partition(":")[0])

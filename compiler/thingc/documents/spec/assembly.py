@@ -42,6 +42,7 @@ from thingc.documents.spec.link_shapes import Collision, CollisionSpec, ShapeSpe
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
 from thingc.documents.spec.materials import MaterialSpec, ProcessSpec
 from thingc.documents.spec.modes import ModeSpec, SimulationSpec
+from thingc.documents.spec.motions import MotionFileSpec, MotionPoseSpec
 from thingc.documents.spec.name_types import (
     AssemblyDocument,
     ComponentField,
@@ -58,6 +59,7 @@ from thingc.documents.spec.name_types import (
     NewLink,
     NewMaterial,
     NewMode,
+    NewMotion,
     NewMount,
     NewParameter,
     NewPose,
@@ -529,6 +531,10 @@ class AssemblySpec(Model):
         default={}, examples=[{"home": {"yaw": "30 deg", "leg_*.knee": "-90 deg"}}],
     )
     """Poses, by name: positions of joints. Joints that a pose does not set are at 0."""
+    motions: dict[NewMotion, Annotated[list[MotionPoseSpec], Field(min_length=2)] | MotionFileSpec] = Field(
+        default={}, examples=[{"wave": [{"pose": "home", "time": 0}, {"pose": "reach", "time": "1.5 s"}], "log": {"file": "wave.csv"}}],
+    )
+    """Motions, by name: poses with times, between which the joints move with minimum jerk, or a CSV file."""
     modes: dict[NewMode, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
     """Modes, by name. Each mode is a simulation model; the first mode is the default."""
     detail: DetailSpec | None = Field(default=None, examples=[{"sim": "-fasteners"}])

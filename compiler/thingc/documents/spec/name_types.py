@@ -15,16 +15,16 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.spec.fields import JointValueField, Name, ReferenceField
 
 Declared = Literal[
-    "component", "export", "index", "joint", "link", "material", "mode", "mount", "parameter", "pose", "sensor", "tendon", "test",
+    "component", "export", "index", "joint", "link", "material", "mode", "motion", "mount", "parameter", "pose", "sensor", "tendon", "test",
     "transmission",
 ]
 """Kinds of names that documents declare. `export` is a mount that is exported to a parent assembly, and `index` is the index of a `repeat`.
 """
 ReferenceKind = Literal[
     "assembly document", "choice", "component", "coordinate", "coordinate or tendon", "expression", "joint", "joint or nested assembly",
-    "material", "materials document", "mode", "mode of a nested assembly", "modes", "mount", "mount of its own", "mount or export",
-    "parameter of a nested assembly", "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw", "root", "rule",
-    "sensor", "setting", "tendon",
+    "material", "materials document", "mode", "mode of a nested assembly", "modes", "motion", "mount", "mount of its own",
+    "mount or export", "parameter of a nested assembly", "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw",
+    "root", "rule", "sensor", "setting", "tendon",
 ]
 """Kinds of references in documents.
 
@@ -57,6 +57,7 @@ NewJoint = Annotated[Name, DeclaresName("joint")]
 NewLink = Annotated[Name, DeclaresName("link")]
 NewMaterial = Annotated[Name, DeclaresName("material")]
 NewMode = Annotated[Name, DeclaresName("mode")]
+NewMotion = Annotated[Name, DeclaresName("motion")]
 NewMount = Annotated[Name, DeclaresName("mount")]
 NewParameter = Annotated[Name, DeclaresName("parameter")]
 NewPose = Annotated[Name, DeclaresName("pose")]
@@ -76,6 +77,7 @@ JointPattern = Annotated[str, RefersTo("joint")]
 MaterialField = Annotated[str, RefersTo("material")]
 MaterialsDocument = Annotated[str, RefersTo("materials document")]
 ModeField = Annotated[Name, RefersTo("mode")]
+MotionField = Annotated[Name, RefersTo("motion")]
 MountField = Annotated[ReferenceField, RefersTo("mount")]
 NestedMode = Annotated[Name, RefersTo("mode of a nested assembly")]
 NestedParameter = Annotated[str, RefersTo("parameter of a nested assembly")]

@@ -38,6 +38,8 @@ def model_of(kind: str) -> type[Model] | None:
             return WorkspaceSpec
         case "catalog":
             return CatalogSpec
+        case "motion":
+            return Model
         case "variants":
             from thingc.documents.spec.variants import VariantsSpec
 

@@ -65,7 +65,7 @@ def simulated(
     diverges, return only the time [s] at which it diverges.
     """
     with heard():
-        model = _model(scene, files, floor=floor)
+        model = scene_model(scene, files, floor=floor)
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, model.key(frame.name.replace("/", separator)).id)
         start_delays(model, data)
@@ -87,7 +87,7 @@ def simulated(
         return SettleResult(path=path, step=model.opt.timestep, deepest=deepest)
 
 
-def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjModel:
+def scene_model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjModel:
     """Compile the MuJoCo scene of a mode. If `floor` is False, nothing collides with the floor."""
     beside = {path.rpartition("/")[2]: data for path, data in files.items()}
     model = mujoco.MjModel.from_xml_string(files[scene].decode(), beside)

@@ -22,6 +22,7 @@ from thingc.model.resolve.joints import joints
 from thingc.model.resolve.materials import in_scope, unreadable
 from thingc.model.resolve.mimics import mimics
 from thingc.model.resolve.modes import modes, simulation, step_origin
+from thingc.model.resolve.motions import motions
 from thingc.model.resolve.names import names
 from thingc.model.resolve.nested_modes import place_in_modes
 from thingc.model.resolve.parameters import canonical, check_bounds, declared, worked_out
@@ -122,6 +123,8 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
     _exports(table, scope)
     links = tuple(_links(table, scope))
     poses(table, scope)
+    if top:
+        motions(context, table, scope)
     made = components(context, table, placements, unreadable=table.materials_unreadable)
     table.definition = _definition(context, table, made, links, top)
 
@@ -138,9 +141,10 @@ def _definition(
     return AssemblyDefinition(
         document=table.document.relative, name=spec.name, description=spec.description, parameters=table.parameters, text=table.text,
         label=table.label, materials={name: one for name, one in table.materials.items() if one is not None}, components=made,
-        joints=context.same("joint", table.document.relative, [joint for joint in table.joints.values() if joint is not None]), links=links,
-        mounts={name: one for name, one in table.exports.items() if one is not None},
-        poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes, simulation=simulation(scope, stepped),
+        joints=context.same("joint", table.document.relative, [joint for joint in table.joints.values() if joint is not None]),
+        links=links, mounts={name: one for name, one in table.exports.items() if one is not None},
+        poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
+        motions=tuple(motion for motion in table.motions.values() if motion is not None), simulation=simulation(scope, stepped),
         step_origin=step_origin(scope, stepped), raw=raw(scope, spec.raw), added=added(scope, spec.raw), tendons=pulled,
         sensors=tuple(sensors(table, scope, pulled)), names=tuple(names(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (), origin=scope.origin(("name",)),
@@ -159,7 +163,7 @@ def _check_names(scope: Scope, spec: AssemblySpec) -> None:
             )
     sections: tuple[tuple[str, Mapping[str, object], str, bool], ...] = (
         ("parameters", spec.parameters, "a parameter", False), ("links", spec.links, "a link", True),
-        ("poses", spec.poses, "a pose", False), ("modes", spec.modes, "a mode", False),
+        ("poses", spec.poses, "a pose", False), ("modes", spec.modes, "a mode", False), ("motions", spec.motions, "a motion", False),
         ("sensors", spec.sensors, "a sensor", False), ("tests", spec.tests, "a test", False),
         ("materials", spec.materials if isinstance(spec.materials, Mapping) else {}, "a material", False),
     )

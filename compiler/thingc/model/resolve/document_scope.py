@@ -25,7 +25,18 @@ from thingc.geometry.store.file_digests import digest_of
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.scope import NOTHING, Scope
-from thingc.model.resolve.types import AssemblyDefinition, Component, ExtraMount, Joint, Material, Mode, NamedPose, Reference, Tendon
+from thingc.model.resolve.types import (
+    AssemblyDefinition,
+    Component,
+    ExtraMount,
+    Joint,
+    Material,
+    Mode,
+    NamedMotion,
+    NamedPose,
+    Reference,
+    Tendon,
+)
 
 Named = TypeVar("Named", Component, Joint)
 Answer = TypeVar("Answer")
@@ -69,7 +80,7 @@ class ComponentScope:
 class DocumentScope:
     """The resolved elements of a document with one set of parameters.
 
-    In `exports`, `joints` and `poses`, None represents an invalid element.
+    In `exports`, `joints`, `motions` and `poses`, None represents an invalid element.
 
     `parameters` also contains the `--set` options for values and components of the document. `unbuilt` and `unbuilt_joints` contain the
     prefixes (`leg_`) of repeats that could not be unrolled. `occurrences` is the number of parts, links and frames in the document and its
@@ -94,6 +105,7 @@ class DocumentScope:
     joints: dict[CoordinateName, Joint | None] = field(default_factory=dict)
     coupled: list[Tendon] = field(default_factory=list)
     poses: dict[str, NamedPose | None] = field(default_factory=dict)
+    motions: dict[str, NamedMotion | None] = field(default_factory=dict)
     base: str | None = None
     loose: list[Reference] = field(default_factory=list)
     occurrences: int = 0
@@ -241,7 +253,7 @@ class ResolveRun:
                 (name, joint and (joint.kind.name, joint.drive is not None, joint.mimic is not None, joint.loop))
                 for name, joint in table.joints.items()
             ],
-            dict(table.exports), list(table.poses), table.base, [(path, mode) for path, _, mode in table.all_modes()],
+            dict(table.exports), list(table.poses), list(table.motions), table.base, [(path, mode) for path, _, mode in table.all_modes()],
         )
 
     def sound(self, place: Hashable, inputs: tuple[object, ...], make: Callable[[], Answer]) -> Answer:

@@ -170,6 +170,12 @@ class Reader:
         self.sound = self.sound and bool(paths)
         return paths
 
+    def motion(self, name: str, key: Key) -> None:
+        """Report an error if the document does not define a motion. For an invalid motion, which has been reported, omit the test."""
+        self.sound = self.sound and self.table.motions.get(name) is not None
+        if name not in self.table.spec.motions and not self.scope.doubts.lacks("motions"):
+            self.error(Code.MOTION, f"there is no motion `{name}`", key, help=suggested(name, self.table.motions, what="motions"))
+
     def choose(self, written: Any) -> None:
         """Read the modes and poses in which the test runs, if the document specifies them."""
         if hasattr(written, "mode"):

@@ -394,6 +394,20 @@ class NamedPose(OneLineRepr, FrozenStruct):
     origin: Origin
 
 
+class NamedMotion(OneLineRepr, FrozenStruct):
+    """A motion of the joints: the positions q [rad or m] of joints by path, at increasing `times` [s].
+
+    If `smooth` is True, the positions lie on natural cubic splines. Otherwise, the robot rests at each time, and each joint moves between
+    two times with minimum jerk. Joints that the motion does not contain are at 0.
+    """
+
+    name: str
+    times: tuple[float, ...]
+    values: dict[JointPath, tuple[float, ...]]
+    smooth: bool
+    origin: Origin
+
+
 class Sensor(Measurement):
     """A sensor of a robot. If `seen_from` is given, the sensor measures the pose or the velocity of its mount relative to this mount.
 
@@ -602,8 +616,8 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     `document` is the path of the document in the workspace, and `parameters` contains all parameters in canonical form. `text` contains the
     parameters that differ from the values in the document (`end_effector(pen_diameter=0.02)`). `label` is the text for display
     (`end_effector(pen_diameter=20 mm)`). `materials` contains all materials that the document can use, by name. `poses` contains only the
-    poses of this document, with joint paths relative to this document. `modes`, `simulation` and `tests` are only used for the top
-    document. `materials_known` is False if a materials document could not be read. Unknown materials are then not reported. `whole` is
+    poses of this document, with joint paths relative to this document. `modes`, `motions`, `simulation` and `tests` are only used for the
+    top document. `materials_known` is False if a materials document could not be read. Unknown materials are then not reported. `whole` is
     False if validation removed invalid entries from the document. `loose` contains the valid references of elements that were omitted
     because of another, invalid reference. `step_origin` is the location of the setting `timestep` in the document. A mirror image is a
     separate definition, such as `leg(mirror=y)`. `mirror` is the axis along which it is mirrored, and `plain` is the original definition.
@@ -634,6 +648,7 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     sensors: tuple[Sensor, ...] = ()
     names: tuple[NameInFiles, ...] = ()
     tests: tuple[Test, ...] = ()
+    motions: tuple[NamedMotion, ...] = ()
     step_origin: Origin = ()
     loose: tuple[Reference, ...] = ()
     mirror: str | None = None

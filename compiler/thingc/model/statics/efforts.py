@@ -26,15 +26,18 @@ from thingc.model.robot.types import Robot
 from thingc.model.statics.types import DriveTransmission, Efforts, answer
 
 
-def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], memo: Memo | None = None) -> Efforts:
+def static_efforts(
+    robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], memo: Memo | None = None, moving: Mapping[str, float] | None = None,
+) -> Efforts:
     """Compute the drive efforts that hold the robot still at the joint positions `q` [rad or m], which is a mapping by joint path.
 
     `q` contains all joints, and the kinematic loops must be closed at `q`.
 
     `bodies` contains the poses of all bodies in the world. A free base is supported by the feet and holds of the mode. Without feet and
-    holds, a free base counts as fixed. Every other base also counts as fixed. `memo` caches the distribution of loads.
+    holds, a free base counts as fixed. Every other base also counts as fixed. `memo` caches the distribution of loads. `moving` contains
+    additional loads on joints by path, such as the loads of a motion (`model/dynamics/inertial_loads.py`).
     """
-    load, drives = problem(robot, q, bodies)
+    load, drives = problem(robot, q, bodies, moving)
     if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):
         return balance_tree(load, drives)
     from thingc.model.statics.load_sharing import balance_shared
@@ -42,7 +45,9 @@ def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose],
     return balance_shared(robot, q, bodies, load, drives, memo)
 
 
-def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tuple[dict[str, float], list[DriveTransmission]]:
+def problem(
+    robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], moving: Mapping[str, float] | None = None,
+) -> tuple[dict[str, float], list[DriveTransmission]]:
     """Return the load [N m or N] on each joint coordinate, and the drives that exist in the mode.
 
     The arguments have the same meaning as for `static_efforts`.
@@ -55,7 +60,8 @@ def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tup
     for joint in joints:
         path, limit = joint.path, joint.limit.effort
         leader, factor, _ = following[path]
-        load[leader] = load.get(leader, 0.0) + factor * on_joints[path]
+        own = on_joints[path] if moving is None else on_joints[path] + moving.get(path, 0.0)
+        load[leader] = load.get(leader, 0.0) + factor * own
         if path in robot.present:
             moves = ((leader, factor),) if joint.actuator is None or joint.actuator.axis is None else _about(joint, joints, q)
             drives.append(DriveTransmission(path, moves, limit, limit or 1.0))

@@ -23,6 +23,7 @@ from thingc.documents.workspace import Workspace
 from thingc.geometry.record import Mesh, PartDefinition
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Assembly, JointEdge, LinkedMount, Mate, Occurrence, Surface
+from thingc.model.resolve.types import NamedMotion
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Body, Closure, Keyframe, Robot
@@ -32,6 +33,9 @@ from thingc.targets.html.mesh_packing import PackedMeshes
 
 VERSION = 1
 """Version of the format of the data. The page rejects any other version."""
+
+TIMES = 1000
+"""Largest number of steps between the times of a motion."""
 
 SLACK = 1e-6
 """An unbalanced gravity load of the joints up to this value, relative to the total load, counts as a rounding error."""
@@ -69,6 +73,7 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
             for row, pieces in with_pieces(assembly)
         ],
         "modes": [_mode(robot, places) for robot in robots],
+        **({"motions": [_motion(motion, assembly) for motion in motions]} if (motions := assembly.definition.motions) else {}),
     }
 
 
@@ -163,6 +168,17 @@ def _mass(own: MassProperties) -> Data:
     """
     moments, axes = principal_axes(own.inertia)
     return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
+
+
+def _motion(motion: NamedMotion, assembly: Assembly) -> Data:
+    """Return the data of a motion for the page: q of all joints at its times, of which at most `TIMES` are kept."""
+    last = len(motion.times) - 1
+    rows = [*range(0, last, -(-last // TIMES)), last]
+    states = [coordinates(joints_of(assembly), {path: values[row] for path, values in motion.values.items()}) for row in rows]
+    return {
+        "name": motion.name, "times": [motion.times[row] for row in rows], "smooth": motion.smooth,
+        "q": {path: [state[path] for state in states] for path in states[0]},
+    }
 
 
 def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:

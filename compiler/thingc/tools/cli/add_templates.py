@@ -276,7 +276,10 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Documen
         raise console.WrongCommandLine(f"expected --kind ({known}); {there}", hint)
     mounts = _section(root.tree, "mounts")
     last = list(_section(root.tree, "components"))[-1]
-    words = {"$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin")}
+    words = {
+        "$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin"),
+        "$motion": next(iter(_section(root.tree, "motions")), "motion"),
+    }
     stub = {key: words.get(value, value) if isinstance(value, str) else value for key, value in kinds()[arguments.kind].stub.items()}
     return DocumentEdit(values={("tests", name): {arguments.kind: stub}})
 

@@ -33,6 +33,7 @@ COMMANDS = {
     "info": "show masses, links and joints of a robot, and the source of each number",
     "collision": "measure how well collision shapes approximate the parts of a robot, and draw them over the parts",
     "limits": "find the intervals of joints in which no parts touch, and write them to the document as limits",
+    "motion": "replay a motion of a robot in MuJoCo, and measure how well the drives follow it",
     "sensitivity": "show how results of a robot change with its parameters: derivatives with units",
     "print": "show size, overhangs, supports, mass and filament of the printed parts, and directions with less support",
     "render": "draw a picture of a robot in one of its poses",

@@ -172,7 +172,7 @@ LSP does not define a type `unit`, so units are sent as `keyword`.
 """
 _SECTIONS = {
     "components": 5, "joints": 6, "parameters": 13, "poses": 24, "modes": 10, "mounts": 11, "sensors": 8, "tests": 17, "links": 23,
-    "tendons": 6, "transmissions": 6, "materials": 14, "choices": 10, "list": 18,
+    "tendons": 6, "transmissions": 6, "motions": 24, "materials": 14, "choices": 10, "list": 18,
 }
 """Maps sections of a document to the LSP symbol kind of the names in the section."""
 _MODULE = 2

@@ -94,6 +94,7 @@ class ShiftEdits:
         yield from self._tendons()
         yield from self._ratios()
         if set(self.names) <= set(self.independent):
+            self._check_files()
             yield from self._poses()
         yield from self._ranges()
 
@@ -259,6 +260,13 @@ class ShiftEdits:
                     raise ShiftRefused(f"the range of joint `{name}` is set by the pattern `{key}`", help, span)
                 ends = [self._at((*path, k)) for k in "01"][:: self.shift.sign]
                 yield from (((*path, k), self._text(self._moved(end))) for k, end in zip("01", ends, strict=True))
+
+    def _check_files(self) -> None:
+        """Raise `ShiftRefused` if a CSV file contains positions of the joint."""
+        for motion, node in entries_of(node_at(self.document.tree, ("motions",))).items():
+            if "file" in entries_of(node):
+                message = f"the file of motion `{motion}` contains positions of joint `{self.shift.joint}`"
+                raise ShiftRefused(message, "remove the motion, and record it again", self.document.span(("motions", motion, "file")))
 
     def _check_raw(self) -> None:
         """Raise `ShiftRefused` if raw attributes of MuJoCo depend on the coordinate."""

@@ -66,6 +66,7 @@ class DocumentFacts(FrozenStruct):
     poses: Names = {}
     nested_poses: dict[str, tuple[str, ...]] = {}
     modes: Names = {}
+    motions: Names = {}
     materials: Names = {}
     materials_sure: bool = False
     parameters: dict[str, Quantity] = {}
@@ -116,6 +117,7 @@ def facts_of(
             for component in model.components if isinstance(component.definition, AssemblyDefinition)
         },
         modes={name: _summary(node) for name, node in _entries(tree, "modes").items()},
+        motions=dict.fromkeys(_entries(tree, "motions"), ""),
         materials={**dict.fromkeys(inline, ""), **materials},
         materials_sure=model is not None and model.materials_known and not inline and bool(materials),
         parameters={

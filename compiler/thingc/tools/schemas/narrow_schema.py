@@ -261,6 +261,8 @@ class _Narrowing:
         joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
         self._put("ModeSpec", "root", _ref("frame"))
         self._offer("ModeSpec", "pose", poses)
+        self._offer("MotionPoseSpec", "pose", poses)
+        self._offer("DriveMarginTest", "motion", self.facts.motions.items())
         self._offer("ModeSpec", "extends", modes)
         self._put("ModeSpec", "poses", {"type": "array", "items": one_of(poses)})
         for key in ("actuators", "cut"):

@@ -1,0 +1,114 @@
+"""Measure whether the drives of a robot can follow a motion, for document tests of the kind `drive_margin`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from thingc.base.numeric import inf, isfinite, sum_of
+from thingc.base.pose import Pose
+from thingc.base.units import ANGULAR_VELOCITY, FORCE, TORQUE, VELOCITY
+from thingc.documents.checks.drive_margin import KIND, DriveCheck, DriveCode
+from thingc.driver.testing.kinds.torque_margin import SLACK
+from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, TestMeasurement, shown
+from thingc.model.assembly.kinematics import joints_of
+from thingc.model.assembly.types import JointEdge, LinkedTendon
+from thingc.model.dynamics.inertial_loads import inertial_loads
+from thingc.model.dynamics.motion_curve import MotionCurve, with_closed_loops
+from thingc.model.resolve.types import NamedMotion
+from thingc.model.robot.kinematics import body_poses
+from thingc.model.robot.types import Robot
+from thingc.model.statics.efforts import problem, static_efforts
+from thingc.model.statics.types import NO_LOAD
+
+
+class Instant(NamedTuple):
+    """The drive at `path` at a `time` [s] of a motion: its effort [N m or N] and its speed [rad/s or m/s].
+
+    `available` is the largest effort at this speed. `stuck` is the path of a coordinate whose load no drive balances, if any.
+    """
+
+    path: str
+    time: float
+    effort: float
+    speed: float
+    available: float
+    stuck: str | None = None
+
+    @property
+    def margin(self) -> float:
+        """The ratio of the available effort to the needed effort."""
+        if self.stuck is not None:
+            return 0.0
+        return self.available / abs(self.effort) if abs(self.effort) > NO_LOAD else inf
+
+
+def measure(case: TestCase, check: DriveCheck) -> Outcome:
+    """Measure the drive margin during a motion. Return the smallest margin of the tested drives."""
+    motion = with_closed_loops(case.robot, next(one for one in case.robot.assembly.definition.motions if one.name == check.motion))
+    failure: Failure | None = None
+    if motion is None:
+        failure = Failure(
+            code=DriveCode.TEST_DRIVE, key="motion", message="the loops of the mode do not close during the motion",
+            help="change the poses of the motion",
+        )
+        return Outcome(measured={}, expected={}, said="the loops do not close", failure=failure)
+    tested = (one for one in instants(case.robot, motion, case.frames[0].base) if one.path in check.joints)
+    worst = min(tested, key=lambda one: one.margin)
+    drive = _drives(case.robot)[worst.path]
+    effort, speed = (TORQUE, ANGULAR_VELOCITY) if drive.turns else (FORCE, VELOCITY)
+    needed, available = shown(abs(worst.effort), effort), shown(worst.available, effort)
+    fast, when = shown(abs(worst.speed), speed), f"{worst.time:.4g} s"
+    if worst.stuck is not None:
+        failure = Failure(
+            code=DriveCode.TEST_DRIVE, key="motion", message=f"the drives cannot follow the motion: no drive moves joint `{worst.stuck}`",
+            help="add a drive to the joint, or use a mode in which its drive is present",
+        )
+    elif worst.margin < check.minimum:
+        failure = Failure(
+            code=DriveCode.TEST_DRIVE, key="min",
+            message=f"drive `{worst.path}` needs {needed} at {when}, and can exert {available} at {fast}: "
+            f"the margin is {worst.margin:.3g}, but at least {check.minimum:g} is required",
+        )
+    said = f"margin {worst.margin:.3g} at {worst.path}: {needed} of {available} at {fast} and {when} (at least {check.minimum:g})"
+    return Outcome(
+        measured={
+            "margin": worst.margin if isfinite(worst.margin) else None, "drive": worst.path, "time": worst.time, "effort": worst.effort,
+            "speed": worst.speed, "available": worst.available,
+        },
+        expected={"min": check.minimum}, said=said, failure=failure,
+    )
+
+
+def instants(robot: Robot, motion: NamedMotion, base: Pose | None) -> Iterator[Instant]:
+    """Yield the state of each drive at each examined time of a motion with closed loops. `base` is the pose of the root link."""
+    curve, drives = MotionCurve(robot.assembly, motion), _drives(robot)
+    for time in curve.samples().tolist():
+        state = curve.at(time)
+        bodies = body_poses(robot, state.q, base)
+        held = static_efforts(robot, state.q, bodies, moving=inertial_loads(robot, bodies, state))
+        stuck = held.where if held.unheld > SLACK else None
+        for path, moves, _, _ in problem(robot, state.q, bodies)[1]:
+            effort, speed = held.by_joint[path], sum_of(factor * state.v[leader] for leader, factor in moves)
+            yield Instant(path, time, effort, speed, available(drives[path], effort, speed), stuck)
+
+
+def _drives(robot: Robot) -> dict[str, JointEdge | LinkedTendon]:
+    return {joint.path: joint for joint in joints_of(robot.assembly)} | {tendon.path: tendon for tendon in robot.assembly.tendons}
+
+
+def available(drive: JointEdge | LinkedTendon, effort: float, speed: float) -> float:
+    """Return the largest effort [N m or N] of a drive in the direction of `effort`, at a speed [rad/s or m/s].
+
+    The torque-speed line of a drive connects its effort limit at rest with 0 at its velocity limit. A drive that brakes has its whole
+    effort. Above the velocity limit, a drive has no effort. Without a velocity limit, the effort does not depend on the speed.
+    """
+    limit, fastest = drive.limit.effort or 0.0, drive.limit.velocity
+    if fastest is None:
+        return limit
+    if abs(speed) >= fastest:
+        return 0.0
+    return limit * (1.0 - abs(speed) / fastest) if effort * speed > 0.0 else limit
+
+
+MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

@@ -1,0 +1,1 @@
+"""Motions of joints in time, and the loads that they cause."""

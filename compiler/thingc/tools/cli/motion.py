@@ -1,0 +1,106 @@
+"""Implementation of `thingc motion`, which replays a motion of a document in MuJoCo."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import math
+import sys
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from thingc.base.diagnostics import Diagnostic
+from thingc.base.suggestions import did_you_mean
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, attempted
+from thingc.driver.pipeline import UnknownChoice
+from thingc.tools.cli import console
+
+if TYPE_CHECKING:
+    from thingc.model.assembly.types import JointEdge
+
+EPILOG = """\
+Without --csv, the motion is played in the viewer of MuJoCo.
+
+  thingc motion assemblies/arm.yaml wave
+  thingc motion assemblies/arm.yaml wave --mode bench --csv tracked.csv     without a window: tracked positions and errors
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `thingc motion` to the parser."""
+    parser.epilog = EPILOG
+    console.add_document(parser)
+    parser.add_argument("motion", metavar="MOTION", nargs="?", help="a motion of the document (default: the first)")
+    parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first)")
+    parser.add_argument(
+        "--csv", metavar="FILE", help="write the simulated positions of joints to a CSV file, and print the largest error of each joint",
+    )
+    console.add_format(parser)
+    console.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run `thingc motion`, and return the exit code, which is 0 if the motion could be simulated."""
+    console.require_document(arguments.document)
+    errors: list[tuple[JointEdge, float, float]] = []
+    try:
+        diagnostics = attempted(arguments.document, console.options_of(arguments), partial(_replay, arguments, errors))
+    except UnknownChoice as fault:
+        diagnostics = [console.of_exception(fault)]
+    if arguments.format == "json":
+        console.print_json(diagnostics, joints=[
+            {"joint": joint.name, "error": error, "time": time} for joint, error, time in errors
+        ])
+        return console.exit_code(diagnostics)
+    code = console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    if errors:
+        rows = [(joint.name, joint.twist.shown(error), f"{time:.3f} s") for joint, error, time in errors]
+        console.say(*console.table([("joint", "largest error", "at"), *rows]))
+    return code
+
+
+def _replay(arguments: argparse.Namespace, errors: list[tuple[JointEdge, float, float]], environment: Environment) -> list[Diagnostic]:
+    """Compile the document, and simulate its motion. Add the joints to `errors`, each with its largest error and the time of the error.
+
+    Return the diagnostics. Raises `UnknownChoice`."""
+    errors.clear()
+    compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
+    diagnostics = console.final(compilation.report, strict=arguments.strict)
+    if console.exit_code(diagnostics) or compilation.assembly is None:
+        return diagnostics
+    motions = {motion.name: motion for motion in compilation.assembly.definition.motions}
+    name = arguments.motion if arguments.motion is not None else next(iter(motions), None)
+    if name not in motions:
+        hint = did_you_mean(name, list(motions), what="motions") if name and motions else "add `motions:` to the document"
+        raise UnknownChoice("the document has no motions" if name is None else f"there is no motion `{name}`", hint)
+    from thingc.tools.motions.replay import Replay
+
+    replay = Replay(pipeline.request_of(environment, compilation), compilation.robots[0], motions[name])
+    if arguments.csv is None:
+        try:
+            replay.show()
+        except Exception as fault:
+            raise UnknownChoice(f"cannot open the viewer of MuJoCo: {fault}", "use `--csv FILE`, which needs no window") from fault
+        return diagnostics
+    times, tracked, wanted = replay.track()
+    off = abs(tracked - wanted)
+    errors += zip(replay.joints, off.max(axis=0).tolist(), times[off.argmax(axis=0)].tolist(), strict=True)
+    _write(arguments.csv, replay.joints, [[time, *row] for time, row in zip(times.tolist(), tracked.tolist(), strict=True)])
+    return diagnostics
+
+
+def _write(path: str, joints: Sequence[JointEdge], rows: Sequence[Sequence[float]]) -> None:
+    """Write the tracked positions in degrees and millimetres, as in the file of a motion. Raises `WrongCommandLine`."""
+    scales = [1.0, *(math.degrees(1.0) if joint.twist.turns else 1e3 for joint in joints)]
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["time [s]", *(f"{joint.name} [{'deg' if joint.twist.turns else 'mm'}]" for joint in joints)])
+    table.writerows([f"{value * scale:.9g}" for value, scale in zip(row, scales, strict=True)] for row in rows)
+    try:
+        with open(path, "w", encoding="utf-8", newline="") as stream:
+            stream.write(text.getvalue())
+    except OSError as fault:
+        raise console.WrongCommandLine(f"cannot write `{path}`: {fault.strerror}", "choose another file with --csv") from fault
