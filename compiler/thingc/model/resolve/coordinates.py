@@ -30,6 +30,10 @@ class Limit(OneLineRepr, FrozenStruct):
         """Whether the position of the joint has a lower or an upper limit."""
         return (self.lower, self.upper, self.cone) != (None, None, None)
 
+    def contains(self, q: float) -> bool:
+        """Return whether a position [rad or m] is within the limits, except for rounding errors."""
+        return (self.lower is None or q >= self.lower - 1e-9) and (self.upper is None or q <= self.upper + 1e-9)
+
 
 class Dynamics(OneLineRepr, FrozenStruct):
     """The passive dynamics of a joint in SI units. A value is None if the document does not specify it.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from thingc.base.diagnostics import Code, Report
+from thingc.base.diagnostics import Code
 from thingc.base.numeric import inf, isfinite
 from thingc.base.source import Path, Span
 from thingc.base.suggestions import Hint
@@ -13,6 +13,7 @@ from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, UnitError, checked
 from thingc.documents.load.csv_tree import cells_of
 from thingc.documents.load.text import Source
 from thingc.documents.spec.motions import MotionPoseSpec
+from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
 from thingc.model.resolve.references import report_unmatched, suggested
 from thingc.model.resolve.scope import Scope
@@ -37,7 +38,11 @@ def motions(context: ResolveRun, table: DocumentScope, scope: Scope) -> None:
             table.motions[name] = None
         else:
             rows = cells_of(Source(document.path, document.text), context.report) or []
-            table.motions[name] = _MotionFile(context.report, table, rows).motion(name, scope.span(path, key=True))
+            try:
+                table.motions[name] = _of_file(table, rows, name, scope.span(path, key=True))
+            except _WrongCell as error:
+                context.report.add(Code.MOTION, error.message, error.span, help=error.help)
+                table.motions[name] = None
 
 
 def _through_poses(table: DocumentScope, scope: Scope, name: str, written: Sequence[MotionPoseSpec]) -> NamedMotion | None:
@@ -67,101 +72,83 @@ def _through_poses(table: DocumentScope, scope: Scope, name: str, written: Seque
     )
 
 
-class _MotionFile:
-    """Reads the rows of a CSV file, the first of which contains the names of the columns.
+class _WrongCell(Exception):
+    """The first error in a file, at the `span` of a cell."""
 
-    `dimensions` contains the physical dimension of each column that the file can have. `sound` becomes False when an error is reported.
+    def __init__(self, message: str, span: Span, help: Hint | None = None) -> None:
+        super().__init__(message)
+        self.message, self.span, self.help = message, span, help
+
+
+def _of_file(table: DocumentScope, rows: Sequence[Row], name: str, where: Span) -> NamedMotion | None:
+    """Return the motion of a CSV file, or None if an error in the document has been reported. `where` is the location of the motion.
+
+    Raises `_WrongCell`.
     """
+    joints = dict(table.all_joints())
+    if table.unsure_joints() or None in joints.values():
+        return None
+    columns = _columns({name: joint for name, joint in joints.items() if joint is not None}, rows[0])
+    values: list[list[float]] = [[] for _ in columns]
+    for row in rows[1:]:
+        for number, (own, (column, factor)) in enumerate(zip(values, columns.items(), strict=True)):
+            text, span = row[number] if number < len(row) else ("", row[-1][1])
+            own.append(factor * _number(text, span, column))
+            joint = joints.get(CoordinateName(column))
+            if column == TIME_COLUMN and len(own) > 1 and own[-1] <= own[-2]:
+                raise _WrongCell(f"the times of a motion must increase, found {own[-1]:.6g} s after {own[-2]:.6g} s", span)
+            if column != TIME_COLUMN and joint is not None and joint.twist is not None and not joint.limit.contains(own[-1]):
+                ends = " to ".join("no limit" if end is None else joint.twist.shown(end) for end in (joint.limit.lower, joint.limit.upper))
+                found = f"joint `{column}` is at {joint.twist.shown(own[-1])}, outside its limits {ends}"
+                raise _WrongCell(found, span, "change the number, or widen the limits")
+    if len(rows) < 3:
+        raise _WrongCell("a motion needs at least two rows with numbers", rows[0][0][1], "add rows below the names of the columns")
+    by_column = dict(zip(columns, map(tuple, values), strict=True))
+    times = by_column.pop(TIME_COLUMN)
+    by_path = {CoordinateName(column).path: own for column, own in by_column.items()}
+    return NamedMotion(name=name, times=times, values=by_path, smooth=True, origin=(where, rows[0][0][1]))
 
-    def __init__(self, report: Report, table: DocumentScope, rows: Sequence[Row]) -> None:
-        self.report, self.sound = report, True
-        self.header, self.rows = rows[0], rows[1:]
-        joints = dict(table.all_joints())
-        self.unsure = table.unsure_joints() or None in joints.values()
-        self.joints: dict[str, Joint] = {name: joint for name, joint in joints.items() if joint is not None}
-        self.dimensions: dict[str, Dimension] = {
-            name: joint.twist.coordinate for name, joint in self.joints.items()
-            if joint.mimic is None and joint.twist is not None and not joint.kind.at_once
-        } | {TIME_COLUMN: TIME}
 
-    def error(self, message: str, span: Span, help: Hint | None = None) -> None:
-        """Report an error in the file."""
-        self.sound = False
-        self.report.add(Code.MOTION, message, span, help=help)
+def _columns(joints: Mapping[CoordinateName, Joint], header: Row) -> dict[str, float]:
+    """Return the factor that converts the numbers of each column to SI units. Without a unit, they are in s, rad and m."""
+    dimensions: dict[str, Dimension] = {
+        name: joint.twist.coordinate for name, joint in joints.items()
+        if joint.mimic is None and joint.twist is not None and not joint.kind.at_once
+    } | {TIME_COLUMN: TIME}
+    columns: dict[str, float] = {}
+    for text, span in header:
+        match = _COLUMN.fullmatch(text)
+        name, unit = match.groups() if match is not None else (text, None)
+        joint = joints.get(CoordinateName(name))
+        if name in columns:
+            raise _WrongCell(f"the column `{name}` occurs twice", span, "remove one of the columns")
+        if name in dimensions:
+            columns[name] = _factor(unit, dimensions[name], span)
+        elif joint is not None:
+            why = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else f"is {joint.kind.words}"
+            raise _WrongCell(f"joint `{name}` {why}: a file cannot set it", span, "remove the column")
+        else:
+            raise _WrongCell(f"there is no joint `{shortened(name)}`", span, suggested(name, dimensions, what="columns"))
+    required = [TIME_COLUMN, *(name for name, joint in joints.items() if name in dimensions and (joint.drive is not None or joint.geared))]
+    missing = [f"`{name} [{_UNITS[dimensions[name]]}]`" for name in required if name not in columns]
+    if missing:
+        raise _WrongCell("columns of the motion are missing", header[0][1], f"add {', '.join(missing)}")
+    return columns
 
-    def motion(self, name: str, where: Span) -> NamedMotion | None:
-        """Return the motion of the file. After the first row with an error, return None.
 
-        `where` is the location of the motion in the document.
-        """
-        columns = self._columns()
-        values: dict[str, list[float]] = {column: [] for column, _ in columns}
-        for row in self.rows if self.sound else ():
-            for number, (column, factor) in enumerate(columns):
-                text, span = row[number] if number < len(row) else ("", row[-1][1])
-                value = self._number(text, span, column) * factor
-                if column != TIME_COLUMN:
-                    self._check_limits(self.joints[column], value, span)
-                elif values[column] and value <= values[column][-1]:
-                    self.error(f"the times of a motion must increase, found {value:.6g} s after {values[column][-1]:.6g} s", span)
-                values[column].append(value)
-            if not self.sound:
-                return None
-        if self.sound and len(self.rows) < 2:
-            self.error("a motion needs at least two rows with numbers", self.header[0][1], "add rows below the names of the columns")
-        if not self.sound or self.unsure:
-            return None
-        times = tuple(values.pop(TIME_COLUMN))
-        by_path = {self.joints[column].path: tuple(own) for column, own in values.items()}
-        return NamedMotion(name=name, times=times, values=by_path, smooth=True, origin=(where, self.header[0][1]))
+def _factor(unit: str | None, dimension: Dimension, span: Span) -> float:
+    try:
+        return 1.0 if unit is None else checked(parse_quantity(f"1 {unit}", (dimension,)), (dimension,), f"1 {unit}").value
+    except UnitError as error:
+        raise _WrongCell(f"wrong unit of a column: {error.message}", span, error.help) from None
 
-    def _columns(self) -> list[tuple[str, float]]:
-        """Return the name of each column, with the factor that converts its numbers to SI units. Wrong columns are reported."""
-        columns: dict[str, float] = {}
-        for text, span in self.header:
-            match = _COLUMN.fullmatch(text)
-            name, unit = match.groups() if match is not None else (text, None)
-            joint = self.joints.get(name)
-            if name in columns:
-                self.error(f"the column `{name}` occurs twice", span, "remove one of the columns")
-            elif name in self.dimensions:
-                columns[name] = self._factor(unit, self.dimensions[name], span)
-            elif joint is not None:
-                why = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else f"is {joint.kind.words}"
-                self.error(f"joint `{name}` {why}: a file cannot set it", span, "remove the column")
-            elif not self.unsure:
-                self.error(f"there is no joint `{shortened(name)}`", span, suggested(name, self.dimensions, what="columns"))
-        driven = [name for name, joint in self.joints.items() if joint.drive is not None or joint.geared]
-        required = [name for name in (TIME_COLUMN, *driven) if name in self.dimensions]
-        missing = [f"`{name} [{_UNITS[self.dimensions[name]]}]`" for name in required if name not in columns]
-        if missing and self.sound:
-            self.error("columns of the motion are missing", self.header[0][1], f"add {', '.join(missing)}")
-        return list(columns.items())
 
-    def _factor(self, unit: str | None, dimension: Dimension, span: Span) -> float:
-        """Return the SI value of a unit. Without a unit, numbers are in s, rad and m."""
-        try:
-            return 1.0 if unit is None else checked(parse_quantity(f"1 {unit}", (dimension,)), (dimension,), f"1 {unit}").value
-        except UnitError as error:
-            self.error(f"wrong unit of a column: {error.message}", span, error.help)
-            return 1.0
-
-    def _number(self, text: str, span: Span, column: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = inf
-        if not isfinite(value):
-            found = f"found `{shortened(text)}`" if text else "found an empty cell"
-            self.error(f"expected a number in the column `{column}`, {found}", span)
+def _number(text: str, span: Span, column: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = inf
+    if isfinite(value):
         return value
-
-    def _check_limits(self, joint: Joint, value: float, span: Span) -> None:
-        lower, upper = joint.limit.lower, joint.limit.upper
-        outside = (lower is not None and value < lower - 1e-9) or (upper is not None and value > upper + 1e-9)
-        if outside and isfinite(value) and joint.twist is not None:
-            ends = " to ".join("no limit" if end is None else joint.twist.shown(end) for end in (lower, upper))
-            self.error(
-                f"joint `{joint.name}` is at {joint.twist.shown(value)}, outside its limits {ends}", span,
-                "change the number, or widen the limits",
-            )
+    found = f"found `{shortened(text)}`" if text else "found an empty cell"
+    raise _WrongCell(f"expected a number in the column `{column}`, {found}", span)

@@ -171,7 +171,7 @@ def _mass(own: MassProperties) -> Data:
 
 
 def _motion(motion: NamedMotion, assembly: Assembly) -> Data:
-    """Return the data of a motion for the page: q of all joints at its times, of which at most `TIMES` are kept."""
+    """Return the data of a motion for the page: q of all joints at its times, or at about `TIMES` of them."""
     last = len(motion.times) - 1
     rows = [*range(0, last, -(-last // TIMES)), last]
     states = [coordinates(joints_of(assembly), {path: values[row] for path, values in motion.values.items()}) for row in rows]
