@@ -222,6 +222,15 @@ def test_a_motion_that_is_too_fast_is_found_in_every_mode(rig: Workspace) -> Non
     assert found["code"] == "TC668" and "mode `bench`" in found["message"] and "drive `shoulder` needs" in found["message"]
 
 
+def test_the_stall_torque_begins_the_torque_speed_line(rig: Workspace) -> None:
+    """The voltage allows 4 N m at rest, and the current 1 N m: the line falls below 1 N m near its end."""
+    text = FLAT.replace("SECONDS", "1 s").replace("velocity: 3 rad/s", "velocity: 3 rad/s, stall: 4 N*m")
+    drive = "{motion: lift, min: 0.1, mode: bench, drive: shoulder}"
+    (found,) = rig.test(text, f"  follow: {{drive_margin: {drive}}}\n", others=NUMBERS)["tests"]
+    measured = found["measured"]
+    assert measured["available"] == pytest.approx(min(1.0, 4.0 * (1.0 - abs(measured["speed"]) / 3.0)))
+
+
 def test_a_drive_has_no_effort_above_its_velocity(rig: Workspace) -> None:
     answer = rig.test(FLAT.replace("SECONDS", "0.5 s"), "  follow: {drive_margin: {motion: lift, min: 0.1, mode: bench}}\n", others=NUMBERS)
     assert answer["code"] == 1 and answer["tests"][0]["measured"]["margin"] == 0.0

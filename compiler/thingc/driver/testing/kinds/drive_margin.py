@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from thingc.base.numeric import inf, isfinite, sum_of
+from thingc.base.numeric import inf, isfinite, minimum, sum_of
 from thingc.base.pose import Pose
 from thingc.base.units import ANGULAR_VELOCITY, FORCE, TORQUE, VELOCITY
 from thingc.documents.checks.drive_margin import KIND, DriveCheck, DriveCode
@@ -100,15 +100,18 @@ def _drives(robot: Robot) -> dict[str, JointEdge | LinkedTendon]:
 def available(drive: JointEdge | LinkedTendon, effort: float, speed: float) -> float:
     """Return the largest effort [N m or N] of a drive in the direction of `effort`, at a speed [rad/s or m/s].
 
-    The torque-speed line of a drive connects its effort limit at rest with 0 at its velocity limit. A drive that brakes has its whole
-    effort. Above the velocity limit, a drive has no effort. Without a velocity limit, the effort does not depend on the speed.
+    The torque-speed line of a drive connects its `stall` effort (by default, its effort limit) at rest with 0 at its velocity limit. The
+    effort limit also applies. A drive that brakes has its whole effort. Above the velocity limit, a drive has no effort. Without a velocity
+    limit, the effort does not depend on the speed.
     """
-    limit, fastest = drive.limit.effort or 0.0, drive.limit.velocity
+    limit = drive.limit.effort or 0.0
+    line = drive.actuator.stall if drive.actuator is not None else None
+    stall, fastest = line or (limit, drive.limit.velocity)
     if fastest is None:
         return limit
     if abs(speed) >= fastest:
         return 0.0
-    return limit * (1.0 - abs(speed) / fastest) if effort * speed > 0.0 else limit
+    return minimum(limit, stall * (1.0 - abs(speed) / fastest)) if effort * speed > 0.0 else limit
 
 
 MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)
