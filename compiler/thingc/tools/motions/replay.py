@@ -22,6 +22,7 @@ from thingc.model.resolve.types import NamedMotion, NamedPose
 from thingc.model.robot.types import Robot
 from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.mjcf.compat import separator
+from thingc.targets.mjcf.drives import start_delays
 from thingc.targets.request import EmitRequest
 
 Array = NDArray[np.float64]
@@ -88,6 +89,7 @@ class Replay:
         """Simulate the motion, and yield the state after every time step."""
         data = mujoco.MjData(self.model)
         mujoco.mj_resetDataKeyframe(self.model, data, self.first)
+        start_delays(self.model, data)
         data.time = 0.0
         yield data
         while data.time < self.times[-1] - self.times[0] - 0.5 * self.model.opt.timestep:
