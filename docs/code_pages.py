@@ -135,7 +135,8 @@ def current_page(code: DiagnosticCode) -> str:
     path = path_of(code)
     text = path.read_text(encoding="utf-8") if path.exists() else NEW.replace("CODE", code.code)
     used = [name for name in ("boxes", "failing") if re.search(rf"\b{name}:[A-Z]", text)]
-    parts = f" The parts come from {' and '.join(f'[`{name}`](../../tests/cases/parts/{name}.py)' for name in used)}." if used else ""
+    files = " and ".join(f"[`{name}.py`](../../tests/cases/parts/{name}.py)" for name in used)
+    parts = f" The example uses {files}." if used else ""
     last = f"`thingc explain {code.code}` prints this page.{parts} [All codes](../diagnostics.md)\n"
     text = re.sub(r"\A# .*", lambda _: f"# {code.code}: {code.title}", text)
     text = re.sub(r"^\*\*Fix\.\*\*.*$", lambda _: f"**Fix.** {code.cure}", text, count=1, flags=re.MULTILINE)
