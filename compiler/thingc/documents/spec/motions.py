@@ -10,7 +10,7 @@ from thingc.documents.spec.name_types import PoseField
 
 
 class MotionPoseSpec(Model):
-    """A pose of a motion, in which the robot rests for an instant."""
+    """A pose of a motion. All joints have zero speed in the pose."""
 
     pose: PoseField
     """A pose of this document."""
