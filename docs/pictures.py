@@ -55,6 +55,13 @@ STRIPS: dict[str, tuple[str, list[list[str]]]] = {
     "gallery_so101.png": ("gallery/so101/so101.yaml", [
         ["--mode", "bench", "--pose", "reaching", "--azimuth", "150"], ["--mode", "hanging", "--azimuth", "215"],
     ]),
+    "gallery_dropper.png": ("gallery/dropper/dropper.yaml", [
+        ["--mode", "bench", "--azimuth", "60", "--elevation", "-10"],
+        ["--mode", "bench", "--pose", "released", "--azimuth", "60", "--elevation", "-10"],
+    ]),
+    "gallery_biped.png": ("gallery/biped/biped.yaml", [
+        ["--mode", "standing", "--azimuth", "145"], ["--mode", "on_one_foot", "--azimuth", "145"],
+    ]),
     "gallery_wrist.png": ("gallery/wrist/wrist.yaml", [
         ["--mode", "bench", "--azimuth", "60"], ["--mode", "by_the_hand", "--azimuth", "60"],
     ]),

@@ -10,14 +10,16 @@ import pytest
 
 import thingc
 from thingc.model.robot.kinematics import body_poses
+from thingc.modes import Modes
 from thingc.tools.cli.main import main
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ("balancer", "delta", "gecko", "gripper", "hand", "hexapod", "so101", "wrist")
+NAMES = ("balancer", "biped", "delta", "dropper", "gecko", "gripper", "hand", "hexapod", "so101", "wrist")
 ROOTS = {  # the links that trees begin with, and the modes: another root is another tree of the same robot
-    "balancer": ({"body", "left_wheel"}, 4), "delta": ({"top", "platform"}, 3),
+    "balancer": ({"body", "left_wheel"}, 4), "biped": ({"torso", "leg_0/shank"}, 3),
+    "dropper": ({"palm", "ball"}, 3), "delta": ({"top", "platform"}, 3),
     "gecko": ({"chest", "left_front/arm", "right_front/arm", "left_rear/arm", "right_rear/arm"}, 6),
     "gripper": ({"base", "left_finger"}, 3), "hand": ({"forearm", "index/distal"}, 3),
     "hexapod": ({"chassis", "leg_0/knee_servo", "leg_1/knee_servo"}, 5), "so101": ({"base_link", "gripper_link"}, 2),
@@ -114,3 +116,25 @@ def test_the_balancer_balances(shared_store: str) -> None:
     assert signs == [1.0, 1.0]
     assert leans(0.0) > 1.0
     assert leans(1.0) < 0.2
+
+
+def test_the_dropper_holds_its_ball_until_the_motor_opens_it(shared_store: str) -> None:
+    """The command acts after 10 ms, also if the mode changes in between. Then the ball falls."""
+    robot = compiled("dropper", shared_store)
+    bench, carried = (mujoco.MjData(scene(robot.modes[name])) for name in ("bench", "carried"))
+    mujoco.mj_resetDataKeyframe(bench.model, bench, 0)
+    height = bench.body("ball").xpos[2] if mujoco.mj_forward(bench.model, bench) is None else 0.0
+    mujoco.mj_step(bench.model, bench, 500)
+    assert bench.body("ball").xpos[2] == pytest.approx(height, abs=1e-3)
+    bench.ctrl[:] = bench.model.actuator_ctrlrange[:, 1]
+    mujoco.mj_step(bench.model, bench, 6)
+    Modes.parse(robot.modes["bench"].files["modes.json"]).switch(("bench", bench), ("carried", carried))
+    carried.ctrl[:] = 0.0  # the jaws would not open without the commands that have not yet acted
+    forces = []
+    for _ in range(12):
+        mujoco.mj_step(carried.model, carried)
+        forces.append(carried.actuator_force[0])
+    assert [force > 0.0 for force in forces] == [False] * 4 + [True] * 6 + [False] * 2
+    carried.ctrl[:] = carried.model.actuator_ctrlrange[:, 1]
+    mujoco.mj_step(carried.model, carried, 300)
+    assert carried.body("ball").xpos[2] < height - 0.1
