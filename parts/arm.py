@@ -11,8 +11,8 @@ from typing import Annotated
 
 from build123d import Axis, Circle, Cone, Cylinder, Edge, Face, Location, Plane, Pos, Solid, Wire, fillet
 
-from thingc import MATE, Length, MountPoint, Range, Thing
-from thingc_stock.dynamixel import XM430
+from thingc import MATE, Bolts, Bore, Length, MountPoint, Range, Thing
+from thingc_stock.dynamixel import XM430, mated
 from thingc_stock.fasteners import Screw
 
 PLAY = 0.1
@@ -86,7 +86,7 @@ class YawPitchBracket(Thing):
         super().__init__(material="petg")
         xm430 = XM430()
         below = Location(Plane((0, 0, -xm430.horn_z), x_dir=(0, -1, 0), z_dir=(0, 0, 1)))
-        self.yaw_seat = MountPoint(below * xm430.rotor.location * MATE, interface="x430-horn")
+        self.yaw_seat = MountPoint(below * xm430.rotor.location * MATE, interface=_horn(xm430))
         self.yaw_servo: XM430 = self.yaw_seat.align(xm430.rotor)
         above = Location(Plane((0, 0, thickness - xm430.bottom.location.position.Y), x_dir=(-1, 0, 0), z_dir=(0, 1, 0)))
         self.shoulder_seat = MountPoint(above * xm430.bottom.location * MATE, interface="x430-bottom")
@@ -138,9 +138,10 @@ class RotorBrace(Thing):
     ):
         super().__init__(material="petg")
         xm430 = XM430()
-        self.rotor_seat = MountPoint(xm430.rotor.location * MATE, interface="x430-horn")
+        self.rotor_seat = MountPoint(xm430.rotor.location * MATE, interface=_horn(xm430))
         self.turning_servo: XM430 = self.rotor_seat.align(xm430.rotor)
-        self.servo_seat = MountPoint(Pos(0, length, 0) * xm430.bottom.location * MATE, interface="x430-bottom")
+        bottom = ["x430-bottom", Bolts(xm430.drawing.body_screw, at=mated(xm430.drawing.bottom_bolts[::2]))]
+        self.servo_seat = MountPoint(Pos(0, length, 0) * xm430.bottom.location * MATE, interface=bottom)
         self.next_servo: XM430 = self.servo_seat.align(xm430.bottom)
 
         inner = self.rotor_seat.location.position.Z
@@ -192,7 +193,8 @@ class OmegaCap(Thing):
         spot = outer + screw.head_diameter / 2 + 4 * PLAY
         self.half_width = spot + screw.head_diameter / 2 + 4 * PLAY
         axis = pen_diameter / 2 + PLAY / 2
-        self.seat = MountPoint(Location((0, 0, 0), (0, 180, 0)), interface="omega")
+        places = ((spot, 0.0), (-spot, 0.0))
+        self.seat = MountPoint(Location((0, 0, 0), (0, 180, 0)), interface=["omega", Bolts("M3", at=places)])
         self.pen = MountPoint(Location((0, 0, axis), (0, 0, -90)), interface=f"pen-{pen_diameter:g}")
         self.screw = [MountPoint(Location((x, 0, thickness)), "m3-head") for x in (spot, -spot)]
 
@@ -244,11 +246,12 @@ class Hand(Thing):
     ):
         super().__init__(material="petg")
         xm430 = XM430()
-        self.rotor_seat = MountPoint(xm430.rotor.location * MATE, interface="x430-horn")
+        self.rotor_seat = MountPoint(xm430.rotor.location * MATE, interface=_horn(xm430))
         self.servo: XM430 = self.rotor_seat.align(xm430.rotor)
         omega = OmegaCap(pen_diameter)
         outside = Location(Plane((0, clearance + front, 0), x_dir=(0, 0, -1), z_dir=(0, 1, 0)))
-        self.cap_seat = MountPoint(outside * omega.seat.location * MATE, interface="omega")
+        tapped = Bolts("M3", at=[(0.0, screw.location.position.X) for screw in omega.screw], depth=front)
+        self.cap_seat = MountPoint(outside * omega.seat.location * MATE, interface=["omega", tapped])
         self.cap: OmegaCap = self.cap_seat.align(omega.seat)
 
         inner = self.rotor_seat.location.position.Z
@@ -302,6 +305,11 @@ class PenDummy(Thing):
     def result(self) -> Solid:
         """Return the solid of the pen."""
         return self.body
+
+
+def _horn(servo: XM430) -> list[str | Bolts | Bore]:
+    """Return the interface of a part on the horn of a servo: holes for its screws, and a hole for its boss."""
+    return ["x430-horn", servo.drawing.horn_bolts(), Bore(servo.p.boss_diameter + 6 * PLAY)]
 
 
 def _swing(servo: XM430) -> float:

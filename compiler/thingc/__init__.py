@@ -13,6 +13,11 @@ TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from thingc import modes as modes
+    from thingc.base.interfaces import Bolts as Bolts
+    from thingc.base.interfaces import Bore as Bore
+    from thingc.base.interfaces import Boss as Boss
+    from thingc.base.interfaces import Connector as Connector
+    from thingc.base.interfaces import Shank as Shank
     from thingc.batch.families.family import RobotFamily as RobotFamily
     from thingc.batch.families.family import family as family
     from thingc.driver.api import Compiled as Compiled
@@ -35,6 +40,7 @@ if TYPE_CHECKING:
     from thingc.geometry.things.thing import Thing as Thing
 
 _EXPORTS = {name: f"thingc.{module}" for module, names in {
+    "base.interfaces": ("Bolts", "Bore", "Boss", "Connector", "Shank"),
     "batch.families.family": ("RobotFamily", "family"), "driver.api": ("CompileError", "Compiled", "CompiledMode", "compile"),
     "driver.environment": ("Options",), "geometry.things.actuator": ("Actuator",), "geometry.things.assets": ("asset",),
     "geometry.things.mounts": ("MATE", "MountPoint"), "geometry.things.resolver": ("TransformResolver",),

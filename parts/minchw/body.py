@@ -7,9 +7,9 @@ from typing import Annotated
 from build123d import Location, Plane, Pos, Solid
 
 from minchw import GAP, PLAY
-from minchw.leg import HipBracket
+from minchw.leg import HipBracket, bottom_bolts
 from minchw.shapes import block, cut_away, placed, slab
-from thingc import MATE, Length, MountPoint, Range, Thing
+from thingc import MATE, Bolts, Length, MountPoint, Range, Thing
 from thingc_stock.cells import CellTray
 from thingc_stock.dynamixel import XM430
 from thingc_stock.fasteners import Screw
@@ -49,12 +49,14 @@ class Chassis(Thing):
         self.belly = MountPoint(MATE)
         self.tray_seat = MountPoint(Location((0, 0, wall)))
         self.tray: CellTray = self.tray_seat.align(tray.base)
-        self.rim = MountPoint(Location((self.middle, 0, self.height)), interface="case-rim")
+        corners = [(s * (length - end) / 2, t * (self.width / 2 - 2 * CORNER)) for s in (1, -1) for t in (1, -1)]
+        tapped = Bolts("M2.5", at=corners, depth=8)
+        self.rim = MountPoint(Location((self.middle, 0, self.height)), interface=["case-rim", tapped])
         bottom = -xm430.bottom.location.position.Y
         ahead = placed(front + bottom, z_dir=(0, 0, 1), x_dir=(0, -1, 0), z=axis)
         astern = placed(front - length - bottom, z_dir=(0, 0, 1), x_dir=(0, 1, 0), z=axis)
-        self.front_seat = MountPoint(ahead * xm430.bottom.location * MATE, interface="x430-bottom")
-        self.rear_seat = MountPoint(astern * xm430.bottom.location * MATE, interface="x430-bottom")
+        self.front_seat = MountPoint(ahead * xm430.bottom.location * MATE, interface=["x430-bottom", bottom_bolts(xm430)])
+        self.rear_seat = MountPoint(astern * xm430.bottom.location * MATE, interface=["x430-bottom", bottom_bolts(xm430)])
         self.front_servo: XM430 = self.front_seat.align(xm430.bottom)
         self.rear_servo: XM430 = self.rear_seat.align(xm430.bottom)
         self.board = MountPoint(Location(Plane((front - length + end, 0, self.height / 2), x_dir=(0, 1, 0), z_dir=(1, 0, 0))))

@@ -8,13 +8,24 @@ from build123d import Location, Plane, Pos, Solid
 
 from minchw import GAP, PLAY
 from minchw.shapes import cut_away, placed, slab, stadium, sunk, swing, tongue, turned
-from thingc import MATE, Length, MountPoint, Range, Thing
-from thingc_stock.dynamixel import XM430, XM540
+from thingc import MATE, Bolts, Length, MountPoint, Range, Thing
+from thingc_stock.dynamixel import XM430, XM540, XSeries, mated
 from thingc_stock.fasteners import Screw
 from thingc_stock.magnets import HoldingMagnet
 
 OTHER_SIDE = Location((0, 0, 0), (0, 180, 0))
 """The pose of the second brace of a thigh relative to the first brace: a rotation by 180 deg about y."""
+
+
+def horn_bolts(servo: XSeries) -> Bolts:
+    """Return the clearance holes for every second screw of the horn of a servo."""
+    d = servo.drawing
+    return Bolts(d.horn_screw, d.horn_holes // 2, d.horn_circle)
+
+
+def bottom_bolts(servo: XSeries) -> Bolts:
+    """Return the clearance holes for the screws into the bottom of a servo."""
+    return Bolts(servo.drawing.body_screw, at=mated(servo.drawing.bottom_bolts))
 
 
 class HipBracket(Thing):
@@ -32,12 +43,12 @@ class HipBracket(Thing):
         super().__init__(material="petg")
         xm430, xm540 = XM430(), XM540()
         stand = placed(0, z_dir=(0, 0, 1), x_dir=(0, -1, 0))
-        self.yaw_seat = MountPoint(stand * xm430.rotor.location * MATE, interface="x430-horn")
+        self.yaw_seat = MountPoint(stand * xm430.rotor.location * MATE, interface=["x430-horn", horn_bolts(xm430)])
         self.yaw_servo: XM430 = self.yaw_seat.align(xm430.rotor)
         inner = swing(xm430) + GAP
         self.knee = inner + thickness - xm540.bottom.location.position.Y
         lying = placed(self.knee, z_dir=(0, 1, 0), x_dir=(0, 0, 1))
-        self.knee_seat = MountPoint(lying * xm540.bottom.location * MATE, interface="x540-bottom")
+        self.knee_seat = MountPoint(lying * xm540.bottom.location * MATE, interface=["x540-bottom", bottom_bolts(xm540)])
         self.knee_servo: XM540 = self.knee_seat.align(xm540.bottom)
 
         self.low, self.high = xm430.idler_z - thickness, xm430.horn_z + thickness
@@ -82,11 +93,11 @@ class ThighBrace(Thing):
     ):
         super().__init__(material="petg")
         xm540, screw = XM540(), Screw("M2.5", 12)
-        self.knee_seat = MountPoint(xm540.rotor.location * MATE, interface="x540-horn")
+        self.knee_seat = MountPoint(xm540.rotor.location * MATE, interface=["x540-horn", horn_bolts(xm540)])
         self.knee_servo: XM540 = self.knee_seat.align(xm540.rotor)
         # at angle 0, the thigh is horizontal and the ankle servo stands on its bottom, with its top on the left of the knee servo
         standing = Location(Plane((0, length, 0), x_dir=(0, -1, 0), z_dir=(0, 0, 1)))
-        self.ankle_seat = MountPoint(standing * xm540.rotor.location * MATE, interface="x540-horn")
+        self.ankle_seat = MountPoint(standing * xm540.rotor.location * MATE, interface=["x540-horn", horn_bolts(xm540)])
         self.ankle_servo: XM540 = self.ankle_seat.align(xm540.rotor)
 
         # the web is as close to the knee servo as possible, to leave space for the long end of the ankle servo
@@ -96,8 +107,11 @@ class ThighBrace(Thing):
         assert room >= 0, (
             f"a thigh of {length:g} mm leaves no room for its web between two servos: make it {-room:.2f} mm longer"
         )
-        self.web = MountPoint(Location(Plane((0, middle, 0), x_dir=(0, 1, 0), z_dir=(0, 0, -1))), interface="thigh-web")
-        seat = Location((screw.head_diameter, middle, screw.p.length / 2))
+        web = Location(Plane((0, middle, 0), x_dir=(0, 1, 0), z_dir=(0, 0, -1)))
+        side, half = screw.head_diameter, screw.p.length / 2
+        through, tapped = Bolts("M2.5", at=[(0, side)]), Bolts("M2.5", at=[(0, -side)], depth=half)
+        self.web = MountPoint(web, interface=["thigh-web", through, tapped])
+        seat = Location((side, middle, half))
         self.screw = [MountPoint(seat, interface="m2.5-head")]
         mine, theirs = screw.move(seat), screw.move(OTHER_SIDE * seat)
         inner = self.knee_seat.location.position.Z
@@ -142,11 +156,12 @@ class Foot(Thing):
         super().__init__(material="petg")
         xm540, magnet = XM540(), HoldingMagnet()
         standing = placed(0, z_dir=(0, 1, 0), x_dir=(-1, 0, 0))
-        self.servo_seat = MountPoint(standing * xm540.bottom.location * MATE, interface="x540-bottom")
+        self.servo_seat = MountPoint(standing * xm540.bottom.location * MATE, interface=["x540-bottom", bottom_bolts(xm540)])
         self.ankle_servo: XM540 = self.servo_seat.align(xm540.bottom)
         high = self.servo_seat.location.position.Z
         low = high - thickness
-        self.magnet_seat = MountPoint(Pos(0, 0, low) * MATE, interface=magnet.back.interface)
+        magnet_bolts = Bolts("M3", 2, 0.8 * magnet.p.diameter, 90)  # the mate swaps the axes x and y
+        self.magnet_seat = MountPoint(Pos(0, 0, low) * MATE, interface=[f"magnet-{magnet.p.diameter:g}", magnet_bolts])
         self.magnet: HoldingMagnet = self.magnet_seat.align(magnet.back)
         self.sole = self.magnet.sole.location.position.Z
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from build123d import Axis, Location, Solid
 
-from thingc import MATE, MountPoint, Thing
+from thingc import MATE, Bore, MountPoint, Thing
 from thingc_stock.shapes import turned
 
 
@@ -57,8 +57,8 @@ class Bearing(Thing):
         super().__init__(material="steel", color="#a9adb2")
         sizes = BEARINGS[designation]
         self.bore, self.diameter, self.width = sizes.bore, sizes.diameter, sizes.width
-        self.front = MountPoint(Location((0, 0, self.width / 2)), f"bearing-{designation}")
-        self.back = MountPoint(Location((0, 0, -self.width / 2)) * MATE, f"bearing-{designation}")
+        self.front = MountPoint(Location((0, 0, self.width / 2)), [f"bearing-{designation}", Bore(self.bore)])
+        self.back = MountPoint(Location((0, 0, -self.width / 2)) * MATE, [f"bearing-{designation}", Bore(self.bore)])
 
     def mass(self) -> tuple[float, str]:
         """Return the mass [kg] of this bearing in the table of the module, and its source."""

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from build123d import Location, Plane, Pos, Solid
 
-from thingc import Actuator, MountPoint, Thing
+from thingc import Actuator, Bolts, MountPoint, Thing
 from thingc_stock.dynamixel import servo_drive, velocity_gain
 from thingc_stock.fasteners import Hole, Size, threaded_hole
 from thingc_stock.servos import KGF_CM, ROTOR
@@ -68,7 +68,7 @@ class BusServo(Thing):
         self.right = MountPoint(Location((-d.width / 2, self.middle, 0), (0, -90, 0)))
         self.top = MountPoint(Location((0, d.axis_to_top, 0), (-90, 0, 0)))
         self.bottom = MountPoint(Location((0, d.axis_to_top - d.height, 0), (90, 0, 0)))
-        self.rotor = MountPoint(Location((0, 0, self.horn_z)), f"{d.interface}-horn")
+        self.rotor = MountPoint(Location((0, 0, self.horn_z)), [f"{d.interface}-horn", Bolts(d.screw, d.holes, d.circle, depth=d.horn[1])])
         self.idler = MountPoint(Location((0, 0, self.idler_z), (0, 180, 0)), f"{d.interface}-idler")
         self.screws_horn: list[Hole] = [
             threaded_hole(Pos(0, 0, self.horn_z) * spot, d.screw, d.horn[1]) for spot in spots(d.circle, d.holes)

@@ -18,13 +18,17 @@ from typing import Annotated, ClassVar
 
 from build123d import Face, Location, Plane, Pos, Solid, Wire
 
-from thingc import Actuator, Length, MountPoint, Range, Thing
+from thingc import Actuator, Bolts, Boss, Length, MountPoint, Range, Thing
 from thingc_stock.fasteners import Hole, Size, threaded_hole
 
 Positive = Annotated[Length, Range(minimum=0.1)]
 
 FLIP = Location((0, 0, 0), (0, 180, 0))
 """A rotation by 180 deg about y, for mounts and holes on the back of a servo."""
+
+
+Points = tuple[tuple[float, float], ...]
+"""Positions in the frame of a mount [mm]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +62,43 @@ class Drawing:
     bottom_span_x: float
     bottom_span_z: float
     interface: str
+
+    @property
+    def bottom_bolts(self) -> Points:
+        """The positions of the holes in the bottom, in the frame of the mount `bottom`."""
+        return rectangle(self.bottom_span_x, self.bottom_span_z)
+
+    @property
+    def top_bolts(self) -> Points:
+        """The positions of the holes in the top, in the frame of the mount `top`."""
+        return tuple((s * self.top_span / 2, -self.top_to_middle) for s in (1, -1))
+
+    def side_bolts(self, middle: float) -> Points:
+        """The positions of the holes in the left and right faces, in the frames of their mounts, whose centre is at y = `middle`."""
+        y = -self.side_to_axis - self.side_span_y / 2 - middle
+        return tuple((u, y + v) for u, v in rectangle(self.side_span_z, self.side_span_y))
+
+    def front_bolts(self, middle: float) -> Points:
+        """The positions of the holes in the front, in the frame of the mount `front`, whose centre is at y = `middle`."""
+        return tuple((s * self.front_span / 2, -self.front_to_axis - middle) for s in (1, -1))
+
+    def body_bolts(self, at: Points) -> Bolts:
+        """The threaded holes of the case at these positions."""
+        return Bolts(self.body_screw, at=at, depth=self.body_hole_depth)
+
+    def horn_bolts(self, depth: float | None = None) -> Bolts:
+        """The holes of the horn and the idler with this depth, or clearance holes for their screws."""
+        return Bolts(self.horn_screw, self.horn_holes, self.horn_circle, depth=depth)
+
+
+def rectangle(x: float, y: float) -> Points:
+    """Return the corners of a rectangle around the origin."""
+    return tuple((s * x / 2, t * y / 2) for s in (1, -1) for t in (1, -1))
+
+
+def mated(at: Points) -> Points:
+    """Return positions of holes in the frame of a mount that is mated with theirs, in which x and y are swapped and negated."""
+    return tuple((-y, -x) for x, y in at)
 
 
 def position_gain(stall_torque: float) -> float:
@@ -139,15 +180,17 @@ class XSeries(Thing):
         self.horn_z = front + d.horn_thickness
         self.idler_z = -front - (d.idler_thickness if idler else 0.0)
 
-        self.front = MountPoint(Location((0, middle, front)))
+        self.front = MountPoint(Location((0, middle, front)), interface=d.body_bolts(d.front_bolts(middle)))
         self.back = MountPoint(Location((0, middle, -front), (0, 180, 0)))
-        self.left = MountPoint(Location((side, middle, 0), (0, 90, 0)))
-        self.right = MountPoint(Location((-side, middle, 0), (0, -90, 0)))
-        self.top = MountPoint(Location((0, top, 0), (-90, 0, 0)))
-        self.bottom = MountPoint(Location((0, bottom, 0), (90, 0, 0)))
-        self.rotor = MountPoint(Location((0, 0, self.horn_z)), interface=f"{d.interface}-horn")
-        self.horn = MountPoint(Location((0, 0, self.horn_z)), interface=f"{d.interface}-horn")
-        self.idler = MountPoint(Location((0, 0, self.idler_z), (0, 180, 0)), interface=f"{d.interface}-idler")
+        self.left = MountPoint(Location((side, middle, 0), (0, 90, 0)), interface=d.body_bolts(d.side_bolts(middle)))
+        self.right = MountPoint(Location((-side, middle, 0), (0, -90, 0)), interface=d.body_bolts(d.side_bolts(middle)))
+        self.top = MountPoint(Location((0, top, 0), (-90, 0, 0)), interface=d.body_bolts(d.top_bolts))
+        self.bottom = MountPoint(Location((0, bottom, 0), (90, 0, 0)), interface=d.body_bolts(d.bottom_bolts))
+        horn = [f"{d.interface}-horn", d.horn_bolts(d.horn_thickness), Boss(boss_diameter, length=d.boss_height)]
+        self.rotor = MountPoint(Location((0, 0, self.horn_z)), interface=horn)
+        self.horn = MountPoint(Location((0, 0, self.horn_z)), interface=horn)
+        behind = [f"{d.interface}-idler", *([d.horn_bolts(d.idler_thickness)] if idler else [])]
+        self.idler = MountPoint(Location((0, 0, self.idler_z), (0, 180, 0)), interface=behind)
 
         near, far = -d.side_to_axis, -d.side_to_axis - d.side_span_y
         along = d.side_span_z / 2

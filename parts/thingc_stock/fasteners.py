@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 import bd_warehouse
 from build123d import Axis, Face, Location, Plane, Pos, RegularPolygon, Solid, Wire, extrude
 
-from thingc import Length, MountPoint, Range, Thing
+from thingc import Length, MountPoint, Range, Shank, Thing
 
 Size = Literal["M1.6", "M2", "M2.5", "M3", "M4", "M5", "M6", "M8"]
 """Metric thread sizes with coarse pitch."""
@@ -61,7 +61,7 @@ class Screw(Thing):
         self.socket_depth = float(head["iso4762:t"])
         self.clearance_diameter = float(_table("clearance_hole_sizes.csv")[size][fit])
         self.tap_diameter = float(_table("tap_hole_sizes.csv")[designation]["Soft"])
-        self.seat = MountPoint(Location((0, 0, 0), (0, 180, 0)), interface=f"{size.lower()}-head")
+        self.seat = MountPoint(Location((0, 0, 0), (0, 180, 0)), interface=[f"{size.lower()}-head", Shank(size, length)])
         self.tip = MountPoint(Location((0, 0, -length), (0, 180, 0)))
         self.drive = MountPoint(Location((0, 0, self.head_height)), interface=f"hex-{self.socket_width:g}")
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from build123d import Axis, Face, Location, Solid, Wire
 
-from thingc import MATE, Length, MountPoint, Range, Thing
+from thingc import MATE, Bolts, Length, MountPoint, Range, Thing
 from thingc_stock.fasteners import Hole, threaded_hole
 
 SATURATION = 1.6
@@ -50,7 +50,8 @@ class HoldingMagnet(Thing):
         )
         # x is to the right of the attached part and y backwards, so on the world frame the part faces along the world's x
         self.sole = MountPoint(MATE, interface="steel")
-        self.back = MountPoint(Location((0, 0, height)), interface=f"magnet-{diameter:g}")
+        bolts = Bolts("M3", 2, 0.8 * diameter, depth=6.0)
+        self.back = MountPoint(Location((0, 0, height)), interface=[f"magnet-{diameter:g}", bolts])
         self.screws_back: list[Hole] = [
             threaded_hole(Location((x, 0, height)), "M3", 6.0) for x in (0.4 * diameter, -0.4 * diameter)
         ]

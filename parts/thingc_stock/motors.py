@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from build123d import Location, Plane, Pos, Solid
 
-from thingc import MATE, Actuator, Length, MountPoint, Range, Thing
+from thingc import MATE, Actuator, Bolts, Bore, Boss, Length, MountPoint, Range, Thing
 from thingc_stock.fasteners import Hole, Size, threaded_hole
 from thingc_stock.shapes import bevelled, block, disc, spots
 
@@ -62,11 +62,11 @@ class _Nema17(Thing):
     def __init__(self, shaft: Annotated[Length, Range(10, 60)] = 24.0):
         super().__init__(material="steel", color="#33363b")
         self.length = STEPPERS[self.model].length
-        self.flange = MountPoint(Location((0, 0, 0)), "nema17")
-        self.rotor = MountPoint(Location((0, 0, 4)), "shaft-5")
+        self.flange = MountPoint(Location((0, 0, 0)), ["nema17", Bolts("M3", 4, HOLES * 2**0.5, 45, depth=4.5), Boss(PILOT, length=2.0)])
+        self.rotor = MountPoint(Location((0, 0, 4)), ["shaft-5", Boss(SHAFT)])
         self.tip = MountPoint(Location((0, 0, shaft)))
         self.bottom = MountPoint(Location(Plane((0, 0, -self.length), x_dir=(-1, 0, 0), z_dir=(0, 0, -1))))
-        self.hole = [MountPoint(spot, "m3") for spot in spots(HOLES * 2**0.5, 4, 45)]
+        self.hole = [MountPoint(spot, ["m3", Bolts("M3", depth=4.5)]) for spot in spots(HOLES * 2**0.5, 4, 45)]
         self.threads: list[Hole] = [threaded_hole(mount.location, "M3", 4.5) for mount in self.hole]
 
     def mass(self) -> tuple[float, str]:
@@ -155,8 +155,8 @@ class ShaftHub(Thing):
     ):
         super().__init__(material="aluminium")
         assert bore + 3 < circle < diameter - 3, f"the holes, on a circle of {circle:g} mm, need room between bore and rim"
-        self.shaft = MountPoint(Location((0, 0, -collar)) * MATE, "shaft-5")
-        self.face = MountPoint(Location((0, 0, thickness)))
+        self.shaft = MountPoint(Location((0, 0, -collar)) * MATE, ["shaft-5", Bore(bore)])
+        self.face = MountPoint(Location((0, 0, thickness)), Bolts(screw, 4, circle, 45, depth=thickness))
         self.hole = [MountPoint(Pos(0, 0, thickness) * spot) for spot in spots(circle, 4, 45)]
         self.screws: list[Hole] = [threaded_hole(mount.location, screw, thickness) for mount in self.hole]
 

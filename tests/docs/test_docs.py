@@ -126,6 +126,7 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
         assembly,
         calibration,
         drives,
+        interfaces,
         link_shapes,
         mass,
         materials,
@@ -144,8 +145,8 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
 
     checks = [sys.modules[kind.model.__module__] for kind in kinds().values()]
     rooms = (
-        assembly, calibration, drives, link_shapes, materials, modes, motions, names, poses, repeats, sensors, mass, tendons, tests,
-        transmissions, *checks, variants, workspace,
+        assembly, calibration, drives, interfaces, link_shapes, materials, modes, motions, names, poses, repeats, sensors, mass, tendons,
+        tests, transmissions, *checks, variants, workspace,
     )
     models = {
         name: value for module in rooms
@@ -179,7 +180,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
     """Every word of a `Literal` stands in its row, in backquotes (`mirror` and such: `x`, `y` or `z`)."""
     from typing import Literal, get_args, get_origin
 
-    from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, sensors, variants
+    from thingc.documents.spec import assembly, drives, interfaces, link_shapes, mass, materials, sensors, variants
 
     def words(annotation: object) -> set[str]:
         if get_origin(annotation) is Literal:
@@ -189,7 +190,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
     elsewhere = {("JointSpec", "type"), ("ComponentDefaults", "collision"), ("ModeSpec", "hold"), ("ModeSpec", "base")}
     elsewhere |= {("TargetChoicesSpec", key) for key in ("mjcf", "urdf", "sdf", "usd")}
     elsewhere |= {("SensorSpec", key) for key in ("type", "noise", "cutoff")}
-    for module in (assembly, drives, link_shapes, materials, sensors, mass, variants):
+    for module in (assembly, drives, interfaces, link_shapes, materials, sensors, mass, variants):
         for marker in re.findall(r"<!-- (keys: [\w ]+) -->", _language()):
             for name in marker.removeprefix("keys: ").split():
                 model = getattr(module, name, None)

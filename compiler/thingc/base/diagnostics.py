@@ -171,6 +171,7 @@ class Code(DiagnosticCode):
     UNSLICED = ("TC420", "part that cannot be sliced", "Fix the part, or write `estimate: skin` in its `process`.", Stage.CHECK)
     HIGH_LAYERS = ("TC421", "layer height above the line width", "Reduce `layer` or increase `line_width` in the `process`.")
     PART_STARVED = ("TC424", "part needs too much memory", "Make the part simpler, or increase `part_memory` in `thingc.toml`.")
+    INTERFACE_GEOMETRY = ("TC425", "interface that the part does not have", "Correct the `interface`, or the part.", Stage.CHECK)
     PROCESS = ("TC422", "implausible printing process", "Correct the number or its unit.", Stage.CHECK)
     # --- TC5xx: the assembly (link) --------------------------------------------------------------------------------
     INCOMPLETE = ("TC501", "assembly cannot be linked", "Fix the other errors that thingc reports.")
@@ -205,6 +206,8 @@ class Code(DiagnosticCode):
     HELD_OFF = ("TC527", "base held at an inactive magnet", "Use the mount of the active magnet as the root.", Stage.CHECK)
     NESTED_SIMULATION = ("TC532", "unused settings of a nested document", "Copy the settings into the enclosing document.", Stage.CHECK)
     SHAPE_FAR = ("TC533", "collision shape far outside its part", "Correct the unit, the size or the pose of the shape.", Stage.CHECK)
+    INTERFACE = ("TC534", "mounts that do not fit together", "Use mounts that fit together, or correct the `interface` of one mount.")
+    SCREW = ("TC535", "screw of the wrong length", "Use a screw of the length that the message shows.", Stage.CHECK)
     MIRRORED_BOUGHT = ("TC580", "mirror image of a bought part", "Remove `mirror`, or add the mirror image's order number.", Stage.CHECK)
     OWN_IMAGE = ("TC581", "part that is its own mirror image", "Remove `mirror`.", Stage.CHECK)
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------

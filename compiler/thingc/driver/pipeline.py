@@ -137,6 +137,7 @@ def compile(
         from thingc.model.robot.start_pose_checks import check_starts
 
         check_starts(compilation.robots, _corners(environment), compilation.report, environment.memo)
+        _check_measured(environment, compilation.assembly, compilation.report)
     return compilation
 
 
@@ -337,6 +338,19 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     assembly = stand(linked, _corners(environment), report, memo)
     robots = [root(assembly, mode, report, memo) for mode in assembly.modes if not modes or mode.name in modes]
     return replace(compilation, assembly=assembly, robots=tuple(robot for robot in robots if robot is not None))
+
+
+def _check_measured(environment: Environment, assembly: Assembly, report: Report) -> None:
+    """Compare the interfaces of mounts in documents with the B-reps of their parts, if the workspace is allowed to run code."""
+    from thingc.geometry.record import AssemblyFailed
+    from thingc.geometry.service import GeometryService
+    from thingc.model.assembly.interfaces import check_added_interfaces
+
+    if isinstance(environment.parts, GeometryService):
+        try:
+            check_added_interfaces(assembly, environment.parts.features, report)
+        except AssemblyFailed as fault:
+            report.add(Code.INTERNAL, f"the CAD kernel cannot read a part: {fault.reason}", assembly.definition.origin, detail=fault.detail)
 
 
 def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO
+from thingc.base.interfaces import MatingFeature
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Matrix, Pose, Vector
 from thingc.base.primitives import Primitive
@@ -199,11 +200,17 @@ def _printed(reference: str, arguments: Mapping[str, str]) -> str:
 
 
 class MountRecord(OneLineRepr, FrozenStruct):
-    """A mount of a part: its frame in the part's frame, with z pointing out of the material."""
+    """A mount of a part: its frame in the part's frame, with z pointing out of the material.
+
+    `interface` is the name of the interface, and `features` contains its mating features. `contradictions` describes how the geometry of
+    the part differs from these features.
+    """
 
     pose: Pose
     interface: str | None = None
     tolerance: float | None = None
+    features: tuple[MatingFeature, ...] = ()
+    contradictions: tuple[str, ...] = ()
 
 
 class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):

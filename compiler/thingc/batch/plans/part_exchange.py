@@ -308,7 +308,9 @@ class _Walk:
             self.rest.append((value.closed, value.flat))
             return replace(value, sha256=f"{TOKEN}{place[0]}:{place[1]}")
         if isinstance(value, MountRecord):  # `interface` is used in messages only
-            return replace(value, pose=self._of(value.pose), tolerance=self._of(value.tolerance))
+            features = self._of(value.features)
+            self.rest.append(value.contradictions)
+            return replace(value, pose=self._of(value.pose), tolerance=self._of(value.tolerance), features=features)
         if isinstance(value, MountExpectation):
             what: Hashable = self._texts.index(value.text) if value.text in self._texts else value.text
             self.rest.append((value.mount, what, value.child_mount))

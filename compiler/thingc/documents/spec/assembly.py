@@ -38,6 +38,7 @@ from thingc.documents.spec.fields import (
     raise_all,
     within,
 )
+from thingc.documents.spec.interfaces import InterfaceSpec
 from thingc.documents.spec.link_shapes import Collision, CollisionSpec, ShapeSpec
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
 from thingc.documents.spec.materials import MaterialSpec, ProcessSpec
@@ -133,8 +134,10 @@ class MountSpec(PoseSpec):
     The z axis of the mount points out of the material.
     """
 
-    interface: str | None = Field(default=None, examples=["x430-horn", "m2.5-clearance"])
-    """Name of the mechanical interface: `x430-horn`, `m2.5-clearance`."""
+    interface: str | InterfaceSpec | None = Field(
+        default=None, examples=["x430-horn", {"bolts": {"thread": "M3", "count": 4, "circle": "20 mm"}}],
+    )
+    """The interface of the mount: its mating features, which must fit the mount that it meets, or only a name."""
 
 
 class BomSpec(Model):

@@ -10,9 +10,11 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, TypeVar, get_args
 
+from msgspec import ValidationError, convert, to_builtins
 from msgspec.structs import asdict
 
 from thingc.base.inertia import physical_fault
+from thingc.base.interfaces import MatingFeature
 from thingc.base.numeric import hypot, sum_of
 from thingc.base.pose import Matrix, Pose, Vector
 from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
@@ -128,7 +130,10 @@ def _sliced_values(slicing: Slicing, sliced: SliceResult | SliceFailure) -> dict
 def _mount_values(mount: MountRecord) -> dict[str, Any]:
     rotation = [entry for row in mount.pose.rotation for entry in row]
     pose = [_rounded(entry) for entry in (*rotation, *mount.pose.translation)]
-    return _present({"pose": pose, "interface": mount.interface, "tolerance": mount.tolerance})
+    return _present({
+        "pose": pose, "interface": mount.interface, "tolerance": mount.tolerance, "features": to_builtins(mount.features) or None,
+        "contradictions": list(mount.contradictions) or None,
+    })
 
 
 _NUMBERS = ("stall_torque", "no_load_speed", "gear_ratio", "rotor_inertia", "kp", "kv")
@@ -263,9 +268,14 @@ def _mount(table: LockValue) -> MountRecord:
         for j, other in enumerate(rows):
             if abs(sum_of(a * b for a, b in zip(row, other, strict=True)) - (i == j)) > _ORTHOGONAL:
                 raise table["pose"].fault("expected a rotation (nine numbers, the rows of a rotation matrix) and a position")
+    try:
+        features = convert(table["features"].value or (), tuple[MatingFeature, ...])
+    except ValidationError as error:
+        raise table["features"].fault(f"expected mating features: {error}") from None
     return MountRecord(
         pose=Pose(rotation=rows, translation=numbers[9:]),  # type: ignore[arg-type]
         interface=table["interface"].maybe(LockValue.text), tolerance=table["tolerance"].maybe(LockValue.number),
+        features=features, contradictions=tuple(table.get("contradictions", []).texts()),
     )
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from build123d import Location, Plane, Vector
+from msgspec import ValidationError, convert, to_builtins
 
+from thingc.base.interfaces import MatingFeature
 from thingc.geometry.things.resolver import Framed, TransformResolver
 
 if TYPE_CHECKING:
@@ -21,6 +23,9 @@ MATE = Location(Plane(origin=(0, 0, 0), x_dir=(0, -1, 0), z_dir=(0, 0, -1)))
 The transformation is its own inverse. In build123d, it is written as `Location((0,0,0),(180,0,90))`.
 """
 
+Interface = str | MatingFeature | Sequence[str | MatingFeature] | None
+"""An interface in part code: its name, a mating feature, or a list of both."""
+
 RESERVED = frozenset({"origin", "root", "world"})
 """Names that a mount of a part cannot have, because documents use them for other purposes."""
 
@@ -29,8 +34,8 @@ class MountPoint(Framed):
     """A mount point: an immutable frame on a Thing, whose z axis points out of the material.
 
     `location` is the frame of the mount in the frame of the Thing [mm]. `location` may also be a `Plane` or another mount. `interface` is
-    the name of the mating interface (`"x430-horn"`, `"m2.5-clearance"`). `tolerance` [mm] is the largest distance between the mount of the
-    real part and its nominal position.
+    the name of the mating interface (`"x430-horn"`), a mating feature such as `Bolts("M3", 4, circle=20)` [mm, deg], or a list of both.
+    `tolerance` [mm] is the largest distance between the mount of the real part and its nominal position.
 
     `facing` or `mate_x` rotates the frame about its z axis. Both arguments are directions in the frame of the Thing. `facing` is the
     direction of the mount's x axis. `mate_x` is the direction of the x axis of a mount that is mated with this one. Use `mate_x` for seats,
@@ -40,25 +45,24 @@ class MountPoint(Framed):
     Raises `TypeError` if `location` is not a frame. Raises `ValueError` if the tolerance is negative, or if a direction is parallel to z.
     """
 
-    __slots__ = ("_expected", "_interface", "_local", "_name", "_owner", "_tolerance", "_view")
+    __slots__ = ("_declared", "_expected", "_features", "_interface", "_local", "_name", "_owner", "_tolerance", "_view")
 
     def __init__(
-        self, location: Location | Plane | MountPoint, interface: str | None = None, tolerance: float | None = None, *,
+        self, location: Location | Plane | MountPoint, interface: Interface = None, tolerance: float | None = None, *,
         facing: VectorLike | None = None, mate_x: VectorLike | None = None,
     ) -> None:
         if isinstance(location, (Plane, MountPoint)):
             location = location.location
         if not isinstance(location, Location):
             raise TypeError(f"a MountPoint needs a Location, a Plane or another MountPoint, found {location!r}")
-        if interface is not None and not isinstance(interface, str):
-            raise TypeError(f"the interface of a MountPoint must be a string, found {interface!r}")
         if tolerance is not None and not 0 <= tolerance < float("inf"):
             raise ValueError(f"the tolerance of a MountPoint must be at least 0 mm and finite, found {tolerance!r}")
         if facing is not None or mate_x is not None:
             location = _directed(location, facing, mate_x)
         self._local = Location(location.wrapped)
         self._view = Location()
-        self._interface = interface
+        self._declared = interface
+        self._interface, self._features = _declared(interface)
         self._tolerance = None if tolerance is None else float(tolerance)
         self._owner: Thing | None = None
         self._name: str | None = None
@@ -75,6 +79,11 @@ class MountPoint(Framed):
     def interface(self) -> str | None:
         """The name of the mating interface, or None."""
         return self._interface
+
+    @property
+    def features(self) -> tuple[MatingFeature, ...]:
+        """The mating features of the interface [mm, deg]."""
+        return self._features
 
     @property
     def tolerance(self) -> float | None:
@@ -124,10 +133,22 @@ class MountPoint(Framed):
 
     def _seen(self, view: Location) -> MountPoint:
         """Return a copy of this mount, transformed to the frame of a moved view. The copy still belongs to the same Thing."""
-        moved = MountPoint(self._local, self._interface, self._tolerance)
+        moved = MountPoint(self._local, self._declared, self._tolerance)
         moved._view = view * self._view
         moved._owner, moved._name = self._owner, self._name
         return moved
+
+
+def _declared(interface: Interface) -> tuple[str | None, tuple[MatingFeature, ...]]:
+    """Split an interface into its name and its mating features. Raises `ValueError` if it is invalid."""
+    listed = list(interface) if isinstance(interface, (list, tuple)) else [] if interface is None else [interface]
+    names = [one for one in listed if isinstance(one, str)]
+    try:
+        features = convert([to_builtins(one) for one in listed if one not in names[:1]], tuple[MatingFeature, ...])
+    except (TypeError, ValidationError) as error:
+        wanted = "a string, a feature such as `Bolts(...)`, or a list of both"
+        raise ValueError(f"the interface of a MountPoint must be {wanted}, found {interface!r}: {error}") from None
+    return next(iter(names), None), features
 
 
 def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike | None) -> Location:
@@ -171,7 +192,7 @@ def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -
         if own_name in mounts:
             raise ValueError(f"two mounts of `{type(thing).__name__}` are named `{own_name}`")
         if any(mount is known for known in mounts.values()):
-            mount = MountPoint(mount, mount.interface, mount.tolerance)
+            mount = MountPoint(mount, mount._declared, mount.tolerance)
             mount._owner = thing
         mount._name = own_name
         mounts[own_name] = mount
@@ -201,6 +222,6 @@ def _owned(thing: Thing, name: str, mount: MountPoint) -> MountPoint:
     if mount._owner is None:
         mount._owner, mount._name = thing, name
     elif mount._owner is not thing:
-        mount = MountPoint(mount, mount.interface, mount.tolerance)
+        mount = MountPoint(mount, mount._declared, mount.tolerance)
         mount._owner, mount._name = thing, name
     return mount

@@ -158,7 +158,7 @@ class Tree:
                         help="rename the mount that is added here", notes=_shown_by(definition),
                     )
                 elif instance.index is not None:
-                    frame = MountFrame(pose=extra.pose, interface=extra.interface)
+                    frame = MountFrame(pose=extra.pose, interface=extra.interface, features=extra.features)
                     self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = frame
 
     def find(self, instance: Instance, reference: Reference) -> FoundMount | None:

@@ -15,6 +15,7 @@ from thingc.base.pose import NO_POSE, Pose
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.model.assembly.inertia_checks import check_links, check_stated
 from thingc.model.assembly.instance_tree import Instance, Tree
+from thingc.model.assembly.interfaces import check_declared, check_interfaces, check_screws
 from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood, on_loops
 from thingc.model.assembly.links import connected_components, links_between, links_of
 from thingc.model.assembly.mates import check_loops, loops_in, mates_of, stated_joints
@@ -124,6 +125,9 @@ def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> Non
         faulty += [occurrence.index for occurrence in robot.occurrences if not occurrence.sound]
         check_links(robot, faulty, findings)
         check_expectations(robot, laid, findings)
+        check_interfaces(robot, laid, findings)
+        check_screws(robot, findings)
+        check_declared(robot, findings)
 
 
 def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: LinkReport) -> None:

@@ -433,7 +433,10 @@ class PartInstances:
         if record is not None:
             mirror = Mirror(component.mounts_mirrored) if component.mounts_mirrored is not None else None
             for name, m in record.mounts.items():
-                mounts[name] = MountFrame(pose=m.pose if mirror is None else mirror.mount(m.pose), interface=m.interface)
+                features = m.features if mirror is None else tuple(one.mirrored() for one in m.features)
+                mounts[name] = MountFrame(
+                    pose=m.pose if mirror is None else mirror.mount(m.pose), interface=m.interface, features=features,
+                )
         for name, extra in component.mounts.items():
             if name in mounts:
                 place = extra.origin + origin[len(component.origin):]
@@ -443,7 +446,7 @@ class PartInstances:
                     notes=written_at(f"`{component.label}`", record.code) if record is not None and name in record.mounts else (),
                 )
                 continue
-            mounts[name] = MountFrame(pose=extra.pose, interface=extra.interface)
+            mounts[name] = MountFrame(pose=extra.pose, interface=extra.interface, features=extra.features)
         return mounts
 
 

@@ -9,6 +9,7 @@ from msgspec.structs import asdict, replace
 from thingc.base.export_names import JointPath, LinkPath, SensorPath, SitePath, TendonPath
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties, total
+from thingc.base.interfaces import MatingFeature
 from thingc.base.joints.twist import Twist
 from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import OneLineRepr
@@ -42,6 +43,7 @@ class MountFrame(OneLineRepr, FrozenStruct):
 
     pose: Pose
     interface: str | None = None
+    features: tuple[MatingFeature, ...] = ()
 
 
 class Surface(OneLineRepr, FrozenStruct):

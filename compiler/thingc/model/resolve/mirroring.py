@@ -74,7 +74,10 @@ def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) ->
     return replace(
         one, definition=definition, bom=bom, image_of=one, overrides=_overrides(one.overrides, axis),
         placement=_placement(one.placement) if one.placement is not None else None,
-        mounts={name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in one.mounts.items()},
+        mounts={
+            name: replace(mount, pose=mirror.mount(mount.pose), features=tuple(feature.mirrored() for feature in mount.features))
+            for name, mount in one.mounts.items()
+        },
     )
 
 

@@ -10,9 +10,11 @@ from thingc.base.pose import NO_POSE
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import INERTIA, LENGTH, MASS
+from thingc.documents.spec.interfaces import InterfaceSpec
 from thingc.documents.spec.link_shapes import ChoiceSpec, CollisionSpec, DecomposeSpec
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaSpec, MassSpec
 from thingc.model.resolve.document_scope import ComponentScope
+from thingc.model.resolve.interfaces import features_of
 from thingc.model.resolve.materials import process
 from thingc.model.resolve.references import ORIGIN
 from thingc.model.resolve.repeats import check_names
@@ -154,5 +156,9 @@ def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:
             continue
         at = (*path, name)
         pose = scope.pose(spec, at)
-        mounts[name] = ExtraMount(pose=pose or NO_POSE, interface=spec.interface, origin=scope.origin(at, key=True))
+        said = spec.interface if isinstance(spec.interface, InterfaceSpec) else InterfaceSpec(name=spec.interface)
+        mounts[name] = ExtraMount(
+            pose=pose or NO_POSE, interface=said.name, origin=scope.origin(at, key=True),
+            features=features_of(scope, said, (*at, "interface")),
+        )
     return mounts

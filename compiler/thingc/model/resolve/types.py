@@ -11,6 +11,7 @@ from typing import Any, Generic, Literal, TypeVar
 from thingc.base.diagnostics import Note, noted
 from thingc.base.export_names import JointPath, PoseName, RawAttributes, RawPath
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.interfaces import MatingFeature
 from thingc.base.joints.kinds import BaseType
 from thingc.base.joints.twist import Twist
 from thingc.base.one_line_repr import OneLineRepr
@@ -110,6 +111,7 @@ class ExtraMount(OneLineRepr, FrozenStruct):
     pose: Pose
     interface: str | None
     origin: Origin
+    features: tuple[MatingFeature, ...] = ()
 
 
 class CollisionChoice(OneLineRepr, FrozenStruct):

@@ -9,6 +9,7 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.base.interfaces import described
 from thingc.base.source import line_of
 from thingc.base.suggestions import did_you_mean
 from thingc.documents.workspace import Workspace
@@ -214,7 +215,7 @@ def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
     """
     rows = [("mount", "at [mm]", "x, y, z along", "interface")]
     rows += [
-        (name, console.millimetres(mount.pose.translation), console.axes(mount.pose.rotation), mount.interface or "")
+        (name, console.millimetres(mount.pose.translation), console.axes(mount.pose.rotation), described(mount.interface, mount.features))
         for name, mount in sorted(mounts.items(), key=lambda entry: _in_order(entry[0]))
     ]
     return console.table(rows if any(row[3] for row in rows[1:]) else [row[:3] for row in rows])

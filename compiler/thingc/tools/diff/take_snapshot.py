@@ -9,6 +9,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.interfaces import described
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Origin, Span
 from thingc.driver.pipeline import Compilation
@@ -137,7 +138,7 @@ class _Reader:
         for name, mount in component.mounts.items():
             self._add("mount", f"{path}/{name}", {
                 **{key: fact(value, "mounts", name, key) for key, value in _pose(mount.pose)},
-                "interface": fact(mount.interface, "mounts", name, "interface"),
+                "interface": fact(described(mount.interface, mount.features) or None, "mounts", name, "interface"),
             }, of=path, span=mount.origin[0])
 
     def _placement(self, prefix: str, definition: AssemblyDefinition, component: Component, path: str, fact: Any) -> None:

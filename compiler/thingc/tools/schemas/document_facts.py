@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.interfaces import described
 from thingc.base.source import MappingNode, Node, ScalarNode, entries_of
 from thingc.base.units import ANGLE, LENGTH, Quantity
-from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.geometry.record import MountRecord, PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, Component, Joint
 from thingc.tools.schemas.parameter_schemas import parse_value, symbols_of, within
@@ -228,7 +229,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
         record = records.get(definition.text)
         if not isinstance(record, PartRecord):
             return None
-        mounts = {name: _of_mount(definition.label, mount.interface) for name, mount in sorted(record.mounts.items())}
+        mounts = {name: _of_mount(definition.label, mount) for name, mount in sorted(record.mounts.items())}
     elif isinstance(definition, AssemblyDefinition):
         if not definition.whole:
             return None
@@ -245,10 +246,11 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
 
 def usual_mounts(record: PartRecord) -> Names:
     """Return the mounts of a built part with descriptions, for use as the default mounts of the part class."""
-    return {name: _of_mount(record.text, mount.interface) for name, mount in sorted(record.mounts.items())}
+    return {name: _of_mount(record.text, mount) for name, mount in sorted(record.mounts.items())}
 
 
-def _of_mount(label: str, interface: str | None) -> str:
+def _of_mount(label: str, mount: MountRecord) -> str:
+    interface = described(mount.interface, mount.features)
     return f"A mount of `{label}`" + (f", interface `{interface}`." if interface else ".")
 
 

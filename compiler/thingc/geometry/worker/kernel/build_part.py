@@ -18,6 +18,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.primitives import Primitive
 from thingc.base.units import parse_quantity
 from thingc.documents.workspace import Tessellation
+from thingc.geometry.declared_interfaces import contradictions
 from thingc.geometry.record import (
     FILE_UNIT,
     LABEL_DIGITS,
@@ -178,6 +179,7 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
             name: MountRecord(
                 pose=convert.pose(mount.location.wrapped.Transformation()), interface=mount.interface,
                 tolerance=None if mount.tolerance is None else convert.length(mount.tolerance),
+                features=tuple(one.converted(convert.length, math.radians) for one in mount.features),
             )
             for name, mount in inspection.mounts_of(thing).items()
         },
@@ -212,7 +214,10 @@ def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
     record = made.record
     stays = all(mirror.keeps(mount.pose) for mount in record.mounts.values())
     image = replace(
-        record, mounts={name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in record.mounts.items()},
+        record, mounts={
+            name: replace(mount, pose=mirror.mount(mount.pose), features=tuple(one.mirrored() for one in mount.features))
+            for name, mount in record.mounts.items()
+        },
         com=None if record.com is None else replace(record.com, value=mirror.vector(record.com.value)),
         matrix=None if record.matrix is None else replace(record.matrix, value=mirror.matrix(record.matrix.value)),
         up=None if record.up is None else mirror.vector(record.up),
@@ -329,8 +334,21 @@ def _measured(made: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
         made.record, volume=convert.volume(measures.volume), area=convert.area(measures.area), centre=convert.vector(measures.centre),
         inertia=inertia, box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])), brep=brep, meshes=meshes,
         fits=fit_all(round_about.vertices, inertia), warnings=(*extra, *_overlap(solids, file=made.file)),
-        apart=_apart(solid) if made.one else (),
+        apart=_apart(solid) if made.one else (), mounts=_compared(made.record.mounts, solid),
     )
+
+
+def _compared(mounts: dict[str, MountRecord], solid: TopoDS_Shape) -> dict[str, MountRecord]:
+    """Compare the mating features of mounts with the solid of the part, and add the contradictions to the mounts."""
+    if not any(mount.features for mount in mounts.values()):
+        return mounts
+    from thingc.geometry.worker.kernel.feature_search import features_of
+
+    measured = features_of(solid)
+    return {
+        name: replace(mount, contradictions=contradictions(mount.features, mount.pose, measured))
+        for name, mount in mounts.items()
+    }
 
 
 def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:

@@ -1,0 +1,162 @@
+"""Compare the interfaces of mounts that meet by `attach` or a joint, and screws with the holes that they reach."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+
+from thingc.base.diagnostics import Code, Note, Report, noted
+from thingc.base.interfaces import SAME, SAME_PLACE, Bolts, MountPair, Shank, compare, mm, nominal
+from thingc.base.numeric import hypot, minimum
+from thingc.base.pose import NO_POSE, Pose
+from thingc.base.source import Origin
+from thingc.documents.load.paths import MESH_SUFFIXES
+from thingc.geometry.declared_interfaces import contradictions
+from thingc.geometry.features import Features
+from thingc.model.assembly.report import LinkReport, written_at
+from thingc.model.assembly.types import Connected, Mate, MountFrame, Occurrence
+
+ENGAGED = 0.8
+"""Smallest engaged length of a thread relative to its diameter: the height of a nut (ISO 4032)."""
+_HELP = "use mounts that fit together, or correct the `interface` of one of them"
+
+
+def check_interfaces(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
+    """Report each mate whose mounts do not fit together. `laid` contains the indices of mates from `at`, which do not connect mounts.
+
+    A mate that `repeat` or a nested document creates several times is reported once.
+    """
+    said: set[tuple[Origin, str]] = set()
+    for number, mate in enumerate(robot.mates):
+        parent, child = robot.occurrences[mate.parent], robot.occurrences[mate.child]
+        if number in laid or not (_known(parent) and _known(child)):
+            continue
+        one, other = parent.mounts[mate.parent_mount], child.mounts[mate.child_mount]
+        if not one.features or not other.features:
+            continue
+        pose = one.pose.inverse() @ mate.X_PJ @ mate.X_JC @ other.pose
+        twists = [joint.twist for joint in mate.joints]
+        turns, slides = (any(any(getattr(twist, part)) for twist in twists) for part in ("angular", "linear"))
+        found = compare(one.features, other.features, MountPair(pose=pose, turns=turns, slides=slides))
+        here, there = mount_name(parent, mate.parent_mount), mount_name(child, mate.child_mount)
+        place = _place(mate.origin, parent, child)
+        if found and place not in said:
+            said.add(place)
+            words = "; ".join(f"{mine} on `{here}`, {theirs} on `{there}`" + (f" ({why})" if why else "") for mine, theirs, why in found)
+            findings.error(
+                Code.INTERFACE, f"`{there}` does not fit `{here}`: {words}", mate.origin, path=child.path, help=_HELP,
+                notes=(*_declared(parent, mate.parent_mount), *_declared(child, mate.child_mount)),
+            )
+
+
+def check_screws(robot: Connected, findings: LinkReport) -> None:
+    """Warn of each screw that does not fit the threaded hole that it reaches.
+
+    A screw is a component with a `Shank` at the mount that is attached. The threaded hole belongs to the part below the head, or to a part
+    that is rigidly mated with this part.
+    """
+    rigid: dict[int, dict[int, Pose]] = {index: {index: NO_POSE} for index in range(len(robot.occurrences))}
+    heads: list[tuple[Mate, Occurrence, MountFrame, int, str]] = []
+    for mate in (mate for mate in robot.mates if not mate.joints):
+        pose = mate.X_PJ @ mate.X_JC
+        rigid[mate.parent][mate.child], rigid[mate.child][mate.parent] = pose, pose.inverse()
+        ends = ((mate.child, mate.child_mount), (mate.parent, mate.parent_mount))
+        for (index, mount), (below, head) in (ends, ends[::-1]):
+            heads.append((mate, robot.occurrences[index], robot.occurrences[index].mounts[mount], below, head))
+    said: set[tuple[Origin, str]] = set()
+    for mate, screw, frame, below, head in heads:
+        for shank in (one for one in frame.features if isinstance(one, Shank)):
+            seat = (rigid[below][screw.index] @ frame.pose).inverse()
+            holes = [
+                hole for index, pose in rigid[below].items() if index != screw.index
+                for hole in _threaded(robot.occurrences[index], seat @ pose)
+            ]
+            words = _screw_fault(shank, *min(holes, key=lambda hole: hole[0])) if holes else None
+            if words is not None and _place(mate.origin, screw) not in said:
+                said.add(_place(mate.origin, screw))
+                findings.warn(
+                    Code.SCREW, f"`{screw.path.replace('/', '.')}` on `{mount_name(robot.occurrences[below], head)}` {words}", mate.origin,
+                    path=screw.path, help="use a screw of another size, or correct the `depth` of the hole", allow=True,
+                )
+
+
+def _threaded(part: Occurrence, pose: Pose) -> Iterator[tuple[float, float, str, str]]:
+    """Yield the distance, the depth, the thread and the mount of each threaded hole that faces a screw.
+
+    `pose` is the pose of the part in the frame of the screw's head, with z along the shank.
+    """
+    for name, mount in part.mounts.items() if _known(part) else ():
+        here = pose @ mount.pose
+        for one in mount.features:
+            if isinstance(one, Bolts) and one.depth is not None and here.rotation[2][2] < -1.0 + 1e-9:
+                for x, y in one.points:
+                    u, v, w = here.apply((x, y, 0.0))
+                    if hypot(u, v) <= SAME_PLACE and w >= -SAME:
+                        yield w, one.depth, one.thread, mount_name(part, name)
+
+
+def _screw_fault(shank: Shank, distance: float, depth: float, thread: str, mount: str) -> str | None:
+    """Describe how a screw does not fit the threaded hole that it reaches, or return None."""
+    engaged, needed = shank.length - distance, minimum(depth, ENGAGED * (nominal(shank.thread) or 0.0))
+    if shank.thread.casefold() != thread.casefold():
+        return f"has the thread {shank.thread}, and the hole at `{mount}` {thread}"
+    if engaged > depth + SAME:
+        room = f"{mm(distance)} to `{mount}`, and {mm(depth)} of threaded hole"
+        return f"is {mm(shank.length)} long, {mm(engaged - depth)} too long: {room}"
+    if engaged <= 0.0:
+        return f"is {mm(shank.length)} long, and does not reach `{mount}`, {mm(distance)} below its head"
+    return f"engages {mm(engaged)} of the thread at `{mount}`, at least {mm(needed)} are needed" if engaged < needed - SAME else None
+
+
+def check_declared(robot: Connected, findings: LinkReport) -> None:
+    """Warn of each feature that a part class declares and that the geometry does not have. Each part is reported once."""
+    said: set[str] = set()
+    for one in robot.occurrences:
+        for name, mount in one.record.mounts.items() if one.record is not None and one.record.text not in said else ():
+            for words in mount.contradictions:
+                if findings.warn(
+                    Code.INTERFACE_GEOMETRY, f"the mount `{name}` of `{one.definition.label}` declares {words}", one.origin, path=one.path,
+                    notes=_declared(one, name), help="correct the `interface` of the mount, or the geometry of the part", allow=True,
+                ) and one.record is not None:
+                    said.add(one.record.text)
+
+
+def check_added_interfaces(assembly: Connected, measure: Callable[[Collection[str]], Mapping[str, Features]], report: Report) -> None:
+    """Warn of each feature of a mount in a document that the geometry of the part does not have.
+
+    `measure` returns the features of B-reps by their digests. Meshes have no cylinders, and are not measured.
+    """
+    added = {
+        mount.origin[:1]: (one, name, mount, one.record.brep) for one in reversed(assembly.occurrences)
+        for name, mount in one.component.mounts.items() if mount.features and one.record is not None and one.record.brep is not None
+        and not one.definition.reference.lower().endswith((*MESH_SUFFIXES, ".3mf", ".off", ".gltf"))
+    }
+    measured = measure({brep for *_, brep in added.values()}) if added else {}
+    for one, name, mount, brep in reversed(added.values()):
+        for words in contradictions(mount.features, mount.pose, measured[brep]):
+            report.warn(
+                Code.INTERFACE_GEOMETRY, f"`{mount_name(one, name)}` declares {words}", mount.origin, path=one.path,
+                help="correct the `interface` or the pose of the mount", allow=True,
+            )
+
+
+def mount_name(occurrence: Occurrence, mount: str) -> str:
+    """Return the name of a mount as in the top document, such as `hand.cap.pen`."""
+    return mount.replace("/", ".") if "/" in mount else f"{occurrence.path}.{mount}".replace("/", ".")
+
+
+def _place(origin: Origin, *occurrences: Occurrence) -> tuple[Origin, str]:
+    """Return a key that is equal for the copies of a mate that `repeat` or a nested document creates."""
+    return origin[:1], re.sub(r"\d+", "#", " ".join(one.component.name for one in occurrences))
+
+
+def _known(occurrence: Occurrence) -> bool:
+    return occurrence.record is None or occurrence.record.exact
+
+
+def _declared(occurrence: Occurrence, mount: str) -> tuple[Note, ...]:
+    """Return a note with the location at which the interface of a mount is declared."""
+    added = occurrence.component.mounts.get(mount)
+    if added is not None:
+        return noted(f"`{mount_name(occurrence, mount)}` is defined here", added.origin)
+    return written_at(f"`{occurrence.definition.label}`", occurrence.record.code) if occurrence.record is not None else ()
