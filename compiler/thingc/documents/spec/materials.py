@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import ColorField, CountField, DensityField, LengthField, NumberField, RatioField
+from thingc.documents.spec.fields import AngleField, ColorField, CountField, DensityField, LengthField, NumberField, RatioField
 from thingc.documents.spec.name_types import NewMaterial
 
 
@@ -43,6 +43,10 @@ class ProcessSpec(Model):
     """Overlap of infill and walls, as a share of the line width; default: 25 %, as in PrusaSlicer."""
     bridge_flow: RatioField | None = Field(default=None, examples=["100 %"])
     """Flow of material in bridges, relative to other lines; default: 100 %, as in PrusaSlicer."""
+    tolerance: LengthField | None = Field(default=None, examples=["0.1 mm"])
+    """Largest deviation of the position of a mount along each axis of the part, for `stack` tests."""
+    tilt: AngleField | None = Field(default=None, examples=["0.2 deg"])
+    """Largest deviation of the orientation of a mount about each axis of the part, for `stack` tests."""
     estimate: Literal["layers", "skin"] | None = None
     """How to estimate the mass of a part with infill: `layers` (the default for `fdm`) or `skin` (for all others)."""
 

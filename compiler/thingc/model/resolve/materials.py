@@ -13,7 +13,7 @@ from thingc.base.diagnostics import Code, Note
 from thingc.base.inertia import DENSEST
 from thingc.base.source import Document, Path
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import DENSITY, LENGTH, NUMBER, shortened
+from thingc.base.units import ANGLE, DENSITY, LENGTH, NUMBER, shortened
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.materials import FrictionSpec, MaterialSpec, MaterialsSpec, ProcessSpec
 from thingc.model.resolve.document_scope import ResolveRun
@@ -131,7 +131,8 @@ def process(scope: Scope, layers: DefaultLayers) -> Process:
     said = {key: layers.pick(key) for key in ProcessSpec.model_fields}
     values: dict[str, Any] = {key: said[key].value for key in ("kind", "estimate")}
     values |= {key: scope.count(*said[key], f"`{key}`") for key in ("walls", "top", "bottom")}
-    values |= {key: scope.number(*said[key], LENGTH, f"`{key}`", above=0.0) for key in ("line_width", "layer")}
+    values |= {key: scope.number(*said[key], LENGTH, f"`{key}`", above=0.0) for key in ("line_width", "layer", "tolerance")}
+    values["tilt"] = scope.number(*said["tilt"], ANGLE, "`tilt`", above=0.0)
     for key, bounds in (("infill", (0.0, 1.0)), ("overlap", (0.0, 1.0)), ("bridge_flow", BRIDGE_FLOWS)):
         values[key] = _share(scope, *said[key], key, *bounds)
     origins = {key: scope.origin(setting.path) for key, setting in said.items() if setting}

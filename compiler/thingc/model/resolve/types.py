@@ -52,8 +52,9 @@ class Process(OneLineRepr, FrozenStruct):
 
     Infill and overlap are between 0 and 1.
 
-    `bridge_flow` is the ratio of material flow in bridges to normal flow. `estimate` is the method for estimating the mass of a part with
-    infill, `layers | skin` (None: the default of the process). `origins` contains the locations of the settings in the document. `wrong`
+    `bridge_flow` is the ratio of material flow in bridges to normal flow. `tolerance` [m] and `tilt` [rad] are the largest deviations of
+    mounts along and about each axis of the part. `estimate` is the method for estimating the mass of a part with infill, `layers | skin`
+    (None: the default of the process). `origins` contains the locations of the settings in the document. `wrong`
     contains the names of invalid settings, which have been reported.
     """
 
@@ -66,6 +67,8 @@ class Process(OneLineRepr, FrozenStruct):
     infill: float | None = None
     overlap: float | None = None
     bridge_flow: float | None = None
+    tolerance: float | None = None
+    tilt: float | None = None
     estimate: str | None = None
     origins: dict[str, Origin] = {}
     wrong: frozenset[str] = frozenset()

@@ -1,0 +1,104 @@
+"""The document test `stack`: the deviation between two mounts that the tolerances of all parts between them cause must be within bounds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field, model_validator
+
+from thingc.base.diagnostics import Code, DiagnosticCode
+from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.numeric import hypot
+from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.pose import Vector
+from thingc.base.units import LENGTH, NUMBER
+from thingc.documents.checks.kind import CheckKind
+from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.fields import LengthField, NumberField, RatioField
+from thingc.documents.spec.name_types import ModeNames, PoseNames, ShownMountField
+
+if TYPE_CHECKING:
+    from thingc.model.resolve.tests import Reader
+    from thingc.model.resolve.types import Reference
+
+
+class StackCode(DiagnosticCode):
+    """The diagnostic codes that `stack` tests can report."""
+
+    TEST_STACK = (
+        "TC666", "deviation from tolerances out of bounds", "Tighten the tolerances that contribute most, or allow a larger deviation.",
+    )
+
+
+class StackTest(Model):
+    """The deviation of a mount that tolerances and backlash cause must be within bounds, along one direction."""
+
+    of: ShownMountField
+    """The mount whose deviation is computed."""
+    from_: ShownMountField = Field(alias="from", description="The mount relative to which the deviation is computed.")
+    along: Annotated[list[NumberField], Field(min_length=3, max_length=3)] = Field(examples=[[0, 0, 1]])
+    """Direction of the deviation in the frame of the mount `from`: three numbers, of any length."""
+    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    """Names or patterns of modes, or `all`; default: the first mode."""
+    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
+    worst: LengthField | None = None
+    """The largest allowed deviation if all contributions have the same sign."""
+    rss: LengthField | None = None
+    """The largest allowed root of the sum of squares of all contributions."""
+    within: LengthField | None = None
+    """The deviation within which the share `yield` of all robots must be."""
+    yield_: RatioField | None = Field(
+        default=None, alias="yield", examples=["99 %"],
+        description="The smallest share of robots whose deviation is at most `within`. Each tolerance is three standard deviations.",
+    )
+
+    @model_validator(mode="after")
+    def _bounds(self) -> StackTest:
+        if (self.within is None) != (self.yield_ is None):
+            raise rule("`within` and `yield` need each other", "write, for example, `within: 0.5 mm` and `yield: 99 %`")
+        if self.worst is None and self.rss is None and self.within is None:
+            raise rule("a `stack` test needs `worst`, `rss`, or `within` and `yield`", "write, for example, `rss: 0.5 mm`")
+        return self
+
+
+class StackCheck(OneLineRepr, FrozenStruct):
+    """A parsed `stack` test of the deviation of the mount `of` from the mount `base`.
+
+    `along` is a unit vector in the frame of `base`. The bounds `worst`, `rss` and `within` are in metres, and `share` is between 0 and 1.
+    """
+
+    of: Reference
+    base: Reference
+    along: Vector
+    worst: float | None
+    rss: float | None
+    within: float | None
+    share: float | None
+
+
+def read_stack(written: StackTest, reader: Reader) -> StackCheck | None:
+    """Parse the keys of a `stack` test. If the test is invalid, report the error and return None."""
+    of, base = reader.mount(written.of, "of"), reader.mount(written.from_, "from")
+    x, y, z = (reader.number(value, ("along", index), NUMBER, "a component of `along`") for index, value in enumerate(written.along))
+    length = hypot(x, y, z)
+    if length == 0.0:
+        reader.error(Code.OUT_OF_RANGE, "`along` must not be zero", "along", help="write, for example, `along: [0, 0, 1]`")
+    worst, rss, within = (
+        None if raw is None else reader.number(raw, key, LENGTH, above=0.0)
+        for key, raw in (("worst", written.worst), ("rss", written.rss), ("within", written.within))
+    )
+    share = None if written.yield_ is None else reader.number(written.yield_, "yield", NUMBER, least=0.0, most=1.0)
+    if of is None or base is None or not length > 0.0:
+        return None
+    return StackCheck(
+        of=of, base=base, along=(x / length, y / length, z / length), worst=worst, rss=rss, within=within, share=share,
+    )
+
+
+KIND = CheckKind(
+    name="stack", position=10, summary="The deviation that tolerances cause between two mounts is within bounds.",
+    examples=[{"of": "hand.tip", "from": "plate.bottom", "along": [0, 0, 1], "rss": "0.5 mm"}],
+    stub={"of": "$mount", "from": "$base", "along": ["0", "0", "1"], "worst": "1 mm"}, lengths=("worst", "rss"),
+    model=StackTest, read=read_stack, codes=StackCode,
+)

@@ -1,0 +1,145 @@
+"""Compute how far tolerances move a mount, for document tests of the kind `stack`.
+
+The deviation is linear in the deviations of the mounts and joints between two mounts. A mount that deviates by t along a unit vector e
+moves the end of the chain by `t (e . u)` along the direction u. A rotation by the angle a about e moves the end by `a (e x r) . u`, where r
+is the vector from the mount to the end. See Chase and Parkinson, "A survey of research in the application of tolerance analysis to the
+design of mechanical assemblies", Research in Engineering Design 3, 1991.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from thingc.base.diagnostics import Note
+from thingc.base.numeric import hypot, sum_of
+from thingc.base.one_line_repr import counted
+from thingc.base.pose import Pose, Vector, added, cross, dot, rotate
+from thingc.base.units import LENGTH, Quantity
+from thingc.documents.checks.stack import KIND, StackCheck, StackCode
+from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, shown
+from thingc.model.assembly.kinematics import neighbourhood, on_loops
+from thingc.model.assembly.print_settings import process_of
+from thingc.model.assembly.types import Assembly, Mate, MountAt
+from thingc.model.robot.kinematics import body_poses, in_world, occurrence_poses
+from thingc.model.robot.types import Keyframe, Robot
+
+LISTED = 5
+"""Maximum number of contributors that a message lists."""
+
+AXES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+Contribution = tuple[str, list[float]]
+"""The name of a mount or joint, and the deviations [m] that its independent tolerances cause."""
+
+
+def measure(case: TestCase, check: StackCheck) -> Outcome:
+    """Compute the largest deviation [m] and the root of the sum of squares [m] of all contributions along a direction."""
+    robot, base, of = case.robot, case.linked.mounts[check.base], case.linked.mounts[check.of]
+    path = _path(robot.assembly, base.occurrence, of.occurrence)
+    closed = {joint.path for mate in path for joint in mate.joints} & on_loops(len(robot.assembly.occurrences), robot.assembly.mates)
+    if closed:
+        message = f"joint `{min(closed)}` is on a closed loop, for which deviations are not computed"
+        failure = Failure(code=StackCode.TEST_STACK, key="of", message=message, help="use mounts between which no loop is closed")
+        return Outcome(measured={}, expected={}, said="closed loop", failure=failure)
+    found = list(_contributions(robot, case.frames[0], check.along, base, of, path))
+    worst = sum_of(abs(one) for _, several in found for one in several)
+    rss = hypot(*(one for _, several in found for one in several))
+    bounds = (("worst", "the largest deviation", worst, check.worst), ("rss", "the root of the sum of squares", rss, check.rss))
+    measured: dict[str, Measure] = {"worst": worst, "rss": rss}
+    expected: dict[str, Measure] = {key: bound for key, _, _, bound in bounds if bound is not None}
+    faults = [
+        (key, f"{what} is {shown(value, LENGTH)}, but at most {Quantity(bound, LENGTH)} is allowed")
+        for key, what, value, bound in bounds if bound is not None and value > bound * (1.0 + ROUNDING)
+    ]
+    if check.within is not None and check.share is not None:
+        # three standard deviations of a normal distribution
+        share = math.erf(3.0 * check.within / (math.sqrt(2.0) * rss)) if rss > 0.0 else 1.0
+        measured["yield"], expected["yield"] = share, check.share
+        if share < check.share:
+            text = f"{100.0 * share:.4g} % of all robots are within {Quantity(check.within, LENGTH)}"
+            faults.append(("yield", f"{text}, but {100.0 * check.share:g} % are required"))
+    said = f"worst {shown(worst, LENGTH)}, RSS {shown(rss, LENGTH)} of {counted(len(found), 'contributor')}"
+    if not faults:
+        return Outcome(measured=measured, expected=expected, said=said)
+    failure = Failure(
+        code=StackCode.TEST_STACK, key=faults[0][0], message="; ".join(text for _, text in faults), notes=tuple(_shares(found, rss)),
+    )
+    return Outcome(measured=measured, expected=expected, said=said, failure=failure)
+
+
+def _shares(found: Sequence[Contribution], rss: float) -> Iterator[Note]:
+    """Yield notes with the largest contributors and their shares of the variance."""
+    squares = sorted(((sum_of(one * one for one in several), name) for name, several in found), key=lambda one: (-one[0], one[1]))
+    for square, name in squares[:LISTED]:
+        yield Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {shown(math.sqrt(square), LENGTH)}")
+    if len(squares) > LISTED:
+        yield Note(message=f"and {counted(len(squares) - LISTED, 'other contributor')}")
+
+
+def _path(assembly: Assembly, start: int, end: int) -> list[Mate]:
+    """Return the mates between two occurrences, from the first to the second."""
+    neighbours = neighbourhood(len(assembly.occurrences), assembly.mates)
+    before: dict[int, Mate | None] = {end: None}
+    waiting = [end]
+    while waiting:
+        here = waiting.pop()
+        for mate in (assembly.mates[number] for number in neighbours[here]):
+            there = mate.parent if mate.child == here else mate.child
+            if there not in before:
+                before[there] = mate
+                waiting.append(there)
+    path: list[Mate] = []
+    while (step := before[start]) is not None:
+        path.append(step)
+        start = step.parent if step.child == start else step.child
+    return path
+
+
+def _contributions(
+    robot: Robot, frame: Keyframe, along: Vector, base: MountAt, of: MountAt, path: Sequence[Mate],
+) -> Iterator[Contribution]:
+    """Yield the contributions of all mounts and joints between two mounts, for the direction `along` in the frame of the mount `base`."""
+    assembly = robot.assembly
+    at = occurrence_poses(robot, frame.q, frame.base)
+    direction = rotate((at[base.occurrence] @ _mount(assembly, base.occurrence, base.mount)).rotation, along)
+    end = (at[of.occurrence] @ _mount(assembly, of.occurrence, of.mount)).translation
+    here, entered = base.occurrence, base.mount
+    for mate in path:
+        forward = mate.parent == here
+        left, next_mount = (mate.parent_mount, mate.child_mount) if forward else (mate.child_mount, mate.parent_mount)
+        if left != entered:  # both mounts deviate from the frame of the part
+            yield from _of_mounts(assembly, at, here, (entered, left), direction, end)
+        here, entered = mate.child if forward else mate.parent, next_mount
+    if of.mount != entered:
+        yield from _of_mounts(assembly, at, here, (entered, of.mount), direction, end)
+    play = {joint.path: joint.actuator.backlash for mate in path for joint in mate.joints if joint.actuator and joint.actuator.backlash}
+    for body, pose in zip(robot.bodies, body_poses(robot, frame.q, frame.base), strict=True):
+        for joint, twist in in_world(body, pose, frame.q):
+            if joint.path in play:
+                velocity = added(cross(twist.angular, added(end, twist.anchor, -1.0)), twist.linear, 1.0)
+                yield f"the backlash of `{joint.path}`", [0.5 * play[joint.path] * dot(velocity, direction)]
+
+
+def _of_mounts(
+    assembly: Assembly, at: Sequence[Pose], index: int, mounts: Sequence[str], direction: Vector, end: Vector,
+) -> Iterator[Contribution]:
+    """Yield the contributions of mounts of a part. The mount `origin` is the frame of the part and does not deviate from it."""
+    occurrence = assembly.occurrences[index]
+    process = process_of(occurrence.component, occurrence.material)
+    for name in mounts:
+        if process is None or name == "origin" or process.tolerance is None and process.tilt is None:
+            continue
+        arm = added(end, at[index].apply(occurrence.mounts[name].pose.translation), -1.0)
+        axes = [rotate(at[index].rotation, axis) for axis in AXES]
+        shifts = [(process.tolerance or 0.0) * dot(axis, direction) for axis in axes]
+        tilts = [(process.tilt or 0.0) * dot(cross(axis, arm), direction) for axis in axes]
+        yield f"`{occurrence.path.replace('/', '.')}.{name}`", [*shifts, *tilts]
+
+
+def _mount(assembly: Assembly, index: int, name: str) -> Pose:
+    """Return the pose of a mount in the frame of its occurrence."""
+    return assembly.occurrences[index].mounts[name].pose
+
+
+MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

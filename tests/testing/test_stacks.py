@@ -1,0 +1,103 @@
+"""Tolerance stacks of two bars, against sums by hand and against random robots with deviating mounts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from testing.rig import PARALLELOGRAM, Workspace, two_links
+
+TOLERANCE, TILT, BACKLASH = 1e-4, math.radians(0.1), math.radians(0.4)
+PROCESS = "process: {kind: machined, tolerance: 0.1 mm, tilt: 0.1 deg}"
+GEARED = """\
+transmissions:
+  gear: {actuator: {kind: motor, effort: 1 N*m}, joint: shoulder, ratio: 9, backlash: 0.4 deg}
+"""
+
+
+def bars(at: str = "0") -> str:
+    """The two bars with tolerances, and a gearbox with backlash at the shoulder."""
+    text = two_links(at=at).replace("density: 1000 kg/m^3", f"density: 1000 kg/m^3, {PROCESS}")
+    drive = ",\n    drive: {kind: position, kp: 5 N*m/rad, effort: 1 N*m}"
+    assert drive in text
+    return text.replace(drive, "", 1) + GEARED
+
+
+def test_contributions_of_stretched_bars_by_hand(rig: Workspace) -> None:
+    """Along z, each mount shifts the tip by its tolerance, and turns it by its tilt about y times the distance from the tip."""
+    answer = rig.test(bars(), "  up: {stack: {of: tip, from: base, along: [0, -2, 0], worst: 1 mm, within: 0.4 mm, yield: 99 %}}\n"
+                              "  out: {stack: {of: tip, from: base, along: [1, 0, 0], rss: 0.1 mm}}\n", others=("yield",))
+    up, out = answer["by_name"]["up"], answer["by_name"]["out"]
+    arms = (0.16, 0.06, 0.06, 0.0)
+    deviations = [*(TOLERANCE for _ in arms), *(TILT * arm for arm in arms), BACKLASH / 2 * 0.16]
+    rss = math.sqrt(sum(one**2 for one in deviations))
+    assert up["measured"]["worst"] == pytest.approx(sum(deviations), rel=1e-9)
+    assert up["measured"]["rss"] == pytest.approx(rss, rel=1e-9)
+    assert up["measured"]["yield"] == pytest.approx(math.erf(3 * 4e-4 / rss / math.sqrt(2)), rel=1e-9)
+    assert not up["passed"]
+    assert out["measured"]["rss"] == pytest.approx(2 * TOLERANCE, rel=1e-9) and not out["passed"]  # four mounts; tilts do not matter
+    first, second = answer["diagnostics"]
+    assert first["code"] == second["code"] == "TC666"
+    assert "the largest deviation is" in first["message"] and "are required" in first["message"]
+    share = 100 * (TOLERANCE**2 + (TILT * 0.16) ** 2) / rss**2
+    notes = [note["message"] for note in first["notes"]]
+    assert notes[0].startswith(f"{100 * (BACKLASH / 2 * 0.16) ** 2 / rss**2:.3g} % from the backlash of `shoulder`")
+    assert notes[1].startswith(f"{share:.3g} % from `upper.near`") and len(notes) == 5
+    assert "the root of the sum of squares is 0.2 mm, but at most 0.1 mm is allowed" in second["message"]
+
+
+def test_random_robots_deviate_as_the_linearisation_predicts(rig: Workspace) -> None:
+    """100 000 draws of a bent arm, with nonlinear kinematics of deviating mounts: three standard deviations are the RSS within 2 %."""
+    tests = "".join(
+        f"  a{k}: {{stack: {{of: tip, from: base, along: {along}, worst: 1 m}}}}\n" for k, along in enumerate(np.eye(3).tolist())
+    )
+    answer = rig.test(bars("70 deg"), tests)
+    found = [answer["by_name"][f"a{k}"]["measured"]["rss"] for k in range(3)]
+    rng, count = np.random.default_rng(5), 100_000
+
+    def mount(xyz: tuple[float, float, float], rpy: tuple[float, float, float]) -> tuple[np.ndarray, Rotation]:
+        place = np.array(xyz) + rng.normal(scale=TOLERANCE / 3, size=(count, 3))
+        return place, Rotation.from_rotvec(rng.normal(scale=TILT / 3, size=(count, 3))) * Rotation.from_euler("XYZ", rpy, degrees=True)
+
+    def times(*poses: tuple[np.ndarray, Rotation]) -> tuple[np.ndarray, Rotation]:
+        place, rotation = np.zeros((count, 3)), Rotation.identity()
+        for step, turn in poses:
+            place, rotation = place + rotation.apply(step), rotation * turn
+        return place, rotation
+
+    def inverse(pose: tuple[np.ndarray, Rotation]) -> tuple[np.ndarray, Rotation]:
+        return -pose[1].inv().apply(pose[0]), pose[1].inv()
+
+    def turned(angles: np.ndarray) -> tuple[np.ndarray, Rotation]:
+        return np.zeros(3), Rotation.from_rotvec(np.outer(angles, (0.0, 0.0, 1.0)))
+
+    mate = np.zeros(3), Rotation.from_matrix([[0, -1, 0], [-1, 0, 0], [0, 0, -1]])
+    near, far, tip = ((90, 0, 90), (-90, 0, 0), (0, 90, 0))
+    backlash = rng.normal(scale=BACKLASH / 6, size=count)
+    place, _ = times(
+        turned(backlash), mate, inverse(mount((0, 0, 0), near)), mount((0.1, 0, 0), far),
+        turned(np.full(count, math.radians(70))), mate, inverse(mount((0, 0, 0), near)), mount((0.06, 0, 0), tip),
+    )
+    np.testing.assert_allclose(3 * place.std(axis=0), found, rtol=0.02)
+    assert min(found) > 1e-4 and max(found) > 1.5 * min(found)
+
+
+def test_what_has_no_deviation(rig: Workspace) -> None:
+    answer = rig.test(two_links(), "  none: {stack: {of: tip, from: base, along: [0, 0, 1], worst: 1 um, within: 1 um, yield: 100 %}}\n"
+                                   "  same: {stack: {of: tip, from: tip, along: [0, 0, 1], rss: 1 um}}\n", others=("yield",))
+    assert [one["measured"]["worst"] for one in answer["tests"]] == [0.0, 0.0] and answer["code"] == 0
+
+
+def test_loops_and_wrong_bounds_are_refused(rig: Workspace) -> None:
+    loop = PARALLELOGRAM.replace("DRIVE", "").replace("density: 1000 kg/m^3", f"density: 1000 kg/m^3, {PROCESS}")
+    answer = rig.test(loop, "  loop: {stack: {of: middle, from: ground.hinge, along: [0, 0, 1], rss: 1 mm}}\n")
+    assert "is on a closed loop" in answer["diagnostics"][0]["message"]
+    for keys, words in (
+        ("along: [0, 0, 0], rss: 1 mm", "`along` must not be zero"), ("along: [0, 0, 1]", "a `stack` test needs"),
+        ("along: [0, 0, 1], within: 1 mm", "need each other"), ("along: [0, 0, 1], within: 1 mm, yield: 120 %", "yield"),
+    ):
+        code, *shown = rig.run(str(rig.write(bars(), f"  wrong: {{stack: {{of: tip, from: base, {keys}}}}}\n")))
+        assert code == 1 and words in "".join(shown)
