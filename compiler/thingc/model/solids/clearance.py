@@ -41,7 +41,7 @@ CLOSE = 1e-3
 """Distances are measured exactly up to this distance [m] above the required distance."""
 FEW = 20_000
 """Number of pairs of triangles up to which all distances are measured exactly."""
-SMALL, LARGE = 12.0, 4.0
+SMALL, LARGE = 8.0, 3.0
 """The size of a part divided by the sizes of small and large balls that cover its surface."""
 TOUCH = 1e-9
 """Rounding error of distances [m]."""
