@@ -50,14 +50,15 @@ def picture() -> str:
     limits = [[at(-SPEED, EFFORT), at(0, EFFORT), at(SPEED, 0)], [at(-SPEED, 0), at(0, -EFFORT), at(SPEED, -EFFORT)]]
     grey = 'stroke="#888"'
     return "\n".join([
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" font-family="sans-serif" font-size="13" fill="#888">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" font-family="sans-serif" font-size="13" fill="#555">',
+        f'<rect width="{WIDTH:g}" height="{HEIGHT:g}" fill="#fff"/>',
         line([at(-SPEED, 0), at(SPEED, 0)], grey), line([at(0, -EFFORT), at(0, EFFORT)], grey),
         *(line(points, 'stroke="#c62828" stroke-width="2" stroke-dasharray="6 4"') for points in limits),
         line([at(one.speed, one.effort) for one in found], 'stroke="#1565c0" stroke-width="2.5"'),
         f'<circle cx="{x}" cy="{y}" r="5" fill="#c62828"/>',
-        f'<text x="{float(x) + 9:.1f}" y="{float(y) - 7:.1f}">margin {worst.margin:.2f} at {worst.time:.2f} s</text>',
-        f'<text x="{WIDTH - EDGE - 62:g}" y="{HEIGHT / 2 - 8:g}">speed 6 rad/s</text>',
-        f'<text x="{WIDTH / 2 + 8:g}" y="{EDGE / 2 + 12:g}">torque 0.6 N m</text>', "</svg>", "",
+        f'<text x="{float(x) - 8:.1f}" y="{float(y) - 14:.1f}" text-anchor="end">margin {worst.margin:.2f} at {worst.time:.2f} s</text>',
+        f'<text x="{WIDTH - EDGE - 62:g}" y="{HEIGHT / 2 + 18:g}">speed 6 rad/s</text>',
+        f'<text x="{WIDTH / 2 - 8:g}" y="{EDGE / 2 + 18:g}" text-anchor="end">torque 0.6 N m</text>', "</svg>", "",
     ])
 
 

@@ -84,6 +84,22 @@ def test_a_motion_is_played_between_two_poses(browser: Any, tmp_path: Path) -> N
         assert page.get_by_role("slider", name="Position in the motion").input_value() == "0"
 
 
+def test_a_motion_of_the_document_is_played(browser: Any, tmp_path: Path) -> None:
+    """Of a four-bar, with minimum jerk from rest to rest, and the loop closed on the way."""
+    motions = "motions: {turn: [{pose: at_20, time: 1 s}, {pose: at_200, time: 2 s}, {pose: at_20, time: 4 s}]}\nmodes:\n"
+    with page_of(browser, tmp_path, FOUR_BAR.replace("modes:\n", motions), "#mode=bench") as page:
+        assert page.get_by_label("Motion", exact=True).input_value() == "turn" and not page.get_by_label("From pose").is_visible()
+        slider = page.get_by_role("slider", name="Position in the motion")
+        for part in (0.1, 0.25, 0.335, 0.5, 0.9):
+            slider.fill(str(part))
+            time = 1.0 + 3.0 * float(slider.input_value())
+            s = time - 1.0 if time < 2.0 else (4.0 - time) / 2.0
+            angle = 20.0 + 180.0 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
+            assert math.degrees(q_of(page)["drive"]) == pytest.approx(angle, abs=1e-6) and gap(page) < 1e-3
+        page.get_by_label("Motion", exact=True).select_option("between two poses")
+        assert page.get_by_label("From pose").is_visible() and slider.input_value() == "0"
+
+
 def test_the_bill_has_totals_and_is_exported(browser: Any, pages: Pages) -> None:
     bom = json.loads(element((pages.arm / "html/arm.html").read_text(), "thingc-robot"))["bom"]
     image = "data:image/svg+xml;base64," + b64encode(b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>').decode()

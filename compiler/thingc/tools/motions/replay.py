@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Iterator
 
 import mujoco
@@ -106,9 +107,13 @@ class Replay:
         return times + self.times[0], tracked, wanted
 
     def show(self) -> None:
-        """Play the motion in the viewer of MuJoCo, again and again, until the user closes the window."""
+        """Play the motion in the viewer of MuJoCo, again and again, until the user closes the window. Raises `UnknownChoice`."""
+        import glfw
         from mujoco import viewer
 
+        with warnings.catch_warnings(action="ignore"):
+            if not glfw.init():
+                raise UnknownChoice("the viewer of MuJoCo needs a display", "use `--csv FILE`, which needs no window")
         shown = mujoco.MjData(self.model)
         with viewer.launch_passive(self.model, shown) as window:
             while window.is_running():
@@ -116,7 +121,7 @@ class Replay:
                 for data in self.simulate():
                     if not window.is_running():
                         return
-                    shown.qpos[:], shown.ctrl[:] = data.qpos, data.ctrl
+                    shown.time, shown.qpos[:], shown.ctrl[:] = data.time, data.qpos, data.ctrl
                     mujoco.mj_forward(self.model, shown)
                     if (ahead := data.time - (time.monotonic() - start)) > 0.0:
                         window.sync()

@@ -1,0 +1,122 @@
+"""`thingc motion`: a motion replayed in MuJoCo, with and without a window."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import glfw
+import mujoco.viewer
+import numpy as np
+import pytest
+
+from loops.test_loop_joints import FOURBAR
+from thingc.tools.cli.main import main
+
+ARM = """\
+thingc: assembly/1
+name: arm
+components:
+  base: {frame: true}
+  upper: {frame: true, mass: 0.7 kg, com: 120 0 0 mm, inertia: {ixx: 1e-3 kg*m^2, iyy: 4e-3 kg*m^2, izz: 4e-3 kg*m^2},
+    mounts: {elbow: {xyz: 250 0 0 mm}}}
+  lower: {frame: true, mass: 0.4 kg, com: 90 0 0 mm, inertia: {ixx: 5e-4 kg*m^2, iyy: 2e-3 kg*m^2, izz: 2e-3 kg*m^2}}
+joints:
+  shoulder: {type: continuous, parent: base.origin, child: upper.origin, axis: [0, -1, 0], drive: SHOULDER,
+    dynamics: {damping: 0.4 N*m*s/rad}}
+  elbow: {type: continuous, parent: upper.elbow, child: lower.origin, axis: [0, -1, 0], drive: ELBOW,
+    dynamics: {damping: 0.4 N*m*s/rad}}
+poses: {low: {shoulder: -40 deg, elbow: 10 deg}, high: {shoulder: 70 deg, elbow: 100 deg}}
+motions: {swing: [{pose: low, time: 0.5 s}, {pose: high, time: 1.3 s}]}
+modes: {bench: {root: base}}
+simulation: {timestep: 0.5 ms, integrator: implicitfast}
+"""
+MOTOR, STIFF = "{kind: motor, effort: 30 N*m}", "{kind: position, kp: 20000 N*m/rad, kv: 50 N*m*s/rad}"
+SPEED = "{kind: velocity, kv: 500 N*m*s/rad}"
+
+
+def run(folder: Path, text: str, *words: str) -> tuple[int, str]:
+    """Exit code, and standard output or error."""
+    folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
+    folder.joinpath("arm.yaml").write_text(text)
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        code = main(["motion", str(folder / "arm.yaml"), *words, "--store", str(folder / "store")])
+    return code, out.getvalue() + err.getvalue()
+
+
+@pytest.mark.parametrize(("shoulder", "elbow"), [(STIFF, STIFF), (SPEED, STIFF), (MOTOR, MOTOR)])
+def test_drives_of_every_kind_follow_a_motion(tmp_path: Path, shoulder: str, elbow: str) -> None:
+    """The commands of motors come from inverse dynamics, so that a simulation without feedback follows the motion."""
+    text = ARM.replace("SHOULDER", shoulder).replace("ELBOW", elbow)
+    code, out = run(tmp_path, text, "swing", "--format", "json", "--csv", str(tmp_path / "tracked.csv"))
+    joints = {one["joint"]: one["error"] for one in json.loads(out)["joints"]}
+    assert code == 0 and set(joints) == {"shoulder", "elbow"} and max(joints.values()) < np.radians(2.0), joints
+    rows = list(csv.reader((tmp_path / "tracked.csv").read_text().splitlines()))
+    assert rows[0] == ["time [s]", "shoulder [deg]", "elbow [deg]"] and len(rows) == 1 + 1600 + 1
+    assert [float(one) for one in rows[1]] == pytest.approx([0.5, -40.0, 10.0])
+    assert [float(one) for one in rows[-1]] == pytest.approx([1.3, 70.0, 100.0], abs=2.0)
+
+
+def test_a_tracked_file_is_a_motion_again(tmp_path: Path) -> None:
+    text = ARM.replace("SHOULDER", STIFF).replace("ELBOW", STIFF)
+    assert run(tmp_path, text, "--csv", str(tmp_path / "tracked.csv"))[0] == 0
+    text = text.replace("motions: {", "motions: {again: {file: tracked.csv}, ")
+    code, out = run(tmp_path, text, "again", "--csv", str(tmp_path / "next.csv"))
+    assert code == 0, out
+
+
+def test_the_loop_of_a_mode_stays_closed(tmp_path: Path) -> None:
+    text = FOURBAR.replace("modes:\n", "motions: {turn: [{pose: at_20, time: 0}, {pose: at_130, time: 2 s}]}\nmodes:\n")
+    code, out = run(tmp_path, text, "--format", "json", "--csv", str(tmp_path / "tracked.csv"))
+    errors = {one["joint"]: one["error"] for one in json.loads(out)["joints"]}
+    assert code == 0 and max(errors.values()) < np.radians(5.0), errors
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (("swin",), "there is no motion `swin`"), (("swing", "--mode", "benc"), "no mode `benc`"), (("--csv", "no/t.csv"), "cannot write"),
+])
+def test_wrong_command_lines(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+    code, out = run(tmp_path, ARM.replace("SHOULDER", STIFF).replace("ELBOW", STIFF), *words)
+    assert code == 2 and said in out, out
+
+
+def test_a_document_without_motions(tmp_path: Path) -> None:
+    text = "".join(line for line in ARM.splitlines(keepends=True) if not line.startswith("motions"))
+    code, out = run(tmp_path, text.replace("SHOULDER", STIFF).replace("ELBOW", STIFF))
+    assert code == 2 and "the document has no motions" in out
+
+
+class Window:
+    """A window that is closed after its motion has been shown once."""
+
+    def __init__(self, data: Any) -> None:
+        self.data, self.shown = data, [data.qpos.copy()]
+
+    def is_running(self) -> bool:
+        return self.data.time < 0.79
+
+    def sync(self) -> None:
+        self.shown.append(self.data.qpos.copy())
+
+
+def test_the_window_shows_the_motion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    windows: list[Window] = []
+
+    @contextlib.contextmanager
+    def launch(model: Any, data: Any) -> Iterator[Window]:
+        windows.append(Window(data))
+        yield windows[0]
+
+    monkeypatch.setattr(mujoco.viewer, "launch_passive", launch)
+    monkeypatch.setattr(glfw, "init", lambda: True)
+    monkeypatch.setattr("thingc.tools.motions.replay.time.sleep", lambda seconds: None)
+    assert run(tmp_path, ARM.replace("SHOULDER", STIFF).replace("ELBOW", STIFF))[0] == 0
+    assert np.degrees(windows[0].shown[-1]) == pytest.approx([70.0, 100.0], abs=1.0)
+    monkeypatch.setattr(glfw, "init", lambda: False)
+    code, out = run(tmp_path, ARM.replace("SHOULDER", STIFF).replace("ELBOW", STIFF))
+    assert code == 2 and "--csv" in out
