@@ -289,6 +289,18 @@ def test_what_a_framework_cannot_have_is_a_loss(written: dict[str, Written]) -> 
     assert {path for path, _ in written["pair"].losses("mjlab")} == {"bow string"}
 
 
+def test_imperfect_drives_are_losses_except_for_delays_in_mjlab(tmp_path: Path, shared_store: str, stand_ins: None) -> None:
+    """15 ms are 8 steps of 2 ms."""
+    effects = "kv: 1.5 N*m*s/rad, stall: 30 N*m, delay: 15 ms, deadband: 0.2 deg, noise: 0.1 deg}"
+    robot = Written(tmp_path, shared_store, {"robot.yaml": DOG.replace("kv: 1.5 N*m*s/rad}", effects)})
+    (mode,) = list(robot.modes)[:1]
+    lags = {(one.delay_min_lag, one.delay_max_lag) for one in robot.module("mjlab", mode).ACTUATORS if hasattr(one, "delay_min_lag")}
+    assert lags == {(8, 8)}
+    others = {("hip_l", f"{what} of this drive") for what in ("the torque-speed line", "the deadband", "the noise")}
+    assert {one for one in robot.losses("mjlab") if one[0] == "hip_l"} == others
+    assert {one for one in robot.losses("isaaclab") if one[0] == "hip_l"} == {*others, ("hip_l", "the delay of this drive")}
+
+
 def test_names_in_mjlab_are_those_of_pymjcf(tmp_path: Path, shared_store: str, written: dict[str, Written]) -> None:
     files = {"arm.yaml": ARM.replace("joints:\n", PULLEY + "joints:\n", 1), "robot.yaml": PAIR}
     robot = Written(tmp_path, shared_store, files, ("pymjcf",))

@@ -72,8 +72,8 @@ def actuator_of(
 ) -> ActuatorModel:
     """Return the model of a drive whose values are complete. `origin` is the location of the joint, for a drive without a location.
 
-    `limit` contains the limits of the coordinate. A torque-speed line without a speed is an error, and so is a deadband that ignores all
-    commands.
+    `limit` contains the limits of the coordinate. A torque-speed line without a speed is an error, and so are a deadband or
+    noise as large as the range of the command.
     """
     gear, speed, of = drive.gear, first(drive.velocity, limit.velocity), dimensions_of(ANGLE if turns else LENGTH)
     if drive.stall is not None and not speed:
@@ -84,10 +84,11 @@ def actuator_of(
     key, reach = ("effort", first(limit.effort, drive.effort)) if drive.kind == "motor" else ("velocity", first(limit.velocity, speed))
     if drive.kind == "position":
         key, reach = "rest", None if limit.lower is None or limit.upper is None else limit.upper - limit.lower
-    if drive.deadband is not None and reach is not None and drive.deadband >= reach:
-        found = f"its deadband is {Quantity(drive.deadband, of[key])}, and the command range {Quantity(reach, of[key])}"
-        place = drive.spans["deadband"], *instance.origin
-        findings.error(Code.DRIVE, f"the drive of {owner} ignores all commands: {found}", place, help="use a smaller `deadband`")
+    for name, value in (("deadband", drive.deadband), ("noise", drive.noise)):
+        if value is not None and reach is not None and value >= reach:
+            found = f"{Quantity(value, of[key])}, but the range of its command is {Quantity(reach, of[key])}"
+            place = drive.spans[name], *instance.origin
+            findings.error(Code.DRIVE, f"the `{name}` of the drive of {owner} is {found}", place, help=f"use a smaller `{name}`")
     return ActuatorModel(
         kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=drive.effort, velocity=drive.velocity, axis=drive.axis,
         origin=(drive.origin or origin) + instance.origin, transmission=None if gear is None else instance.within(gear.name),

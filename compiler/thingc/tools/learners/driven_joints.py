@@ -11,6 +11,9 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets import Loss
 from thingc.targets.capabilities import joint_cell
 
+EFFECTS = {"delay": "the delay", "stall": "the torque-speed line", "deadband": "the deadband", "noise": "the noise"}
+"""Descriptions of the properties of a drive that the configurations do not contain, by the names of attributes of `ActuatorModel`."""
+
 
 class DrivenJoint(FrozenStruct):
     """A joint coordinate with a drive. `effort` and `velocity` are limits in SI units, or None."""
@@ -58,8 +61,15 @@ def by_pattern(values: Mapping[str, float], *, complete: bool) -> dict[str, floa
     return {re.escape(name): value for name, value in values.items()}
 
 
-def losses(robot: Robot, target: str, framework: str, motions: frozenset[str]) -> Iterator[Loss]:
-    """Yield an export loss for each joint with another type of motion, and for the drives of tendons and magnets."""
+def losses(robot: Robot, target: str, framework: str, motions: frozenset[str], *, delays: bool = False) -> Iterator[Loss]:
+    """Yield an export loss for each joint with another type of motion, and for the drives of tendons and magnets.
+
+    Also yield losses for the properties of drives in `EFFECTS`, except for delays if `delays` is True.
+    """
+    for one in driven(robot, lambda joint: joint.path, motions):
+        for key, what in EFFECTS.items():
+            if getattr(one.drive, key) and not (delays and key == "delay"):
+                yield Loss.of(one.drive.origin, target, None, one.joint.path, f"{what} of this drive", "omitted")
     for body in robot.bodies:
         if body.joints and joint_cell(body.joints[0].kind) not in motions:
             joint = body.joints[0]

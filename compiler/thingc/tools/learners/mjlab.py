@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from thingc.model.robot.types import Robot
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
+from thingc.targets.mjcf.drives import delay_steps, time_step
 from thingc.targets.mjcf.lowering import lowered
 from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven, losses, moving, start
 from thingc.tools.learners.python_text import PythonCall, PythonExpression, assignment, constant, file_name, imported, module
@@ -51,7 +52,7 @@ def emit(request: EmitRequest) -> Artifacts:
     """Write a module for each chosen mode."""
     lost: dict[Loss, None] = {}
     for robot in request.robots:
-        lost |= dict.fromkeys((*losses(robot, "mjlab", "mjlab", MOTIONS), *_lost_sensors(robot)))
+        lost |= dict.fromkeys((*losses(robot, "mjlab", "mjlab", MOTIONS, delays=True), *_lost_sensors(robot)))
     return Artifacts(files={f"mjlab/{file_name(robot)}.py": _module(robot) for robot in request.robots}, losses=tuple(lost))
 
 
@@ -90,7 +91,7 @@ def _module(robot: Robot) -> bytes:
         robot, "mjlab", ["from pathlib import Path\nfrom xml.etree import ElementTree", "\n".join(imports)],
         [
             f"{assignment('XML', PythonExpression(file))}\n{assignment('DRIVES', names)}", GET_SPEC,
-            assignment("ACTUATORS", tuple(_actuators(drives))), assignment(constant(robot, "CFG"), config),
+            assignment("ACTUATORS", tuple(_actuators(drives, time_step(robot)))), assignment(constant(robot, "CFG"), config),
         ],
     )
 
@@ -103,8 +104,8 @@ def _base(robot: Robot) -> Mapping[str, object]:
     return {"pos": pose.translation, "rot": pose.quaternion()}
 
 
-def _actuators(drives: list[DrivenJoint]) -> Iterator[PythonCall]:
-    """Yield the configurations of the drives. Drives with equal values have one configuration."""
+def _actuators(drives: list[DrivenJoint], step: float) -> Iterator[PythonCall]:
+    """Yield the configurations of the drives. Drives with equal values have one configuration. Delays are multiples of the time step."""
     groups: dict[tuple[str, tuple[tuple[str, object], ...]], list[str]] = {}
     for one in drives:
         kp, kv, dynamics = one.drive.kp, one.drive.kv, one.joint.dynamics
@@ -117,6 +118,8 @@ def _actuators(drives: list[DrivenJoint]) -> Iterator[PythonCall]:
             case "motor":
                 own = {"effort_limit": PythonExpression(UNLIMITED) if one.effort is None else one.effort}
         own |= {"armature": dynamics.armature or 0.0, "frictionloss": dynamics.friction or 0.0}
+        if one.drive.delay:
+            own |= dict.fromkeys(("delay_min_lag", "delay_max_lag"), delay_steps(one.drive.delay, step))
         groups.setdefault((CLASSES[one.drive.kind], tuple(own.items())), []).append(re.escape(one.name))
     for (function, values), names in groups.items():
         yield PythonCall(function, {"target_names_expr": tuple(names), **dict(values)})
