@@ -42,7 +42,7 @@ class MountPair(FrozenStruct):
     slides: bool = False
 
 
-class MountFeature(FrozenStruct, tag=True):
+class MountFeature(FrozenStruct, tag=True, omit_defaults=True):
     """The base class of mating features."""
 
     def converted(self, length: Conversion, angle: Conversion) -> Self:

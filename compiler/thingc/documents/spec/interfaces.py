@@ -32,26 +32,27 @@ class BoltsSpec(Model):
     """Diameter of the holes; default: any diameter that suits the thread."""
 
 
-class BoreSpec(Model):
-    """A round hole along the z axis of the mount."""
-
-    diameter: LengthField
-    """Diameter of the hole."""
-    depth: LengthField | None = None
-    """Depth of the hole; default: a through hole."""
-    clearance: PairField | None = Field(default=None, examples=[["0.05 mm", "0.2 mm"]])
-    """Smallest and largest difference to the diameter of the boss; default: at least 0."""
-
-
-class BossSpec(Model):
-    """A cylinder along the z axis of the mount, such as a shaft."""
+class FitSpec(Model):
+    """A cylinder along the z axis of the mount."""
 
     diameter: LengthField
     """Diameter of the cylinder."""
+    clearance: PairField | None = Field(default=None, examples=[["0.05 mm", "0.2 mm"]])
+    """Smallest and largest difference between the diameters of bore and boss; default: at least 0."""
+
+
+class BoreSpec(FitSpec):
+    """A round hole along the z axis of the mount."""
+
+    depth: LengthField | None = None
+    """Depth of the hole; default: a through hole."""
+
+
+class BossSpec(FitSpec):
+    """A cylinder along the z axis of the mount, such as a shaft."""
+
     length: LengthField | None = None
     """Length above the mount; default: unknown."""
-    clearance: PairField | None = Field(default=None, examples=[["0.05 mm", "0.2 mm"]])
-    """Smallest and largest difference to the diameter of the bore; default: at least 0."""
 
 
 class ShankSpec(Model):

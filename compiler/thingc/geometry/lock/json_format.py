@@ -10,7 +10,8 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, TypeVar, get_args
 
-from msgspec import ValidationError, convert, to_builtins
+from msgspec import ValidationError, convert
+from msgspec.json import decode, encode
 from msgspec.structs import asdict
 
 from thingc.base.inertia import physical_fault
@@ -131,7 +132,7 @@ def _mount_values(mount: MountRecord) -> dict[str, Any]:
     rotation = [entry for row in mount.pose.rotation for entry in row]
     pose = [_rounded(entry) for entry in (*rotation, *mount.pose.translation)]
     return _present({
-        "pose": pose, "interface": mount.interface, "tolerance": mount.tolerance, "features": to_builtins(mount.features) or None,
+        "pose": pose, "interface": mount.interface, "tolerance": mount.tolerance, "features": decode(encode(mount.features)) or None,
         "contradictions": list(mount.contradictions) or None,
     })
 

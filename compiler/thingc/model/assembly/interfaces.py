@@ -14,7 +14,7 @@ from thingc.documents.load.paths import MESH_SUFFIXES
 from thingc.geometry.declared_interfaces import contradictions
 from thingc.geometry.features import Features
 from thingc.model.assembly.report import LinkReport, written_at
-from thingc.model.assembly.types import Connected, Mate, MountFrame, Occurrence
+from thingc.model.assembly.types import Connected, Occurrence
 
 ENGAGED = 0.8
 """Smallest engaged length of a thread relative to its diameter: the height of a nut (ISO 4032)."""
@@ -56,28 +56,25 @@ def check_screws(robot: Connected, findings: LinkReport) -> None:
     that is rigidly mated with this part.
     """
     rigid: dict[int, dict[int, Pose]] = {index: {index: NO_POSE} for index in range(len(robot.occurrences))}
-    heads: list[tuple[Mate, Occurrence, MountFrame, int, str]] = []
-    for mate in (mate for mate in robot.mates if not mate.joints):
+    fixed = [mate for mate in robot.mates if not mate.joints]
+    for mate in fixed:
         pose = mate.X_PJ @ mate.X_JC
         rigid[mate.parent][mate.child], rigid[mate.child][mate.parent] = pose, pose.inverse()
+    said: set[tuple[Origin, str]] = set()
+    for mate in fixed:
         ends = ((mate.child, mate.child_mount), (mate.parent, mate.parent_mount))
         for (index, mount), (below, head) in (ends, ends[::-1]):
-            heads.append((mate, robot.occurrences[index], robot.occurrences[index].mounts[mount], below, head))
-    said: set[tuple[Origin, str]] = set()
-    for mate, screw, frame, below, head in heads:
-        for shank in (one for one in frame.features if isinstance(one, Shank)):
-            seat = (rigid[below][screw.index] @ frame.pose).inverse()
-            holes = [
-                hole for index, pose in rigid[below].items() if index != screw.index
-                for hole in _threaded(robot.occurrences[index], seat @ pose)
-            ]
-            words = _screw_fault(shank, *min(holes, key=lambda hole: hole[0])) if holes else None
-            if words is not None and _place(mate.origin, screw) not in said:
-                said.add(_place(mate.origin, screw))
-                findings.warn(
-                    Code.SCREW, f"`{screw.path.replace('/', '.')}` on `{mount_name(robot.occurrences[below], head)}` {words}", mate.origin,
-                    path=screw.path, help="use a screw of another size, or correct the `depth` of the hole", allow=True,
-                )
+            screw = robot.occurrences[index]
+            for shank in (one for one in screw.mounts[mount].features if isinstance(one, Shank)):
+                seat = (rigid[below][index] @ screw.mounts[mount].pose).inverse()
+                others = [(robot.occurrences[other], pose) for other, pose in rigid[below].items() if other != index]
+                holes = sorted(hole for part, pose in others for hole in _threaded(part, seat @ pose))
+                words = _screw_fault(shank, *holes[0]) if holes else None
+                if words is not None and _place(mate.origin, screw) not in said:
+                    said.add(_place(mate.origin, screw))
+                    what = f"`{screw.path.replace('/', '.')}` on `{mount_name(robot.occurrences[below], head)}`"
+                    help = "use a screw of another size, or correct the `depth` of the hole"
+                    findings.warn(Code.SCREW, f"{what} {words}", mate.origin, path=screw.path, help=help, allow=True)
 
 
 def _threaded(part: Occurrence, pose: Pose) -> Iterator[tuple[float, float, str, str]]:
@@ -112,13 +109,14 @@ def check_declared(robot: Connected, findings: LinkReport) -> None:
     """Warn of each feature that a part class declares and that the geometry does not have. Each part is reported once."""
     said: set[str] = set()
     for one in robot.occurrences:
-        for name, mount in one.record.mounts.items() if one.record is not None and one.record.text not in said else ():
-            for words in mount.contradictions:
-                if findings.warn(
-                    Code.INTERFACE_GEOMETRY, f"the mount `{name}` of `{one.definition.label}` declares {words}", one.origin, path=one.path,
-                    notes=_declared(one, name), help="correct the `interface` of the mount, or the geometry of the part", allow=True,
-                ) and one.record is not None:
-                    said.add(one.record.text)
+        mounts = one.record.mounts if one.record is not None and one.definition.text not in said else {}
+        for name, words in [(name, words) for name, mount in mounts.items() for words in mount.contradictions]:
+            message = f"the mount `{name}` of `{one.definition.label}` declares {words}"
+            help = "correct the `interface` of the mount, or the geometry of the part"
+            if findings.warn(
+                Code.INTERFACE_GEOMETRY, message, one.origin, path=one.path, notes=_declared(one, name), help=help, allow=True,
+            ):
+                said.add(one.definition.text)
 
 
 def check_added_interfaces(assembly: Connected, measure: Callable[[Collection[str]], Mapping[str, Features]], report: Report) -> None:
