@@ -16,6 +16,10 @@ GEARED = """\
 transmissions:
   gear: {actuator: {kind: motor, effort: 1 N*m}, joint: shoulder, ratio: 9, backlash: 0.4 deg}
 """
+AXES = "".join(
+    f"  a{k}: {{stack: {{of: tip, from: base, along: {along}, worst: 1 m}}}}\n" for k, along in enumerate(np.eye(3).tolist())
+)
+"""A test of the deviation along each axis of the base."""
 
 
 def bars(at: str = "0") -> str:
@@ -51,10 +55,7 @@ def test_contributions_of_stretched_bars_by_hand(rig: Workspace) -> None:
 
 def test_random_robots_deviate_as_the_linearisation_predicts(rig: Workspace) -> None:
     """100 000 draws of a bent arm, with nonlinear kinematics of deviating mounts: three standard deviations are the RSS within 2 %."""
-    tests = "".join(
-        f"  a{k}: {{stack: {{of: tip, from: base, along: {along}, worst: 1 m}}}}\n" for k, along in enumerate(np.eye(3).tolist())
-    )
-    answer = rig.test(bars("70 deg"), tests)
+    answer = rig.test(bars("70 deg"), AXES)
     found = [answer["by_name"][f"a{k}"]["measured"]["rss"] for k in range(3)]
     rng, count = np.random.default_rng(5), 100_000
 
@@ -83,6 +84,16 @@ def test_random_robots_deviate_as_the_linearisation_predicts(rig: Workspace) -> 
     )
     np.testing.assert_allclose(3 * place.std(axis=0), found, rtol=0.02)
     assert min(found) > 1e-4 and max(found) > 1.5 * min(found)
+
+
+def test_a_boss_is_loose_in_its_bore(rig: Workspace) -> None:
+    """A pin of 6 mm in a bore of 6.2 mm can shift by 0.1 mm across the axis y of the hinge, and not along it."""
+    text = two_links().replace("hinge: {rpy: -90 0 0 deg}", "hinge: {rpy: -90 0 0 deg, interface: {boss: {diameter: 6 mm}}}")
+    bore = "mounts: {bore: {rpy: 90 0 90 deg, interface: {bore: {diameter: 6.2 mm}}}}, allow: {TC425: no hole}"
+    text = text.replace("upper: {part: rig_parts:Bar}", f"upper: {{part: rig_parts:Bar, {bore}}}").replace("upper.near", "upper.bore")
+    answer = rig.test(text, AXES)
+    found = [answer["by_name"][f"a{k}"]["measured"]["worst"] for k in range(3)]
+    np.testing.assert_allclose(found, (1e-4, 1e-4, 0.0), atol=1e-12)
 
 
 def test_what_has_no_deviation(rig: Workspace) -> None:

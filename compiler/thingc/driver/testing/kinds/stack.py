@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from thingc.base.diagnostics import Note
+from thingc.base.interfaces import Bore, Boss
 from thingc.base.numeric import hypot, sum_of
 from thingc.base.one_line_repr import counted
 from thingc.base.pose import Pose, Vector, added, cross, dot, rotate
@@ -110,6 +111,7 @@ def _contributions(
         left, next_mount = (mate.parent_mount, mate.child_mount) if forward else (mate.child_mount, mate.parent_mount)
         if left != entered:  # both mounts deviate from the frame of the part
             yield from _of_mounts(assembly, at, here, (entered, left), direction, end)
+        yield from _of_fit(assembly, at, mate, direction)
         here, entered = mate.child if forward else mate.parent, next_mount
     if of.mount != entered:
         yield from _of_mounts(assembly, at, here, (entered, of.mount), direction, end)
@@ -135,6 +137,18 @@ def _of_mounts(
         shifts = [(process.tolerance or 0.0) * dot(axis, direction) for axis in axes]
         tilts = [(process.tilt or 0.0) * dot(cross(axis, arm), direction) for axis in axes]
         yield f"`{occurrence.path.replace('/', '.')}.{name}`", [*shifts, *tilts]
+
+
+def _of_fit(assembly: Assembly, at: Sequence[Pose], mate: Mate, direction: Vector) -> Iterator[Contribution]:
+    """Yield the contribution of a boss that is loose in a bore: half of the difference of the diameters, in both radial directions."""
+    ends = [assembly.occurrences[index].mounts[name] for index, name in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))]
+    for one, other in (ends, ends[::-1]):
+        bores = [feature.diameter for feature in one.features if isinstance(feature, Bore)]
+        bosses = [feature.diameter for feature in other.features if isinstance(feature, Boss)]
+        if len(bores) == len(bosses) == 1 and bores[0] > bosses[0]:
+            rotation = (at[mate.parent] @ ends[0].pose).rotation
+            radial = [0.5 * (bores[0] - bosses[0]) * dot(rotate(rotation, axis), direction) for axis in AXES[:2]]
+            yield f"the play of `{assembly.occurrences[mate.child].path.replace('/', '.')}.{mate.child_mount}`", radial
 
 
 def _mount(assembly: Assembly, index: int, name: str) -> Pose:
