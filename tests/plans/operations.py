@@ -47,6 +47,7 @@ OPERATIONS: dict[str, tuple[Callable[..., Any], Draw, Oracle]] = {
     "atan2": (numeric.atan2, between(ANY, ANY), mpmath.atan2),
     "radians": (numeric.radians, between(ANY), mpmath.radians),
     "degrees": (numeric.degrees, between(ANY), mpmath.degrees),
+    "erf": (numeric.erf, between(ANY), mpmath.erf),
     "copysign": (numeric.copysign, between(ANY, ANY), lambda a, b: abs(a) * mpmath.sign(b)),
     "remainder": (numeric.remainder, between((-9.0, 9.0), POSITIVE), lambda a, b: a - b * mpmath.nint(a / b)),
     "fsum": (lambda a, b, c: numeric.fsum((a, b, c)), between(ANY, ANY, ANY), lambda a, b, c: a + b + c),

@@ -111,6 +111,7 @@ sqrt, sin, cos, tan = one_operation(math.sqrt), one_operation(math.sin), one_ope
 asin, acos, atan, atan2 = one_operation(math.asin), one_operation(math.acos), one_operation(math.atan), one_operation(math.atan2)
 radians, degrees, copysign = one_operation(math.radians), one_operation(math.degrees), one_operation(math.copysign)
 remainder, isfinite, isinf = one_operation(math.remainder), one_operation(math.isfinite), one_operation(math.isinf)
+erf = one_operation(math.erf)
 
 
 @one_operation

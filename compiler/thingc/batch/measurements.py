@@ -47,7 +47,7 @@ TEST = "tests."
 """Prefix of the names of values that document tests measure."""
 TESTED: Mapping[str, Mapping[str, Dimension]] = {
     "mass": {"mass": MASS}, "centre": {"centre": LENGTH}, "reach": {"reach": LENGTH}, "point": {"distance": LENGTH, "angle": ANGLE},
-    "ground_clearance": {"clearance": LENGTH}, "torque_margin": {"margin": NUMBER},
+    "ground_clearance": {"clearance": LENGTH}, "torque_margin": {"margin": NUMBER}, "stack": {"worst": LENGTH, "rss": LENGTH},
 }
 """The measured values and their physical dimensions, for each kind of document test.
 

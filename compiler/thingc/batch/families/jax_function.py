@@ -75,6 +75,7 @@ def _moments(*entries: Any) -> Any:
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     **OPERATORS, "abs": jnp.abs, "sqrt": jnp.sqrt, "sin": jnp.sin, "cos": jnp.cos, "tan": jnp.tan, "asin": jnp.arcsin, "acos": jnp.arccos,
     "atan": jnp.arctan, "atan2": jnp.arctan2, "radians": jnp.radians, "degrees": jnp.degrees, "copysign": jnp.copysign,
+    "erf": jax.scipy.special.erf,
     "remainder": _remainder, "round": jnp.round, "isfinite": jnp.isfinite, "isinf": jnp.isinf, "hypot": _hypot,
     "_fsum": lambda *values: sum(values), "min": lambda *values: reduce(jnp.minimum, values),
     "max": lambda *values: reduce(jnp.maximum, values),

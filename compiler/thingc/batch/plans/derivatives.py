@@ -85,6 +85,7 @@ RULES: dict[str, Partials] = {
         ("{1} / ({0} * {0} + {1} * {1})", "-{0} / ({0} * {0} + {1} * {1})"),
         kink="{0} == 0.0 and {1} <= 0.0", why="is an angle of 180 deg",
     ),
+    "erf": Partials((f"{2.0 / math.sqrt(math.pi)!r} * {math.e!r} ** (-{{0}} * {{0}})",)),
     "radians": Partials((repr(math.pi / 180.0),)), "degrees": Partials((repr(180.0 / math.pi),)), "_fsum": Partials(each="1.0"),
     "min": Partials(each="float({i} == {r})", why="is the minimum of equal values", bounded=True),
     "max": Partials(each="float({i} == {r})", why="is the maximum of equal values", bounded=True),

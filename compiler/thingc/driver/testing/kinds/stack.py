@@ -8,12 +8,11 @@ design of mechanical assemblies", Research in Engineering Design 3, 1991.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 
 from thingc.base.diagnostics import Note
 from thingc.base.interfaces import Bore, Boss
-from thingc.base.numeric import hypot, sum_of
+from thingc.base.numeric import erf, hypot, sqrt, sum_of
 from thingc.base.one_line_repr import counted
 from thingc.base.pose import Pose, Vector, added, cross, dot, rotate
 from thingc.base.units import LENGTH, Quantity
@@ -40,7 +39,7 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
     path = _path(robot.assembly, base.occurrence, of.occurrence)
     closed = {joint.path for mate in path for joint in mate.joints} & on_loops(len(robot.assembly.occurrences), robot.assembly.mates)
     if closed:
-        message = f"joint `{min(closed)}` is on a closed loop, for which deviations are not computed"
+        message = f"joint `{sorted(closed)[0]}` is on a closed loop, for which deviations are not computed"
         failure = Failure(code=StackCode.TEST_STACK, key="of", message=message, help="use mounts between which no loop is closed")
         return Outcome(measured={}, expected={}, said="closed loop", failure=failure)
     found = list(_contributions(robot, case.frames[0], check.along, base, of, path))
@@ -55,7 +54,7 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
     ]
     if check.within is not None and check.share is not None:
         # three standard deviations of a normal distribution
-        share = math.erf(3.0 * check.within / (math.sqrt(2.0) * rss)) if rss > 0.0 else 1.0
+        share = erf(3.0 * check.within / (sqrt(2.0) * rss)) if rss > 0.0 else 1.0
         measured["yield"], expected["yield"] = share, check.share
         if share < check.share:
             text = f"{100.0 * share:.4g} % of all robots are within {Quantity(check.within, LENGTH)}"
@@ -73,7 +72,7 @@ def _shares(found: Sequence[Contribution], rss: float) -> Iterator[Note]:
     """Yield notes with the largest contributors and their shares of the variance."""
     squares = sorted(((sum_of(one * one for one in several), name) for name, several in found), key=lambda one: (-one[0], one[1]))
     for square, name in squares[:LISTED]:
-        yield Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {shown(math.sqrt(square), LENGTH)}")
+        yield Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {shown(sqrt(square), LENGTH)}")
     if len(squares) > LISTED:
         yield Note(message=f"and {counted(len(squares) - LISTED, 'other contributor')}")
 
