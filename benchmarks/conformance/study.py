@@ -168,7 +168,7 @@ READERS = (
         floats=True,
     ),
 )
-NOT_RUN = "ROS itself with the package: `colcon build`, `ros2 launch`, the controllers on their mock hardware, RViz and MoveIt"
+NOT_RUN = "ROS itself (`colcon build`, `ros2 launch`, the controllers on their mock hardware, RViz and MoveIt)"
 """Programs that the study does not run."""
 
 
@@ -331,7 +331,7 @@ def table(rows: Mapping[tuple[str, str], tuple[str, dict[str, Judged]]]) -> Iter
     for reader in READERS:
         if any(name == reader.name for name, _ in rows):
             yield f"- {reader.name}: {reader.note}"
-    yield f"- Not tested: {NOT_RUN}."
+    yield f"- The package was not tested with {NOT_RUN}."
 
 
 if __name__ == "__main__":

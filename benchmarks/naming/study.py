@@ -166,8 +166,8 @@ MEASURED = """
 Part code names features such as mounts and screw holes. A name must identify the same feature for all parameter values of the part. This
 study compares such names with build123d selectors of faces and edges, for all parts of the arm and of MInchW, including bought parts. The
 study varies one parameter at a time over its range, in {steps} steps including both ends, with the other parameters at their defaults. For
-a parameter that is a count, a choice or a flag, the study uses every value. A *member* of a part is the part with one setting that the part
-accepts. Settings that the part rejects with an error message are counted as refused.
+a parameter that is a count, a choice or a flag, the study uses every value. A *member* of a part is the part with valid parameter values.
+Settings that the part rejects with an error message are counted as refused.
 
 **Names.** A table lists every mount of every part, and the screw holes for other parts. The table contains the kind of each feature, and
 its position as a formula of the parameters. The table was written by hand from the drawings (`benchmarks/naming/intents_*.py`). A name
