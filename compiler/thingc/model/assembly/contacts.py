@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from thingc.base.diagnostics import Code, noted
 from thingc.base.source import Origin
 from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Occurrence
-from thingc.model.resolve.types import ContactGroup, ContactPair, Mode, Reference
+from thingc.model.resolve.types import ContactGroup, ContactPair, Mode
 
 
 def pairs_of(
@@ -22,7 +22,7 @@ def pairs_of(
     found: dict[frozenset[int], ContactPair[int]] = {}
     twice: set[Origin] = set()
     for pair in mode.pairs:
-        sides = [list(_members(tree, reference)) for reference in (pair.one, pair.other)]
+        sides = [tree.members(tree.top, reference) or () for reference in (pair.one, pair.other)]
         apart = [(a, b) for a in sides[0] for b in sides[1] if link_of[a] != link_of[b]]
         for side, reference in zip(sides, (pair.one, pair.other), strict=True):
             if side and not any(occurrences[one].has_contacts for one in side):
@@ -55,7 +55,7 @@ def groups_of(tree: Tree, mode: Mode, findings: LinkReport) -> tuple[ContactGrou
     owners: dict[int, str] = {}
     made: list[ContactGroup[int]] = []
     for group in mode.groups:
-        members = {member: reference for reference in group.members for member in _members(tree, reference)}
+        members = {member: reference for reference in group.members for member in tree.members(tree.top, reference) or ()}
         for member, reference in members.items():
             if (owner := owners.setdefault(member, group.name)) != group.name:
                 name = tree.occurrences[member].path.replace("/", ".")
@@ -65,11 +65,3 @@ def groups_of(tree: Tree, mode: Mode, findings: LinkReport) -> tuple[ContactGrou
                 )
         made.append(ContactGroup(name=group.name, members=tuple(members), collides=group.collides))
     return tuple(made)
-
-
-def _members(tree: Tree, reference: Reference) -> Iterator[int]:
-    """Yield the occurrences to which a reference to a component refers."""
-    place = tree.component(tree.top, reference)
-    for one in place.occurrences() if place is not None else ():
-        if one.index is not None:
-            yield one.index

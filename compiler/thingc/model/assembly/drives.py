@@ -7,15 +7,14 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.joints.twist import Twist, dimensions_of
 from thingc.base.numeric import sum_of
-from thingc.base.source import Origin
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.geometry.record import ActuatorRecord
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.types import ActuatorModel, JointEdge
-from thingc.model.resolve.coordinates import CoordinateName, Limit
-from thingc.model.resolve.types import Drive, Joint
+from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Limit
+from thingc.model.resolve.types import Drive, DriveValues, Joint
 
 _INLINE = {True: "`drive: {kind: position, kp: 20 N*m/rad}`", False: "`drive: {kind: position, kp: 200 N/m}`"}
 """Example of an inline drive in a document, for an angle and for a length."""
@@ -24,10 +23,8 @@ _INLINE = {True: "`drive: {kind: position, kp: 20 N*m/rad}`", False: "`drive: {k
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
     """Create the joint edge of a joint from the values that the document specifies. Values of the drive of the joint are not included."""
     mimic = None if joint.mimic is None else replace(joint.mimic, joint=_named(instance, joint.mimic.joint))
-    return JointEdge(
-        name=_named(instance, joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
-        mimic=mimic, actuator=None, origin=joint.origin + instance.origin,
-    )
+    fields = instance.fields_of(joint, Coordinate) | {"name": _named(instance, joint.name), "mimic": mimic}
+    return JointEdge(**fields, twist=twist, actuator=None)
 
 
 def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
@@ -62,15 +59,15 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
         )
         if dynamics.armature is None:
             dynamics = replace(dynamics, armature=drive.armature)
-        actuator = actuator_of(instance, f"joint `{joint.name}`", drive, limit, joint.origin, findings, turns=twist.turns)
+        actuator = actuator_of(instance, f"joint `{joint.name}`", drive, limit, findings, turns=twist.turns)
         actuator = replace(actuator, effort=limit.effort, velocity=limit.velocity)
     return replace(stated_edge(instance, joint, twist), limit=limit, dynamics=dynamics, actuator=actuator)
 
 
 def actuator_of(
-    instance: Instance, owner: str, drive: Drive, limit: Limit, origin: Origin, findings: LinkReport, *, turns: bool,
+    instance: Instance, owner: str, drive: Drive, limit: Limit, findings: LinkReport, *, turns: bool,
 ) -> ActuatorModel:
-    """Return the model of a drive whose values are complete. `origin` is the location of the joint, for a drive without a location.
+    """Return the model of a drive whose values are complete.
 
     `limit` contains the limits of the coordinate. A torque-speed line without a speed is an error, and so are a deadband or
     noise as large as the range of the command.
@@ -89,13 +86,9 @@ def actuator_of(
             found = f"{Quantity(value, of[key])}, but the range of its command is {Quantity(reach, of[key])}"
             place = drive.spans[name], *instance.origin
             findings.error(Code.DRIVE, f"the `{name}` of the drive of {owner} is {found}", place, help=f"use a smaller `{name}`")
-    return ActuatorModel(
-        kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=drive.effort, velocity=drive.velocity, axis=drive.axis,
-        origin=(drive.origin or origin) + instance.origin, transmission=None if gear is None else instance.within(gear.name),
-        ratio=None if gear is None else gear.ratio, backlash=None if gear is None else gear.backlash,
-        stall=(drive.stall, speed) if drive.stall is not None and speed else None, delay=drive.delay, deadband=drive.deadband,
-        noise=drive.noise,
-    )
+    stall = (drive.stall, speed) if drive.stall is not None and speed else None
+    model = ActuatorModel(**instance.fields_of(drive, DriveValues), kind=drive.kind or "position", stall=stall)
+    return model if gear is None else replace(model, transmission=instance.within(gear.name), ratio=gear.ratio, backlash=gear.backlash)
 
 
 def filled(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 from thingc.base.diagnostics import Code, Note, noted
 from thingc.base.frozen_struct import FrozenStruct
@@ -47,6 +48,13 @@ class Instance:
     def within(self, name: str) -> str:
         """Return the path of an element of this assembly in the robot: `hand/tip` for the element `tip` of the assembly at `hand`."""
         return f"{self.path}/{name}" if self.path else name
+
+    def fields_of(self, record: Any, base: type[FrozenStruct]) -> dict[str, Any]:
+        """Return the fields of `base`, which a record of this document and the linked record have in common.
+
+        The `origin` of the record is followed by the origin of this instance.
+        """
+        return {name: getattr(record, name) for name in base.__struct_fields__} | {"origin": record.origin + self.origin}
 
     def occurrences(self) -> Iterator[Instance]:
         """Yield all parts, links and frames in this instance, in document order.
@@ -189,6 +197,17 @@ class Tree:
             return place
         self._say(place, reference, instance)
         return None
+
+    def members(self, instance: Instance, reference: Reference) -> tuple[int, ...] | None:
+        """Return the indices of all occurrences of the component to which a reference refers, or of the occurrence of the mount.
+
+        If the reference is invalid, report an error and return None.
+        """
+        if reference.mount is not None:
+            mount = self.find(instance, reference)
+            return None if mount is None else (mount.occurrence,)
+        place = self.component(instance, reference)
+        return None if place is None else tuple(one.index for one in place.occurrences() if one.index is not None)
 
     def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
         self._findings.leave_out()

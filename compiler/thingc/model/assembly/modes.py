@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, noted
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot, isfinite, maximum
+from thingc.base.sensor_kinds import Measurement
 from thingc.base.suggestions import did_you_mean
 from thingc.documents.checks import kinds
 from thingc.model.assembly.contacts import groups_of, pairs_of
@@ -84,7 +85,7 @@ def _mode(
         findings.leave_out()
         return None
     return LinkedMode(
-        **{name: getattr(mode, name) for name in ModeSettings.__struct_fields__}, root=root, exclude=tuple(pairs), adhesion=adhesion,
+        **tree.top.fields_of(mode, ModeSettings), root=root, exclude=tuple(pairs), adhesion=adhesion,
         pairs=pairs_of(tree, mode, occurrences, link_of, findings), groups=groups_of(tree, mode, findings),
         holds=tuple(_holds(tree, mode, findings)), feet=tuple(_feet(tree, mode, findings)),
     )
@@ -146,11 +147,10 @@ def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
             if None in mounts.values() or len(touching) < len(one.touching):
                 continue
             sensors.append(LinkedSensor(
-                path=instance.within(one.name), kind=one.kind, origin=one.origin + instance.origin,
+                **instance.fields_of(one, Measurement), path=instance.within(one.name), touching=tuple(touching),
                 at=None if one.at is None else mounts[one.at], seen_from=None if one.seen_from is None else mounts[one.seen_from],
                 joint=instance.within(one.joint) if one.joint is not None else None,
                 tendon=instance.within(one.tendon) if one.tendon is not None else None,
-                touching=tuple(touching), volume=one.volume, fovy=one.fovy, noise=one.noise, cutoff=one.cutoff,
             ))
     return tuple(sensors)
 
@@ -167,19 +167,12 @@ def _path(reference: Reference) -> str:
     return "/".join((*reference.path, reference.mount or "origin"))
 
 
-def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], within: Instance | None = None) -> Iterator[int]:
-    """Yield the indices of the links to which a reference in the document `within` (default: the top document) refers.
+def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], within: Instance | None = None) -> Collection[int]:
+    """Return the indices of the links to which a reference in the document `within` (default: the top document) refers.
 
-    For a reference to a nested assembly, yield all links of the assembly. For a reference to a mount, yield only the link of the mount.
+    For a reference to a nested assembly, return all links of the assembly. For a reference to a mount, return only the link of the mount.
     """
-    document = within or tree.top
-    if reference.mount is not None:
-        mount = tree.find(document, reference)
-        return iter(() if mount is None else (link_of[mount.occurrence],))
-    place = tree.component(document, reference)
-    if place is None:
-        return iter(())
-    return iter(dict.fromkeys(link_of[one.index] for one in place.occurrences() if one.index is not None))
+    return dict.fromkeys(link_of[member] for member in tree.members(within or tree.top, reference) or ())
 
 
 def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
@@ -294,25 +287,20 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
         limits = f"its limits {twist.shown(lower)} to {twist.shown(upper)}"
     else:
         limits = f"its lower limit {twist.shown(lower)}" if lower is not None else f"its upper limit {twist.shown(upper or 0.0)}"
-    notes = noted(f"`{joint.name}` is defined here", joint.origin)
+    origin = pose.origin
     if joint.path in pose.values:
-        findings.error(
-            Code.POSE_LIMITS, f"pose `{pose.name}` puts `{joint.name}` at {twist.shown(q)}, outside {limits}",
-            pose.origins.get(joint.path, pose.origin), path=pose.name, notes=notes,
-            help="write a value within the limits, or widen the limits",
-        )
+        origin = pose.origins.get(joint.path, origin)
+        what, help = f"puts `{joint.name}` at {twist.shown(q)}, outside {limits}", "write a value within the limits, or widen the limits"
     elif joint.mimic is not None:
-        findings.error(
-            Code.POSE_LIMITS,
-            f"pose `{pose.name}` puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.shown(q)}, outside {limits}",
-            pose.origins.get(joint.mimic.joint.path, pose.origin), path=pose.name,
-            help=f"set `{joint.mimic.joint}` so that both are within their limits, or widen the limits", notes=notes,
-        )
+        origin = pose.origins.get(joint.mimic.joint.path, origin)
+        what = f"puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.shown(q)}, outside {limits}"
+        help = f"set `{joint.mimic.joint}` so that both are within their limits, or widen the limits"
     else:
-        findings.error(
-            Code.POSE_LIMITS, f"pose `{pose.name}` does not set `{joint.name}`, and its default 0 is outside {limits}", pose.origin,
-            path=pose.name, help=f"set `{joint.name}` in the pose", notes=notes,
-        )
+        what, help = f"does not set `{joint.name}`, and its default 0 is outside {limits}", f"set `{joint.name}` in the pose"
+    findings.error(
+        Code.POSE_LIMITS, f"pose `{pose.name}` {what}", origin, path=pose.name, help=help,
+        notes=noted(f"`{joint.name}` is defined here", joint.origin),
+    )
 
 
 def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge | LinkedTendon], findings: LinkReport) -> tuple[LinkedTest, ...]:
@@ -325,9 +313,9 @@ def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge | Lin
         lacking = False
         for reference in _references(test.check):
             if reference.mount is None:
-                place = tree.component(tree.top, reference)
-                components[reference] = () if place is None else tuple(one.index for one in place.occurrences() if one.index is not None)
-                lacking = lacking or place is None
+                members = tree.members(tree.top, reference)
+                components[reference] = members or ()
+                lacking = lacking or members is None
                 continue
             mount = tree.find(tree.top, reference)
             if mount is None:

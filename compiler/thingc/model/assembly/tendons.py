@@ -14,7 +14,7 @@ from thingc.model.assembly.modes import mount_of
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.tendon_paths import course
 from thingc.model.assembly.types import LinkedMount, LinkedTendon, Occurrence, TendonStep
-from thingc.model.resolve.types import PathStep
+from thingc.model.resolve.types import PathStep, TendonLength, Wrap
 
 
 def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedTendon, ...]:
@@ -32,10 +32,11 @@ def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tupl
             if drive is not None and gear is not None:
                 limit = replace(limit, effort=drive.effort, velocity=drive.velocity)
                 dynamics = replace(dynamics, armature=drive.armature)
+            fields = instance.fields_of(one, TendonLength) | {"limit": limit, "dynamics": dynamics}
             tendons.append(LinkedTendon(
-                path=instance.within(one.name), moves={instance.within(name.path): factor for name, factor in one.moves}, turns=one.turns,
-                limit=limit, dynamics=dynamics, origin=one.origin + instance.origin, steps=whole, width=one.width,
-                actuator=None if drive is None else actuator_of(instance, owner, drive, limit, one.origin, findings, turns=one.turns),
+                **fields, path=instance.within(one.name), moves={instance.within(name.path): factor for name, factor in one.moves},
+                steps=whole,
+                actuator=None if drive is None else actuator_of(instance, owner, drive, limit, findings, turns=one.turns),
             ))
     return tuple(tendons)
 
@@ -49,8 +50,8 @@ def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
     if None in named.values():
         return None
     return TendonStep(
-        mount=None if step.mount is None else named[step.mount], side=None if step.side is None else named[step.side], shape=step.shape,
-        radius=step.radius, divisor=step.divisor, origin=step.origin + instance.origin,
+        **instance.fields_of(step, Wrap), mount=None if step.mount is None else named[step.mount],
+        side=None if step.side is None else named[step.side],
     )
 
 

@@ -19,23 +19,8 @@ from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin
 from thingc.geometry.record import DriveType, Mesh, PartRecord
 from thingc.model.assembly.hag import Definition, Hag, hag_of
-from thingc.model.resolve.coordinates import Coordinate, Dynamics, Limit
-from thingc.model.resolve.types import (
-    AssemblyDefinition,
-    BomEntry,
-    Component,
-    ContactGroup,
-    ContactPair,
-    Material,
-    ModeSettings,
-    NamedPose,
-    Overrides,
-    RawAttribute,
-    RawElement,
-    Reference,
-    Test,
-    Wrap,
-)
+from thingc.model.resolve import types as resolved
+from thingc.model.resolve.coordinates import Coordinate
 
 
 class MountFrame(OneLineRepr, FrozenStruct):
@@ -56,7 +41,7 @@ class Surface(OneLineRepr, FrozenStruct):
     """
 
     solid: Mesh | Primitive
-    material: Material | None
+    material: resolved.Material | None
     color: str | None
     pose: Pose = NO_POSE
     name: str = ""
@@ -88,12 +73,12 @@ class PartInstance(OneLineRepr, FrozenStruct):
     shapes that the document lists for a part, by format (an empty string for all formats).
     """
 
-    component: Component
+    component: resolved.Component
     definition: Definition
     record: PartRecord | None
-    material: Material | None
+    material: resolved.Material | None
     color: str | None
-    bom: BomEntry
+    bom: resolved.BomEntry
     properties: MassProperties
     mass_source: str
     mounts: dict[str, MountFrame]
@@ -108,7 +93,7 @@ class Unit(OneLineRepr, FrozenStruct):
 
     path: str
     definition: Definition
-    bom: BomEntry
+    bom: resolved.BomEntry
 
 
 class Occurrence(PartInstance):
@@ -120,7 +105,7 @@ class Occurrence(PartInstance):
 
     path: str
     index: int
-    overrides: Overrides
+    overrides: resolved.Overrides
     origin: Origin
     unit: Unit | None = None
     detail: frozenset[str] = frozenset()
@@ -210,33 +195,20 @@ class Occurrence(PartInstance):
         return self.listed.box if self.listed is not None else self.record.box if self.record is not None else None
 
 
-class ActuatorModel(OneLineRepr, FrozenStruct):
-    """A drive of a joint or tendon in SI units. Missing values come from the actuator of the Thing.
+class ActuatorModel(resolved.DriveValues):
+    """A drive of a joint or tendon. Missing values come from the actuator of the Thing.
 
-    `effort` is the limit of the force or torque of the drive.
-
-    For a drive of a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child. `name` is
-    the name of the drive in output files if it differs from the name of the joint. `transmission` is the path of the transmission between
-    the actuator and the joint, `ratio` is its ratio, and `backlash` [rad or m] its play at the joint. All other values are at the joint.
-    The torque-speed line `stall` contains the effort at rest and the speed at which the effort is 0. Commands act after `delay` [s].
-    `deadband` and `noise` have the unit of the command.
+    `name` is the name of the drive in output files if it differs from the name of the joint. `transmission` is the path of the transmission
+    between the actuator and the joint, `ratio` is its ratio, and `backlash` [rad or m] its play at the joint. All other values are at the
+    joint. The torque-speed line `stall` contains the effort at rest and the speed at which the effort is 0.
     """
 
     kind: DriveType
-    kp: float | None
-    kv: float | None
-    effort: float | None
-    velocity: float | None
-    origin: Origin
-    axis: Vector | None = None
     name: str | None = None
     transmission: str | None = None
     ratio: float | None = None
     backlash: float | None = None
     stall: tuple[float, float] | None = None
-    delay: float | None = None
-    deadband: float | None = None
-    noise: float | None = None
 
 
 class JointEdge(Coordinate):
@@ -400,7 +372,7 @@ class LinkedSensor(Measurement):
         return self.parts.get(reading, f"{self.path}:{reading}")
 
 
-class TendonStep(Wrap):
+class TendonStep(resolved.Wrap):
     """A step of the path of a tendon: a mount that the tendon passes, a shape that it wraps, or a pulley.
 
     References to mounts are resolved.
@@ -410,23 +382,17 @@ class TendonStep(Wrap):
     side: LinkedMount | None
 
 
-class LinkedTendon(OneLineRepr, FrozenStruct):
+class LinkedTendon(resolved.TendonLength):
     """A tendon with its path in the robot (`hand/grip`) and with resolved references to joints and mounts.
 
-    `moves` maps joint paths to the change of the tendon's length per unit of q. If `turns` is True, the length is an angle [rad], otherwise
-    a length [m]. A tendon along a path has `steps`, and a `width` [m] if the document specifies the width. The default for the rest length
-    of its spring is the length at q = 0.
+    `moves` maps joint paths to the change of the tendon's length per unit of q. A tendon along a path has `steps`. The default for the rest
+    length of its spring is the length at q = 0.
     """
 
     path: TendonPath
     moves: dict[JointPath, float]
-    turns: bool
-    limit: Limit
-    dynamics: Dynamics
     actuator: ActuatorModel | None
-    origin: Origin
     steps: tuple[TendonStep, ...] = ()
-    width: float | None = None
 
     @property
     def transmission(self) -> str | None:
@@ -446,7 +412,7 @@ class LinkedTendon(OneLineRepr, FrozenStruct):
         return sum_of(factor * q[path] for path, factor in self.moves.items())
 
 
-class LinkedMode(ModeSettings):
+class LinkedMode(resolved.ModeSettings):
     """A mode of the top document with resolved references.
 
     `exclude` contains pairs of link indices, and `adhesion` maps paths of magnets to forces. `pose` is the start pose of the mode, which is
@@ -457,8 +423,8 @@ class LinkedMode(ModeSettings):
     root: LinkedMount
     exclude: tuple[tuple[int, int], ...]
     adhesion: dict[SitePath, float]
-    pairs: tuple[ContactPair[int], ...] = ()
-    groups: tuple[ContactGroup[int], ...] = ()
+    pairs: tuple[resolved.ContactPair[int], ...] = ()
+    groups: tuple[resolved.ContactGroup[int], ...] = ()
     holds: tuple[LinkedHold, ...] = ()
     feet: tuple[Foot, ...] = ()
 
@@ -486,9 +452,9 @@ class LinkedTest(OneLineRepr, FrozenStruct):
     References to mounts are replaced by mounts, and references to components by the indices of their parts, links and frames.
     """
 
-    test: Test
-    mounts: dict[Reference, MountAt]
-    components: dict[Reference, tuple[int, ...]]
+    test: resolved.Test
+    mounts: dict[resolved.Reference, MountAt]
+    components: dict[resolved.Reference, tuple[int, ...]]
 
 
 class Connected(OneLineRepr, FrozenStruct):
@@ -520,12 +486,12 @@ class Assembly(Connected):
     """
 
     name: str
-    definition: AssemblyDefinition
+    definition: resolved.AssemblyDefinition
     base: int
     rest: tuple[Pose, ...]
-    poses: tuple[NamedPose, ...]
-    raw: tuple[RawAttribute, ...]
-    added: tuple[RawElement, ...] = ()
+    poses: tuple[resolved.NamedPose, ...]
+    raw: tuple[resolved.RawAttribute, ...]
+    added: tuple[resolved.RawElement, ...] = ()
     tests: tuple[LinkedTest, ...] = ()
     names: FileNames | None = None
     free_joint: JointPath = "root"

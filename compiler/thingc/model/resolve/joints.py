@@ -5,7 +5,7 @@ Mimics are resolved by the module `mimics`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, get_args
 
 from msgspec.structs import replace
@@ -32,8 +32,11 @@ _ENDLESS = "; use `type: continuous` for a joint without limits"
 DRIVE_KINDS: tuple[str, ...] = get_args(DriveKind)
 """The possible kinds of an inline drive."""
 
-BOUNDS: dict[str, Any] = {"stall": {"above": 0}, "delay": {"least": 0, "most": 1}, "deadband": {"least": 0}, "noise": {"least": 0}}
-"""Bounds of the delay [s] and of the other values with which a drive differs from a perfect drive."""
+DRIVE_VALUES: Mapping[str, Mapping[str, Any]] = {
+    **dict.fromkeys(("kp", "kv", "effort", "velocity", "armature", "deadband", "noise"), {"least": 0.0}),
+    "stall": {"above": 0.0}, "delay": {"least": 0.0, "most": 1.0},
+}
+"""The values of a drive by key, with their bounds."""
 
 NO_LIMIT = Limit()
 NO_DYNAMICS = Dynamics()
@@ -52,7 +55,7 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
     """Return whether a value has a unit of rotation although the joint translates, or a unit of translation although the joint rotates."""
     own, other = (TURN, SLIDE) if coordinate == ANGLE else (SLIDE, TURN)
     value = scope.value(raw, path)
-    return isinstance(value, Quantity) and not value.fits(own[key]) and value.fits(other[key])
+    return isinstance(value, Quantity) and key in own and not value.fits(own[key]) and value.fits(other[key])
 
 
 def values(
@@ -437,11 +440,10 @@ def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimensi
         reference = None if spec.component is None else _driving_part(table, scope, owner, spec.component, (*path, "component"))
         if spec.component is not None and reference is None:
             return None
-        given = values(scope, owner, coordinate, key, DefaultLayers(((spec, path),)), ("kp", "kv", "effort", "velocity", "armature"))
+        given = drive_values(scope, owner, coordinate, key, spec, path)
         if spec.kp is not None and given["kp"] is None:
             given["kp"] = 1.0  # placeholder, so that no later pass reports the value as missing
-        drive = Drive(component=reference, kind=spec.kind, origin=scope.origin(path), **given)
-        return with_effects(scope, drive, spec, f"`{key}.{{}}` of {owner}", coordinate, path)
+        return Drive(component=reference, kind=spec.kind, origin=scope.origin(path), **given)
     known = spec in table.nodes or table.unbuilt or table.doubts.lacks("components") or table.doubts.touch(("components", spec))
     if not known and (spec in DRIVE_KINDS or spec == "servo"):
         kind = spec if spec in DRIVE_KINDS else "position"
@@ -455,14 +457,22 @@ def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimensi
     return None if reference is None else Drive(component=reference, origin=scope.origin(path))
 
 
-def with_effects(scope: Scope, drive: Drive, spec: DriveSpec, what: str, coordinate: Dimension, path: Path) -> Drive:
-    """Add the delay, the torque-speed line, the deadband and the noise of a drive. In messages, `what` describes the value of a key."""
-    of, given = dimensions_of(coordinate), dict[str, float | None]()
+def drive_values(
+    scope: Scope, owner: str, coordinate: Dimension, section: str, spec: DriveSpec, path: Path, keys: Iterable[str] = DRIVE_VALUES,
+) -> dict[str, Any]:
+    """Return the values of a drive and their `spans`, by field of `Drive`.
+
+    Missing and invalid values are None. Invalid values are reported.
+    """
+    of, layers = dimensions_of(coordinate), DefaultLayers(((spec, path),))
     command = coordinate if spec.kind == "position" else of["velocity" if spec.kind == "velocity" else "effort"]
-    for key, bounds in BOUNDS.items():
-        if (raw := getattr(spec, key)) is not None:
-            given[key] = scope.number(raw, (*path, key), of.get(key, command), what.format(key), **bounds)
-    return replace(drive, **given, spans={key: scope.span((*path, key)) for key in given})
+    said = {key: _said(scope, layers, key, coordinate) for key in keys}
+    return {
+        **{
+            key: scope.number(*one, of.get(key, command), f"`{section}.{key}` of {owner}", **DRIVE_VALUES[key]) for key, one in said.items()
+        },
+        "spans": {key: scope.span(one.path) for key, one in said.items() if one},
+    }
 
 
 def _driving_part(table: DocumentScope, scope: Scope, owner: str, text: str, path: Path) -> Reference | None:

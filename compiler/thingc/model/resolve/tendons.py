@@ -14,7 +14,7 @@ from thingc.documents.spec.tendons import AroundSpec, PulleySpec, TendonSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Limit
 from thingc.model.resolve.document_scope import DocumentScope
-from thingc.model.resolve.joints import dynamics, values, with_effects
+from thingc.model.resolve.joints import DRIVE_VALUES, drive_values, dynamics
 from thingc.model.resolve.references import suggested
 from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Drive, Joint, PathStep, Tendon
@@ -162,9 +162,9 @@ def _tendon(
                     Code.DRIVE, f"the drive of tendon `{name}` cannot have `{key}`", (*path, "drive", key), key=True,
                     help="set it under `dynamics`" if key == "armature" else f"remove `{key}`",
                 )
-        given = values(scope, owner, coordinate, "drive", layers.sub("drive"), ("kp", "kv", "effort", "velocity"))
+        keys = [key for key in DRIVE_VALUES if key != "armature"]
+        given = drive_values(scope, owner, coordinate, "drive", spec.drive, (*path, "drive"), keys)
         drive = Drive(component=None, kind=spec.drive.kind, origin=scope.origin((*path, "drive")), **given)
-        drive = with_effects(scope, drive, spec.drive, f"`drive.{{}}` of tendon `{name}`", coordinate, (*path, "drive"))
     return Tendon(
         name=name, moves=moves, turns=coordinate == ANGLE, limit=limit, drive=drive, origin=scope.origin(path, key=True),
         dynamics=dynamics(scope, owner, coordinate, layers.sub("dynamics"), least=least),

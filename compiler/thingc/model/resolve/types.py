@@ -253,28 +253,36 @@ class Gear(OneLineRepr, FrozenStruct):
     backlash: float | None = None
 
 
-class Drive(OneLineRepr, FrozenStruct):
-    """A drive of a joint. `component` is a component whose Thing declares an actuator, or None for an inline drive.
+class DriveValues(OneLineRepr, FrozenStruct):
+    """The values of a drive in a document and in the linked robot, in SI units.
 
-    For a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child. With a `gear`, all
-    other values are those of the actuator, on the motor side of the transmission. `deadband` and `noise` have the unit of the command.
-    `spans` contains the locations of `stall` and `deadband`.
+    `effort` is the limit of the force or torque of the drive. Commands act after `delay` [s]. `deadband` and `noise` have the unit of the
+    command. For a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child.
     """
 
-    component: Reference | None
-    kind: DriveType | None = None
     kp: float | None = None
     kv: float | None = None
     effort: float | None = None
     velocity: float | None = None
-    armature: float | None = None
-    origin: Origin = ()
     axis: Vector | None = None
-    gear: Gear | None = None
-    stall: float | None = None
     delay: float | None = None
     deadband: float | None = None
     noise: float | None = None
+    origin: Origin = ()
+
+
+class Drive(DriveValues):
+    """A drive of a joint or tendon. `component` is a component whose Thing declares an actuator, or None for an inline drive.
+
+    With a `gear`, all other values are those of the actuator, on the motor side of the transmission. `stall` is the effort at rest of the
+    torque-speed line. `spans` contains the locations of values, by key.
+    """
+
+    component: Reference | None
+    kind: DriveType | None = None
+    armature: float | None = None
+    gear: Gear | None = None
+    stall: float | None = None
     spans: dict[str, Span] = {}
 
 
@@ -338,25 +346,30 @@ class PathStep(Wrap):
     side: Reference | None = None
 
 
-class Tendon(OneLineRepr, FrozenStruct):
-    """A tendon of a document.
+class TendonLength(OneLineRepr, FrozenStruct):
+    """The length of a tendon, to which its limit and its dynamics apply.
 
-    The length of the tendon is a weighted sum of joint coordinates, or the length of a path. The limit, the dynamics and the drive apply to
-    this length.
+    If `turns` is True, the length is an angle [rad], otherwise a length [m]. MuJoCo draws a tendon along a path with the diameter `width`
+    [m].
+    """
 
-    `moves` contains the factor of each coordinate [per unit of q]. If `turns` is True, the length is an angle [rad], otherwise a length
-    [m]. MuJoCo draws a tendon along a `path` with the diameter `width` [m].
+    turns: bool
+    limit: Limit
+    dynamics: Dynamics
+    origin: Origin
+    width: float | None = None
+
+
+class Tendon(TendonLength):
+    """A tendon of a document, whose length is a weighted sum of joint coordinates, or the length of a path.
+
+    `moves` contains the factor of each coordinate [per unit of q]. The drive acts on the length.
     """
 
     name: str
     moves: tuple[tuple[CoordinateName, float], ...]
-    turns: bool
-    limit: Limit
-    dynamics: Dynamics
     drive: Drive | None
-    origin: Origin
     path: tuple[PathStep, ...] = ()
-    width: float | None = None
 
 
 class LinkName(OneLineRepr, FrozenStruct):

@@ -71,7 +71,7 @@ def _coupled(rows: Sequence[LinkedTendon]) -> ActuatorModel | None:
     first, *others = (row.actuator for row in rows)
     if first is None or any(other is None or other.kind != first.kind for other in others):
         return None
-    return ActuatorModel(kind=first.kind, kp=None, kv=None, effort=None, velocity=None, origin=first.origin)
+    return ActuatorModel(kind=first.kind, origin=first.origin)
 
 
 def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
