@@ -119,6 +119,7 @@ def test_joints(tmp_path: Path) -> None:
     assert elbow.gap == 0.0
     assert elbow.drive == Drive(
         component=None, kind="position", kp=20.0, kv=1.0, effort=3.0, velocity=1.0, armature=0.5, origin=elbow.drive.origin,
+        spans=elbow.drive.spans,
     )
 
     assert roll.limit.lower is None and roll.limit.upper is None
