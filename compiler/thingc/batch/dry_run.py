@@ -122,7 +122,7 @@ class Resolving(Session):
 class Resolution(Evaluation):
     """Checks settings by resolving the document without building parts.
 
-    `parts` contains the part definitions of all resolved settings, by definition text. After `MOST` settings have been resolved, only
+    `parts` contains the part definitions of all resolved settings, keyed by definition text. After `MOST` settings have been resolved, only
     variants whose index is in `drawn` are resolved. All other settings then give no results.
     """
 

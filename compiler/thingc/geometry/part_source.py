@@ -31,7 +31,7 @@ class PartSource(Protocol):
 
     @property
     def decisions(self) -> Mapping[str, BuildReason]:
-        """The reason why each record was built or reused, by definition text."""
+        """The reason why each part record was built or reused, keyed by definition text."""
 
     @property
     def inputs(self) -> frozenset[str]:
@@ -69,7 +69,7 @@ class PartSource(Protocol):
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> Mapping[str, PartRecord | PartFailure]:
-        """Slice parts for printing, and return their records with the resulting slices, by definition text.
+        """Slice parts for printing, and return their records with the resulting slices, keyed by definition text.
 
         `wanted` contains the slicings to compute for each definition text. If the slices of a record are not available, the returned
         record is not `exact`.

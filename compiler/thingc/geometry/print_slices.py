@@ -96,7 +96,7 @@ class Moments(OneLineRepr, FrozenStruct):
 
 
 class SliceResult(OneLineRepr, FrozenStruct, tag=True):
-    """The material of a sliced part, as moments of its solid regions and of its infill lines.
+    """The moments of the printed material of a part, separately for solid regions and infill lines.
 
     `solid` contains the moments of the solid regions, which do not depend on the infill. `joins` contains the pieces along the walls that
     connect infill lines. The moments of these pieces do not depend on the infill. `sparse` contains the moments of the infill lines at an

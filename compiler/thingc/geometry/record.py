@@ -296,7 +296,7 @@ class PartWarning(OneLineRepr, FrozenStruct, array_like=True):
 
 
 WantedPieces = Mapping[str, tuple[int, ...]]
-"""The convex decompositions that are needed of each part, as their largest numbers of pieces, by definition text."""
+"""The largest number of pieces of each convex decomposition that a part needs, keyed by definition text."""
 
 NO_PIECES: WantedPieces = {}
 

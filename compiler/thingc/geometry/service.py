@@ -439,7 +439,7 @@ class GeometryService:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """Slice parts for printing, and return their records with the resulting slices, by definition text.
+        """Slice parts for printing, and return their records with the resulting slices, keyed by definition text.
 
         `wanted` contains the slicings to compute for each definition text. `records` contains the part records before slicing.
         """

@@ -154,7 +154,7 @@ def _out_of_yaml(document: Document, keys: Keys) -> str:
 
 
 def _last_line(source: Source, node: Node) -> int:
-    """Return the line (from 1) on which a value ends."""
+    """Return the number of the last line of a value. Line numbers start at 1."""
     start, end = source.range(node.span)
     if source.text[start : start + 1] not in ("{", "["):
         inner = list(node.entries.values()) if isinstance(node, MappingNode) else list(getattr(node, "items", ()))

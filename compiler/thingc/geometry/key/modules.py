@@ -75,7 +75,7 @@ def own_roots() -> tuple[str, ...]:
 
 @cache
 def installed_roots() -> tuple[str, ...]:
-    """Return the folders of installed packages. Keys contain the versions of these packages instead of their content.
+    """Return the folders of installed packages. Cache keys contain the versions of these packages, but no hashes of their files.
 
     The folders include the interpreter's own folders, and other folders of the import path with installed packages (for example by a `.pth`
     file).

@@ -34,7 +34,7 @@ class LockedThing(FrozenStruct):
     """The entry of one Thing in the lock file.
 
     `code` is the hash of the Thing's code. `reads` contains the states of the files that the Thing read, by path in the workspace.
-    `values` is the part schema as a parsed JSON value. `records` contains the part records of the Thing, by definition text.
+    `values` is the part schema as a parsed JSON value. `records` contains the part records of the Thing, keyed by definition text.
     """
 
     code: str
@@ -85,7 +85,7 @@ class Lock(FrozenStruct):
         return read_record(definition.text, values, f"things.{definition.reference}.records.{definition.text}", code)
 
     def relatives(self, reference: str, code: tuple[str, int] | None = None) -> Iterable[PartRecord]:
-        """Yield all records of the part `module:Class` in the lock file, for any parameters.
+        """Yield the records of the part `module:Class` in the lock file, for all parameter values in the file.
 
         Raises `BadLock` if the lock file contains an invalid value.
         """

@@ -35,7 +35,7 @@ def locked(
     slicings: Mapping[str, Collection[Slicing]],
 ) -> LockResult:
     """Create the lock file of a workspace. The lock file contains the parts that documents use: `references` (`module:Class`),
-    `definitions`, and `slicings` by definition text.
+    `definitions`, and `slicings`, keyed by definition text.
 
     The lock file also contains all Things of the part folders, and the Things of packages that documents use. If a Thing cannot be built
     with its default parameters, the lock file has no record for these parameters, unless a document uses them.

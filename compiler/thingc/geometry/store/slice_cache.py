@@ -36,7 +36,7 @@ class SliceCache:
         self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]], run: Run, timeout: float,
         broken: Callable[[str, dict[str, Any]], PartFailure],
     ) -> Records:
-        """Return part records with the slices that `wanted` lists, by definition text.
+        """Return part records with the slices that `wanted` lists, keyed by definition text.
 
         Slices that are not in the store are computed. Records without a mesh are unchanged. The function `run` sends requests to the
         workers. The function `broken` converts a failed answer to a `PartFailure`.

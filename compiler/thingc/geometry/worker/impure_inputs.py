@@ -71,7 +71,7 @@ class ImpureInputRecorder:
             self.start()
 
     def note(self, what: ImpureInputs, message: str, frame: FrameType | None) -> bool:
-        """Record an impure input that was used in the frame `frame`. Return False if the part did not cause the input."""
+        """Record the use of an impure input in the stack frame `frame`. Return False if the use is not caused by part code."""
         while frame is not None:
             file = frame.f_code.co_filename
             if self._own(file):

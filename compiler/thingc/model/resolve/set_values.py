@@ -1,4 +1,4 @@
-"""Insert the values of options `--set` into a document.
+"""Apply the values of the command-line option `--set` to a document.
 
 An option consists of a path in the document, such as `joints.elbow.limit.upper`, and a value as a string.
 

@@ -35,7 +35,7 @@ def bundles(hag: Hag) -> tuple[EdgeBundle, ...]:
     return tuple(EdgeBundle(parent=parent, child=child, edges=tuple(edges)) for (parent, child), edges in grouped.items())
 
 def quantities(hag: Hag) -> dict[str, int]:
-    """Return the quantity of each definition in the robot, by definition text.
+    """Return the quantity of each definition in the robot, keyed by definition text.
 
     The quantity is the number of paths from the root of the graph to the definition.
     """

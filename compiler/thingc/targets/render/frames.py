@@ -36,7 +36,7 @@ ARC = math.radians(280.0)
 
 
 class Stroke(FrozenStruct):
-    """An arrow along points (n, 3) in its own frame. The unit of its coordinates is the length of a frame axis."""
+    """An arrow along points (n, 3) in its own frame. A frame axis has the length 1."""
 
     colour: Colour
     points: Array

@@ -50,7 +50,7 @@ class Freedom(FrozenStruct):
 
     @property
     def turns(self) -> bool:
-        """Return whether the motion is a rotation, which is written in degrees. A motion that is not a rotation is a slide [m]."""
+        """Return whether the motion is a rotation [deg]. Otherwise, the motion is a translation [m]."""
         return self.name.startswith(("angular", "rot"))
 
 

@@ -161,7 +161,7 @@ class Actuators:
         self, number: int, gain: float, gear: float, control: tuple[float, float] | None, force: tuple[float, float] | None,
         length: _Length,
     ) -> SourceDrive:
-        """Convert an actuator to a motor. Motors in a document do not have a gain, so the gear ratio is multiplied by the gain.
+        """Convert an actuator to a motor. The gear ratio is multiplied by the gain, because motors in a document do not have a gain.
 
         The control range does not change.
         """
