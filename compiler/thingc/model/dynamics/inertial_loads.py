@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from thingc.base.inertia import MassProperties
 from thingc.base.numeric import maximum, sqrt, sum_of
-from thingc.base.pose import Pose
+from thingc.base.pose import Pose, cross, rotate
 from thingc.model.dynamics.motion_curve import JointStates
 from thingc.model.resolve.coordinates import Dynamics
 from thingc.model.robot.kinematics import body_poses, in_world, rates
 from thingc.model.robot.types import Robot
 
 Array = NDArray[np.float64]
+Vector6 = tuple[float, float, float, float, float, float]
 
 STEP = 3e-3
 """Largest change of a joint coordinate [rad or m] in the differences, whose errors are of the fourth order."""
@@ -67,7 +68,7 @@ def _momenta(robot: Robot, base: Pose, state: JointStates, time: float) -> Array
         if body.parent is not None and not body.free:
             velocity[index] = velocity[body.parent]
         velocity[index] += sum((axis * v[path] for path, axis in _axes(robot, index, bodies[index], q).items()), np.zeros(6))
-        momenta[index] = _momentum(robot.assembly.links[body.link].properties.seen_from(bodies[index]), velocity[index])
+        momenta[index] = _momentum(robot.assembly.links[body.link].properties.seen_from(bodies[index]), *velocity[index].tolist())
     for number, tendon in enumerate(robot.assembly.tendons):
         if tendon.dynamics.acts:
             momenta[count + number] = sum_of(slope * v[path] for path, slope in rates(robot, tendon, q, bodies).items())
@@ -82,10 +83,13 @@ def _axes(robot: Robot, index: int, pose: Pose, q: Mapping[str, float]) -> dict[
     return {path: np.array([*angular, *linear]) for path, (linear, angular) in moves.items()}
 
 
-def _momentum(own: MassProperties, velocity: Array) -> Array:
-    """Return the spatial momentum of a body, whose mass properties are in the axes of the world."""
-    linear = own.mass * (velocity[3:] + np.cross(velocity[:3], own.centre))
-    return np.concatenate([np.array(own.inertia) @ velocity[:3] + np.cross(own.centre, linear), linear])
+def _momentum(own: MassProperties, wx: float, wy: float, wz: float, vx: float, vy: float, vz: float) -> Vector6:
+    """Return the spatial momentum of a body with a spatial velocity. The mass properties are in the axes of the world."""
+    spin, m = (wx, wy, wz), own.mass
+    x, y, z = cross(spin, own.centre)
+    linear = (m * (vx + x), m * (vy + y), m * (vz + z))
+    (lx, ly, lz), (ox, oy, oz) = rotate(own.inertia, spin), cross(own.centre, linear)
+    return (lx + ox, ly + oy, lz + oz, *linear)
 
 
 def _resistance(dynamics: Dynamics, v: float, a: float) -> float:

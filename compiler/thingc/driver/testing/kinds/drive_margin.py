@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from thingc.base.numeric import inf, isfinite, minimum, sum_of
+from thingc.base.numeric import inf, isfinite, minimum, rounded, sum_of
 from thingc.base.pose import Pose
 from thingc.base.units import ANGULAR_VELOCITY, FORCE, TORQUE, VELOCITY
 from thingc.documents.checks.drive_margin import KIND, DriveCheck, DriveCode
@@ -54,7 +54,7 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
         )
         return Outcome(measured={}, expected={}, said="the loops do not close", failure=failure)
     tested = (one for one in instants(case.robot, motion, case.frames[0].base) if one.path in check.joints)
-    worst = min(tested, key=lambda one: one.margin)
+    worst = min(tested, key=lambda one: rounded(one.margin, 12))
     drive = _drives(case.robot)[worst.path]
     effort, speed = (TORQUE, ANGULAR_VELOCITY) if drive.turns else (FORCE, VELOCITY)
     needed, available = shown(abs(worst.effort), effort), shown(worst.available, effort)
@@ -71,6 +71,8 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
             f"the margin is {worst.margin:.3g}, but at least {check.minimum:g} is required",
         )
     said = f"margin {worst.margin:.3g} at {worst.path}: {needed} of {available} at {fast} and {when} (at least {check.minimum:g})"
+    if not isfinite(worst.margin):
+        said = f"{worst.path} carries no load (margin at least {check.minimum:g})"
     return Outcome(
         measured={
             "margin": worst.margin if isfinite(worst.margin) else None, "drive": worst.path, "time": worst.time, "effort": worst.effort,
