@@ -67,7 +67,7 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
             {
                 "number": row.number, "name": row.name, "definition": row.definition, "quantity": row.quantity, "make": row.make,
                 "material": row.material, "mass": row.mass, "source": row.mass_source, "supplier": row.supplier, "cost": row.cost,
-                "total": row.total, "link": row.link, "picture": row.picture, "image": places.image(row.picture),
+                "total": row.total, "link": row.link, "picture": row.picture, "image": image_url(workspace, row.picture),
                 "pieces": [one.index for one in pieces],
             }
             for row, pieces in with_pieces(assembly)
@@ -75,6 +75,18 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
         "modes": [_mode(robot, places) for robot in robots],
         **({"motions": [_motion(motion, assembly) for motion in motions]} if (motions := assembly.definition.motions) else {}),
     }
+
+
+def image_url(workspace: Workspace, path: str | None) -> str | None:
+    """Return a picture of the workspace as a `data:` URL, so that a page contains it. Return None if it cannot be read."""
+    if path is None:
+        return None
+    kind = {"jpg": "jpeg", "svg": "svg+xml"}.get(suffix := path.rpartition(".")[2].lower(), suffix)
+    try:
+        with open(os.path.join(workspace.root, path), "rb") as stream:
+            return f"data:image/{kind};base64,{b64encode(stream.read()).decode()}"
+    except OSError:
+        return None
 
 
 class _Places:
@@ -90,17 +102,6 @@ class _Places:
         if span is None or span.option is not None:
             return {"file": None, "line": None}
         return {"file": self._workspace.relative(span.file), "line": span.line}
-
-    def image(self, path: str | None) -> str | None:
-        """Return a picture of the workspace as a `data:` URL, so that the page contains it. Return None if it cannot be read."""
-        if path is None:
-            return None
-        kind = {"jpg": "jpeg", "svg": "svg+xml"}.get(suffix := path.rpartition(".")[2].lower(), suffix)
-        try:
-            with open(os.path.join(self._workspace.root, path), "rb") as stream:
-                return f"data:image/{kind};base64,{b64encode(stream.read()).decode()}"
-        except OSError:
-            return None
 
     def code(self, path: str, reference: str) -> Data:
         """Return `file` and `line` of the class or function of a part. Return null if the file is outside of the workspace.

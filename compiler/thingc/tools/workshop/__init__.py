@@ -10,13 +10,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thingc.targets import Artifacts, EmitRequest
 
-WRITES = ("3mf/*.3mf", "drawing/*.svg", "dxf/*.dxf")
+WRITES = ("3mf/*.3mf", "book/*.html", "drawing/*.svg", "dxf/*.dxf")
 UNASKED = False
 
 
 def emit_3mf(request: EmitRequest) -> Artifacts:
     """Write the print plates."""
     from thingc.tools.workshop.plates import emit
+
+    return emit(request)
+
+
+def emit_book(request: EmitRequest) -> Artifacts:
+    """Write the assembly instructions."""
+    from thingc.tools.workshop.book import emit
 
     return emit(request)
 

@@ -1,0 +1,158 @@
+"""Write `book/NAME.html`: how to assemble the robot, in one page with pictures. The bill of materials comes first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from decimal import Decimal
+from html import escape
+
+from thingc.base.safe_text import escape_control
+from thingc.documents.workspace import Workspace
+from thingc.model.assembly.types import Assembly, Mate, Occurrence
+from thingc.targets import Artifacts, EmitRequest, Loss
+from thingc.targets.bom.emit import BomRow, with_pieces
+from thingc.targets.html.viewer_data import image_url
+from thingc.targets.render.picture import NoGraphics, ready
+from thingc.tools.workshop.assembly_steps import AssemblyStep, Piece, Section, sections
+from thingc.tools.workshop.book_pictures import Pictures
+
+STYLE = """\
+body { font: 15px/1.45 system-ui, Helvetica, Arial, sans-serif; color: #1a1c20; max-width: 1000px; margin: 2em auto; padding: 0 1em }
+table { border-collapse: collapse; width: 100% } th, td { text-align: left; padding: 4px 10px; border-bottom: 1px solid #d8dbe0 }
+td img { height: 60px; display: block } h2 { margin-top: 2.2em; border-bottom: 2px solid #1a1c20 } code { font-size: 13px; color: #24508f }
+.step { display: flex; gap: 1.5em; margin: 1.2em 0; page-break-inside: avoid; break-inside: avoid }
+.step > img { width: 480px; height: 360px }
+.number { font-size: 26px; font-weight: bold } ul { padding-left: 1.2em; margin: 0.4em 0 } .note { background: #fff3d6; padding: 6px 10px }
+@media print { body { margin: 0 } h2 { page-break-before: always } }
+"""
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """Write the page. If this machine cannot render pictures, they are an export loss."""
+    assembly = request.assembly
+    losses: list[Loss] = []
+    pictures: Pictures | None = None
+    try:
+        ready()
+        pictures = Pictures(assembly, request.store)
+    except NoGraphics as fault:
+        losses.append(Loss.of(assembly.definition.origin, "book", None, assembly.name, f"pictures ({fault.message})", "omitted"))
+    book = _Book(assembly, pictures, request.workspace)
+    lines = [*book.head()]
+    for section in sections(assembly, request.store):
+        lines += book.section(section)
+    return Artifacts(files={f"book/{assembly.name}.html": "\n".join([*lines, "</body></html>", ""]).encode()}, losses=tuple(losses))
+
+
+class _Book:
+    def __init__(self, assembly: Assembly, pictures: Pictures | None, workspace: Workspace) -> None:
+        self._assembly, self._pictures, self._workspace = assembly, pictures, workspace
+        self._rows = with_pieces(assembly)
+        self._row_of = {one.index: row for row, pieces in self._rows for one in pieces}
+        self._titles: dict[str, str] = {}
+        self._chapters: dict[str, int] = {}
+
+    def head(self) -> Iterator[str]:
+        """Yield the beginning of the page: its title and the bill of materials."""
+        name = _safe(self._assembly.name)
+        yield f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{name}: assembly</title>'
+        yield f"<style>{STYLE}</style></head><body>"
+        pieces = sum(row.quantity for row, _ in self._rows)
+        yield f"<h1>{name}</h1><p>{pieces} parts, {1e3 * self._assembly.properties.mass:.4g} g</p><h2>Parts</h2>"
+        heads = ("", "No.", "Part", "Quantity", "Source", "Material", "Price", "Total")
+        yield f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"
+        for row, occurrences in self._rows:
+            web = row.link is not None and row.link.startswith(("https://", "http://"))
+            link = f'<a href="{_safe(row.link or "")}">{_safe(row.name)}</a>' if web else _safe(row.name)
+            cells = (row.number, str(row.quantity), row.make, row.material or "", row.cost or "", row.total or "")
+            number, *rest = (f"<td>{_safe(cell)}</td>" for cell in cells)
+            yield f"<tr><td>{self._picture(row, occurrences[0])}</td>{number}<td>{link}</td>{''.join(rest)}</tr>"
+        yield "</table>"
+        for currency, total in _totals(row for row, _ in self._rows).items():
+            yield f"<p>Total of the parts with a price: {total} {_safe(currency)}</p>"
+
+    def _picture(self, row: BomRow, first: Occurrence) -> str:
+        url = image_url(self._workspace, row.picture)
+        if url is None and self._pictures is not None:
+            url = self._pictures.part(first)
+        return _image(url, row.name)
+
+    def section(self, section: Section) -> Iterator[str]:
+        """Yield the steps of one assembly."""
+        number = self._chapters[section.chapter] = len(self._chapters) + 1
+        self._titles[section.chapter] = section.title
+        times = f" (build {section.count})" if section.count > 1 else ""
+        yield f"<h2>{number}. {_safe(section.title)}{times}</h2>"
+        done: list[Piece] = []
+        for index, step in enumerate(section.steps, 1):
+            there = [one for piece in done for one in piece.occurrences]
+            url = None
+            if self._pictures is not None:
+                url = self._pictures.step(there, step, (done or step.pieces)[0].first)
+            done += step.pieces
+            yield f'<div class="step">{_image(url, f"step {number}.{index}")}<div><div class="number">{number}.{index}</div><ul>'
+            yield f"<li><b>{len(step.pieces)} &times; {self._name(step.pieces[0])}</b></li>"
+            if index > 1:
+                yield from (f"<li>{line}</li>" for line in self._mates(step, section.path))
+            yield from (f"<li>{line}</li>" for line in self._closed(step, done, section.path))
+            yield "</ul>"
+            if step.blocked:
+                others = ", ".join(f"<code>{_safe(name)}</code>" for name in step.blocked) or "its neighbours"
+                yield f'<p class="note">No free way in along the axes of its mount: fit together with {others}.</p>'
+            yield "</div></div>"
+
+    def _name(self, piece: Piece) -> str:
+        if piece.chapter is not None:
+            return f"{_safe(self._titles[piece.chapter])}, from chapter {self._chapters[piece.chapter]}"
+        row = self._row_of[piece.first.index]
+        return f"{_safe(row.name)} (No. {_safe(row.number)})"
+
+    def _mates(self, step: AssemblyStep, path: str) -> Iterator[str]:
+        """Yield which mounts meet: one line for each pair of mounts of all pieces."""
+        mates = [piece.mate for piece in step.pieces if piece.mate is not None]
+        if mates:
+            yield ", ".join(f"{self._mount(mate.child, mate.child_mount, path)} on {self._mount(mate.parent, mate.parent_mount, path)}"
+                            for mate in mates)
+        for mate in mates:
+            yield from _joint(mate, path)
+
+    def _closed(self, step: AssemblyStep, done: Sequence[Piece], path: str) -> Iterator[str]:
+        """Yield the joints that close loops between the new pieces and all others."""
+        new, there = ({one.index for piece in pieces for one in piece.occurrences} for pieces in (step.pieces, done))
+        for mate in self._assembly.mates:
+            ends = {mate.parent, mate.child}
+            inside = any(ends <= {one.index for one in piece.occurrences} for piece in done)
+            if mate.loop is not None and ends & new and ends <= there and not inside:
+                yield (f"{self._mount(mate.child, mate.child_mount, path)} on {self._mount(mate.parent, mate.parent_mount, path)} "
+                       f"closes the loop <code>{_safe(_local(mate.loop, path))}</code>")
+
+    def _mount(self, occurrence: int, mount: str, path: str) -> str:
+        return f"<code>{_safe(_local(self._assembly.occurrences[occurrence].path, path))}.{_safe(mount)}</code>"
+
+
+def _joint(mate: Mate, path: str) -> Iterator[str]:
+    if mate.joints and mate.name is not None:
+        yield f"joint <code>{_safe(_local(mate.name, path))}</code> ({mate.joints[0].kind.name}) must move freely"
+
+
+def _local(path: str, group: str) -> str:
+    """Return a path relative to a nested assembly."""
+    return path.removeprefix(f"{group}/").removeprefix(f"{group}.") if group else path
+
+
+def _totals(rows: Iterable[BomRow]) -> dict[str, Decimal]:
+    """Return the sum of the prices in each currency."""
+    totals: dict[str, Decimal] = {}
+    for row in rows:
+        if row.total is not None:
+            amount, _, currency = row.total.partition(" ")
+            totals[currency] = totals.get(currency, Decimal(0)) + Decimal(amount)
+    return totals
+
+
+def _image(url: str | None, title: str) -> str:
+    return f'<img src="{url}" alt="{_safe(title)}">' if url is not None else ""
+
+
+def _safe(text: str) -> str:
+    return escape(escape_control(text))

@@ -1,0 +1,228 @@
+"""Assembly instructions, read as HTML: the order of steps against parts that can only be assembled in one order."""
+
+from __future__ import annotations
+
+import base64
+import json
+from html.parser import HTMLParser
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from thingc.targets.render.picture import NoGraphics
+from thingc.tools.cli.main import main
+from thingc.tools.workshop import book
+
+PARTS = '''\
+from build123d import *
+from thingc import MountPoint, Thing
+
+class Case(Thing):
+    """An open box with a floor, a core and a rim."""
+    def __init__(self):
+        super().__init__()
+        self.floor = MountPoint(Location((0, 0, 3)))
+        self.rim = MountPoint(Location((0, 0, 30)))
+        self.foot = MountPoint(Location((0, 0, 0), (180, 0, 0)))
+
+    def result(self):
+        walls = Pos(0, 0, 15) * Box(60, 60, 30) - Pos(0, 0, 18) * Box(50, 50, 30)
+        return walls - [Pos(x, 0, 25) * Cylinder(1.2, 20) for x in (27.5, -27.5)]
+
+class Lid(Thing):
+    def __init__(self):
+        super().__init__()
+        self.seat = MountPoint(Location((0, 0, 0), (180, 0, 0)))
+        self.below = MountPoint(Location((0, 0, 0), (180, 0, 0)))
+        self.hole = [MountPoint(Location((x, 0, 3)), interface="m2-head") for x in (27.5, -27.5)]
+
+    def result(self):
+        return Pos(0, 0, 1.5) * Box(60, 60, 3) - [Pos(x, 0, 1.5) * Cylinder(1.2, 3) for x in (27.5, -27.5)]
+
+class Core(Thing):
+    bom = {"name": "Core <b>", "make": "buy", "number": "C-1", "cost": "2.50 EUR"}
+
+    def __init__(self):
+        super().__init__()
+        self.base = MountPoint(Location((0, 0, 0), (180, 0, 0)))
+
+    def result(self):
+        return Pos(0, 0, 10) * Box(40, 40, 20)
+
+class Weight(Thing):
+    """It hangs below the lid, between the walls and above the core."""
+    def __init__(self):
+        super().__init__()
+        self.top = MountPoint(Location((0, 0, 0)))
+
+    def result(self):
+        return Pos(0, 0, -2.5) * Box(20, 20, 5)
+
+class Cage(Thing):
+    """Bars around a space of 20 mm, 10 mm apart."""
+    def __init__(self):
+        super().__init__()
+        self.middle = MountPoint(Location((0, 0, 0)))
+
+    def result(self):
+        bars = [Rot(*turn) * Pos(x, y, 0) * Box(2, 2, 24) for turn in ((0, 0, 0), (90, 0, 0), (0, 90, 0)) for x in (11, 0, -11)
+                for y in (11, 0, -11) if (x, y) != (0, 0)]
+        return bars[0] + bars[1:]
+
+class Ball(Thing):
+    def __init__(self):
+        super().__init__()
+        self.heart = MountPoint(Location((0, 0, 0), (180, 0, 0)))
+
+    def result(self):
+        return Sphere(8)
+'''
+BOX = """\
+thingc: assembly/1
+name: box
+materials: {pla: {density: 1240 kg/m^3}, steel: {density: 7850 kg/m^3}}
+defaults: {component: {material: pla}}
+components:
+  case: {part: pieces:Case}
+  lid: {part: pieces:Lid, attach: {seat: case.rim}}
+  screw:
+    repeat: {count: 2}
+    part: thingc_stock.fasteners:Screw
+    params: {size: M2, length: 10 mm}
+    attach: {seat: lid.hole_$i}
+    collision: none
+    allow: {TC407: in the wall}
+  core: {part: pieces:Core, attach: {base: case.floor}}
+  weight: {part: pieces:Weight, attach: {top: lid.below}}
+mounts: {foot: case.foot}
+"""
+ROBOT = """\
+thingc: assembly/1
+name: robot
+materials: {pla: {density: 1240 kg/m^3}}
+defaults: {component: {material: pla}}
+components:
+  cage: {part: pieces:Cage}
+  ball: {part: pieces:Ball, attach: {heart: cage.middle}}
+  sensor: {frame: true, mass: 5 g, at: {in: cage.origin, xyz: 0 0 30 mm}}
+  left: {assembly: box.yaml, attach: {mount: foot, to: cage.origin, gap: 40 mm}}
+  right: {assembly: box.yaml}
+joints:
+  hinge: {type: revolute, parent: cage.middle, child: right.foot, gap: 100 mm, limit: {lower: 0 deg, upper: 90 deg}}
+"""
+
+
+class Page(HTMLParser):
+    """The texts of list items and notes by step, the headings, and the pictures."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.heads: list[str] = []
+        self.steps: dict[str, list[str]] = {}
+        self.images: dict[str, bytes] = {}
+        self.cells: list[str] = []
+        self._open: list[str] = []
+        self._classes: list[str | None] = []
+        self.feed(text)
+        assert self._open == [], "every element is closed"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        if tag == "img":
+            kind, _, data = (given["src"] or "").partition(",")
+            assert kind == "data:image/png;base64"
+            self.images[given["alt"] or ""] = base64.b64decode(data)
+        elif tag != "meta":
+            self._open.append(tag)
+            self._classes.append(given.get("class"))
+            if tag in ("li", "p") and self.steps:
+                self.steps[[*self.steps][-1]].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+        self._classes.pop()
+
+    def handle_data(self, data: str) -> None:
+        if not self._open:
+            return
+        if self._open[-1] == "h2":
+            self.heads.append(data)
+        elif self._classes[-1] == "number":
+            self.steps[data] = []
+        elif self.steps and {"li", "p"} & {*self._open}:
+            self.steps[[*self.steps][-1]][-1] += data
+        elif self._open[-1] == "td":
+            self.cells.append(data)
+
+
+def build(folder: Path) -> Page:
+    (folder / "parts").mkdir(exist_ok=True)
+    (folder / "parts/pieces.py").write_text(PARTS)
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (folder / "box.yaml").write_text(BOX)
+    (folder / "robot.yaml").write_text(ROBOT)
+    folders = ["--store", str(folder / "store"), "-o", str(folder / "out"), "--force"]
+    assert main(["build", str(folder / "robot.yaml"), "--emit", "book", *folders]) == 0
+    return Page((folder / "out/robot/book/robot.html").read_text())
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return build(tmp_path_factory.mktemp("book"))
+
+
+def test_nested_assemblies_come_first_and_the_core_before_the_lid(page: Page) -> None:
+    assert page.heads == ["Parts", "1. group lid (build 2)", "2. box (build 2)", "3. robot"]
+    assert [page.steps[f"2.{k}"] for k in (1, 2, 3, 4)] == [
+        ["1 × Case (No. 3)"], ["1 × Core <b> (No. C-1)", "core.base on case.floor"],
+        ["1 × group lid, from chapter 1", "lid.seat on case.rim"],
+        ["2 × Screw (No. 7)", "screw_0.seat on lid.hole_0, screw_1.seat on lid.hole_1"],
+    ]
+    assert "2.5" not in page.steps
+
+
+def test_what_hangs_below_the_lid_is_attached_to_it_first(page: Page) -> None:
+    assert [page.steps[f"1.{k}"] for k in (1, 2)] == [["1 × Lid (No. 4)"], ["1 × Weight (No. 5)", "weight.top on lid.below"]]
+    assert "1.3" not in page.steps
+
+
+def test_pieces_without_a_way_name_what_is_in_the_way(page: Page) -> None:
+    steps = {text[0].partition(" (")[0]: text[1:] for number, text in page.steps.items() if number.startswith("3.")}
+    assert steps["1 × Ball"] == ["ball.heart on cage.middle", "No free way in along the axes of its mount: fit together with cage."]
+    notes = [text for number, text in page.steps.items() if any("No free way" in line for line in text)]
+    assert len(notes) == 1
+
+
+def test_joints_and_frames_are_listed(page: Page) -> None:
+    outer = [text for number, text in page.steps.items() if number.startswith("3.")]
+    assert outer[0] == ["1 × Cage (No. 1)"]
+    assert ["1 × box, from chapter 2", "right/case.foot on cage.middle", "joint hinge (revolute) must move freely"] in outer
+    assert ["1 × box, from chapter 2", "left/case.foot on cage.origin"] in outer
+    assert outer[1][0].startswith("1 × sensor") and len(outer) == 5
+
+
+def test_the_bill_of_materials_has_prices(page: Page) -> None:
+    assert {"Core <b>", "2.50 EUR", "5.00 EUR"} <= {*page.cells}
+
+
+def test_new_parts_are_orange_in_the_pictures(page: Page) -> None:
+    pictures = {name: np.asarray(Image.open(BytesIO(data))).astype(int) for name, data in page.images.items() if name.startswith("step")}
+    assert {*pictures} == {f"step {number}" for number, text in page.steps.items() if "sensor" not in text[0]}
+    for name, picture in pictures.items():
+        red, green, blue = np.moveaxis(picture, 2, 0)
+        new, grey = (red > 1.5 * green) & (green > blue), abs(red - blue) < 12
+        assert picture.shape == (480, 640, 3) and new.sum() > 500 and grey.sum() > 20000, name
+
+
+def test_without_graphics_the_page_has_no_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
+        raise NoGraphics("no EGL", "install it")
+
+    monkeypatch.setattr(book, "ready", fail)
+    page = build(tmp_path)
+    assert page.images == {} and page.steps["2.1"] == ["1 × Case (No. 3)"]
+    losses = json.loads((tmp_path / "out/robot/manifest.json").read_text())["losses"]
+    assert [one["what"] for one in losses if one["target"] == "book"] == ["pictures (no EGL)"]
