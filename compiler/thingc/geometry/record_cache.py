@@ -22,7 +22,7 @@ from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord
 from thingc.geometry.record_json import blobs_of
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.store.shared_store import CONVEX
-from thingc.geometry.store.slice_cache import Records, Run
+from thingc.geometry.store.slice_cache import MeshWork, Records
 
 Ran = Mapping[str, Sequence[int] | None]
 """Numbers of the functions that ran, by label of the module. The value None means that all functions count as executed."""
@@ -116,19 +116,17 @@ class KeptRecords:
 class ConvexAnswers:
     """A cache of the convex pieces of meshes. `versions` returns the versions of the software that computes them."""
 
-    def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
-        self._store = store
+    def __init__(self, work: MeshWork, versions: Callable[[], Mapping[str, str]]) -> None:
+        self._work = work
         self._versions = versions
 
-    def add(
-        self, records: Records, convex: WantedPieces, run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
-    ) -> None:
+    def add(self, records: Records, convex: WantedPieces) -> None:
         """Add the convex pieces in `convex` to the records."""
         meshes = {
             text: [(record.simulated.sha256, most) for most in convex[text]] for text in sorted(convex)
             if isinstance(record := records.get(text), PartRecord) and record.simulated is not None
         }
-        made = self.pieces(dict.fromkeys(mesh for several in meshes.values() for mesh in several), run, timeout, broken)
+        made = self.pieces(dict.fromkeys(mesh for several in meshes.values() for mesh in several))
         for text, several in meshes.items():
             for sha256, most in several:
                 answer, record = made[sha256, most], records[text]
@@ -137,28 +135,24 @@ class ConvexAnswers:
                 elif isinstance(record, PartRecord):
                     records[text] = replace(record, convex={**record.convex, most: answer})
 
-    def pieces(
-        self, wanted: Collection[tuple[str, int]], run: Run, timeout: float, broken: Callable[[str, dict[str, Any]], PartFailure],
-    ) -> dict[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
-        """Return the convex pieces of meshes, each with the largest number of pieces (0 for any number).
-
-        The function `run` sends requests to the workers. The function `broken` converts a failed answer to a `PartFailure`.
-        """
+    def pieces(self, wanted: Collection[tuple[str, int]]) -> dict[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
+        """Return the convex pieces of meshes, each with the largest number of pieces (0 for any number)."""
+        store = self._work.store
         version = "".join(self._versions().values()) if wanted else ""
         pieces: dict[tuple[str, int], tuple[Mesh, ...] | PartFailure] = {}
         requests = []
         for mesh, most in wanted:
-            kept = convert(self._store.get_json(CONVEX, f"{version} {mesh} {most}"), tuple[Mesh, ...] | None)
-            if kept is not None and all(self._store.has(piece.sha256, piece.size) for piece in kept):
+            kept = convert(store.get_json(CONVEX, f"{version} {mesh} {most}"), tuple[Mesh, ...] | None)
+            if kept is not None and all(store.has(piece.sha256, piece.size) for piece in kept):
                 pieces[mesh, most] = kept
             else:
-                requests.append({"op": "decompose", "mesh": mesh, "most": most, "store": self._store.root, "timeout": timeout})
-        for request, answer in run(requests, "decomposing"):
+                requests.append(self._work.request("decompose", mesh, most=most))
+        for request, answer in self._work.run(requests, "decomposing"):
             mesh, most = request["mesh"], request["most"]
             if "failed" in answer:
-                pieces[mesh, most] = broken(mesh, answer)
+                pieces[mesh, most] = self._work.broken(mesh, answer)
                 continue
             made = answer["answer"]["pieces"]
-            self._store.put_json(CONVEX, f"{version} {mesh} {most}", made)
+            store.put_json(CONVEX, f"{version} {mesh} {most}", made)
             pieces[mesh, most] = convert(made, tuple[Mesh, ...])
         return pieces

@@ -43,7 +43,7 @@ from thingc.geometry.record_cache import ConvexAnswers, KeptRecords
 from thingc.geometry.record_json import from_json, record_from_json, with_left
 from thingc.geometry.store.build_locks import BuildLocks
 from thingc.geometry.store.local import Store, StoreUnusable
-from thingc.geometry.store.slice_cache import SliceCache, lacking
+from thingc.geometry.store.slice_cache import MeshWork, SliceCache, lacking
 
 if TYPE_CHECKING:
     from thingc.geometry.client import Workers
@@ -76,7 +76,7 @@ class GeometryService:
     After `realize`, `wanted` contains the requested definitions. `modelled` and `reused` contain the definition texts of parts that were
     built or reused, and `decisions` contains the reasons. `inputs` contains the absolute paths of all files and folders that the answers
     depend on, including paths that do not exist. `reads` contains the states of the files that an answer depends on, by subject and path.
-    Answers from a lock file have no entry in `reads`.
+    Answers from a lock file have no entry in `reads`. `part_code` contains the source code of the parts that have been requested so far.
 
     Pass `workers` to share the workers of a long-lived process. The service does not end shared workers. The function `lock` reads the lock
     file of the workspace when it is first needed. Use `lock` for callers that do not use meshes. The lock file provides parts that are not
@@ -101,16 +101,17 @@ class GeometryService:
         self._on_progress = on_progress
         self._on_printed = on_printed
         self._workers, self._lent = workers, workers is not None
-        self._parts = PartCode(workspace, store)
+        self.part_code = PartCode(workspace, store)
         self._results = Results(store, workspace.root)
-        self._kept = KeptRecords(workspace, store, self._parts, self._results)
-        self._requests = PartRequests(workspace, store, timeout, self._parts, self._results)
+        self._kept = KeptRecords(workspace, store, self.part_code, self._results)
+        self._requests = PartRequests(workspace, store, timeout, self.part_code, self._results)
         self._build_locks = BuildLocks(store)
-        self._slices = SliceCache(store, lambda: self._parts.versions(None))
-        self._convex = ConvexAnswers(store, lambda: versions_of(["coacd", "manifold3d"], self._parts.file_of, store))
+        mesh_work = MeshWork(store, timeout, self._run, self._broken)
+        self._slices = SliceCache(mesh_work, lambda: self.part_code.versions(None))
+        self._convex = ConvexAnswers(mesh_work, lambda: versions_of(["coacd", "manifold3d"], self.part_code.file_of, store))
         self._recent = RecentRecords()
         self._expected: dict[str, CachedResult] = {}
-        self._locked = LockFallback(lock, workspace, self._parts)
+        self._locked = LockFallback(lock, workspace, self.part_code)
         self.unknown: list[str] = []
         self.reads: dict[str, dict[str, str]] = {}
         self.broken = self._locked.broken
@@ -134,7 +135,7 @@ class GeometryService:
     @property
     def inputs(self) -> frozenset[str]:
         """Absolute paths of the files and folders that the results depend on, in folders and packages that are tracked by content."""
-        return frozenset(self._parts.probed | self._results.consulted | self._locked.consulted)
+        return frozenset(self.part_code.probed | self._results.consulted | self._locked.consulted)
 
     def warm(self) -> None:
         """Start the worker without waiting, so that it loads the kernel while the caller continues."""
@@ -181,25 +182,20 @@ class GeometryService:
         """Return `module:Class` of every public class in the part folders and in the allowed packages tracked by content."""
         from thingc.geometry.key.catalogue import classes_in_reach
 
-        return classes_in_reach(self._parts.sources, self.workspace.packages)
-
-    @property
-    def part_code(self) -> PartCode:
-        """The source code of the parts that have been requested so far."""
-        return self._parts
+        return classes_in_reach(self.part_code.sources, self.workspace.packages)
 
     def code(self, reference: str) -> CodeIngredients | None:
         """Return the source code of a part that `describe` has described, or None for a part of an installed package."""
-        code = self._parts.code(reference)
+        code = self.part_code.code(reference)
         return code if isinstance(code, CodeIngredients) else None
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
         """Return the modules that hide other modules of the same name, among the modules on which the part `module:Class` depends."""
-        return self._parts.hiding(reference)
+        return self.part_code.hiding(reference)
 
     def in_part_folders(self, reference: str) -> bool:
         """Return whether `module:Class` is in a part folder of the workspace."""
-        return self._parts.sources.finder.find(reference.partition(":")[0]).workspace
+        return self.part_code.sources.finder.find(reference.partition(":")[0]).workspace
 
     def state(self, path: str) -> str:
         """Return the state of a file or folder of the workspace (see `reads`)."""
@@ -209,7 +205,7 @@ class GeometryService:
         """Return a failure for each module in the part folders and tracked packages that is not valid Python."""
         from thingc.geometry.key.catalogue import not_python
 
-        return not_python(self._parts.sources, self.workspace.packages)
+        return not_python(self.part_code.sources, self.workspace.packages)
 
     # --- describe ------------------------------------------------------------------------------------------------
 
@@ -221,11 +217,11 @@ class GeometryService:
         answers: dict[str, PartSchema | PartFailure] = {}
         tasks: dict[str, list[_Task]] = {}
         for reference in dict.fromkeys(references):
-            code = self._parts.code(reference)
+            code = self.part_code.code(reference)
             if isinstance(code, PartFailure):
                 answers[reference] = code
                 continue
-            build_key = schema_key(reference, code, self._parts.versions(code, reference))
+            build_key = schema_key(reference, code, self.part_code.versions(code, reference))
             kept = self._results.find("schema", build_key.key)
             if kept is not None:
                 answers[reference] = self._schema(reference, kept.value, code)
@@ -272,12 +268,12 @@ class GeometryService:
                 # the classes of a module are described together, so files that one class reads count for all classes
                 self._results.keep("schema", task.build_key, value, given["reads"])
                 self.reads[task.subject] = dict(given["reads"])
-                described[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
+                described[task.subject] = self._schema(task.subject, value, self.part_code.code(task.subject))
         self._describe_in_workers(alone, described)
 
     def _schema(self, reference: str, value: Any, code: CodeIngredients | None | PartFailure) -> PartSchema | PartFailure:
         if "failure" in value:
-            return self._parts.with_namesakes(from_json(value["failure"], self.workspace.root, PartFailure))
+            return self.part_code.with_namesakes(from_json(value["failure"], self.workspace.root, PartFailure))
         schema = from_json(value["schema"], self.workspace.root, PartSchema)
         if isinstance(code, CodeIngredients) and code.place is not None:  # new comments change line numbers without a rebuild
             schema = replace(schema, file=code.place[0], line=code.place[1])
@@ -333,16 +329,16 @@ class GeometryService:
             for text, definition in unique.items() if text in build_keys and isinstance(answers[text], PartRecord)
         )
         if build_keys:
-            self._results.note_files({**self._parts.files(), **self._results.met})
+            self._results.note_files({**self.part_code.files(), **self._results.met})
         new = {text: record for text, record in answers.items() if self._recent.get(unique[text], convex.get(text, ())) is None}
-        self._convex.add(new, convex, self._run, self.timeout, self._broken)
+        self._convex.add(new, convex)
         answers |= new
         self._recent.keep(unique, answers, convex, self.decisions)
         return {text: answers[text] for text in unique}
 
     def decompose(self, meshes: Collection[tuple[str, int]]) -> Mapping[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
         """Decompose meshes in the store into convex pieces, and return the pieces or the failure of each mesh."""
-        return self._convex.pieces(meshes, self._run, self.timeout, self._broken)
+        return self._convex.pieces(meshes)
 
     def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
         """Return the requests that build parts, in the order in which workers process them.
@@ -449,7 +445,7 @@ class GeometryService:
             records = {**records, **self.realize(modelled, locked=False)}
             self.decisions = {**decisions, **self.decisions}
         self._requests.expect_slicings(definitions, {text: [(one, False) for one in slicings] for text, slicings in wanted.items()})
-        return self._slices.added(records, wanted, self._run, self.timeout, self._broken)
+        return self._slices.added(records, wanted)
 
     # --- assemble ------------------------------------------------------------------------------------------------
 
@@ -459,7 +455,7 @@ class GeometryService:
         Raises `AssemblyFailed` if the kernel cannot write the file.
         """
         listed = to_builtins(instances)
-        key = repr([name, sorted(self._parts.versions(None).items()), listed])
+        key = repr([name, sorted(self.part_code.versions(None).items()), listed])
         kept = self.store.get_json("step", key)
         if kept is not None and self.store.has(kept["sha256"], kept["size"]):
             return convert(kept, StoredFile)
@@ -480,7 +476,7 @@ class GeometryService:
 
         Raises `AssemblyFailed` if the kernel cannot read a B-rep.
         """
-        versions = sorted(self._parts.versions(None).items())
+        versions = sorted(self.part_code.versions(None).items())
         keys = {brep: repr([brep, versions]) for brep in sorted(breps)}
         found = {brep: kept for brep, key in keys.items() if (kept := self.store.get_json(operation, key)) is not None}
         missing = [brep for brep in keys if brep not in found]

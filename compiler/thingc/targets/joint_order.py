@@ -76,7 +76,7 @@ def describe(robot: Robot, root: Element, separator: str, commands: Sequence[Con
 
     `root` is the MJCF tree of the mode, whose names have the path separator `separator`. `commands` contains the ROS 2 controllers.
     """
-    joints = [element for element in _section(root, "worldbody").walk() if element.tag in ("joint", "freejoint")]
+    joints = [element for element in root.find_or_empty("worldbody").walk() if element.tag in ("joint", "freejoint")]
     widths = [WIDTHS.get(element.get("type", element.tag), (1, 1)) for element in joints]
     urdf, isaac = _urdf(robot), _isaac(robot)
     orders: dict[str, Order] = {
@@ -96,12 +96,8 @@ def describe(robot: Robot, root: Element, separator: str, commands: Sequence[Con
             for column, name in enumerate(("qpos", "qvel"))
         },
         "actuators": _actuators(root, joints, orders, commands),
-        "sensors": _sensors(_section(root, "sensor").children),
+        "sensors": _sensors(root.find_or_empty("sensor").children),
     }
-
-
-def _section(root: Element, tag: str) -> Element:
-    return root.find(tag) or Element(tag=tag)
 
 
 def _key(joint: JointEdge) -> str:
@@ -176,7 +172,7 @@ def _actuators(root: Element, joints: Sequence[Element], orders: Mapping[str, Or
     The key `joints` contains the index of the joint that an actuator moves. The index is None for a ball joint, a tendon or a magnet. For
     each command of a controller, `ctrl` contains the index of the actuator.
     """
-    actuators = _section(root, "actuator").children
+    actuators = root.find_or_empty("actuator").children
     place = {element.get("name"): index for index, element in enumerate(joints) if element.get("type") != "ball"}
     moved = [place.get(element.get("joint")) if "joint" in element.attributes else None for element in actuators]
     joint_of = dict(zip((name for name, _ in orders["urdf"]), _indices(orders["mujoco"], orders["urdf"]), strict=True))

@@ -8,7 +8,7 @@ elements.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -95,6 +95,23 @@ class Element:
     def find(self, tag: str) -> Element | None:
         """Return the first child element with this tag, or None."""
         return next((child for child in self.children if child.tag == tag), None)
+
+    def find_or_empty(self, tag: str) -> Element:
+        """Return the first child element with this tag, or an empty element that is not part of the tree."""
+        return self.find(tag) or Element(tag=tag)
+
+    def child(self, tag: str, before: Container[str] = ()) -> Element:
+        """Return the first child element with this tag. If there is none, add one, before the first child whose tag is in `before`."""
+        child = self.find(tag)
+        if child is None:
+            child = Element(tag=tag)
+            self.insert([child], before)
+        return child
+
+    def insert(self, children: Iterable[Element], before: Container[str]) -> None:
+        """Add child elements before the first child whose tag is in `before`. If there is no such child, add them at the end."""
+        place = next((index for index, other in enumerate(self.children) if other.tag in before), len(self.children))
+        self.children[place:place] = children
 
     def walk(self) -> Iterator[Element]:
         """Yield this element and its descendants in the order in which they are written.

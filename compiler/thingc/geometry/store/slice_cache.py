@@ -8,6 +8,7 @@ from typing import Any
 from msgspec import convert
 from msgspec.structs import asdict, replace
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.print_slices import SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.store.local import Store
@@ -16,7 +17,23 @@ KEPT = 4096
 """Maximum number of results that are held in memory."""
 
 Records = dict[str, "PartRecord | PartFailure"]
-Run = Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[str, Any]]]]
+
+
+class MeshWork(FrozenStruct, kw_only=False):
+    """Work on meshes in the store that workers do.
+
+    The function `run` sends requests to the workers, and yields each request with its answer. `timeout` [s] is the time limit of a request.
+    The function `broken` converts a failed answer to a `PartFailure`.
+    """
+
+    store: Store
+    timeout: float
+    run: Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[str, Any]]]]
+    broken: Callable[[str, dict[str, Any]], PartFailure]
+
+    def request(self, operation: str, mesh: str, **settings: Any) -> dict[str, Any]:
+        """Create a request for an operation on a mesh."""
+        return {"op": operation, "mesh": mesh, **settings, "store": self.store.root, "timeout": self.timeout}
 
 
 class SliceCache:
@@ -26,20 +43,16 @@ class SliceCache:
     that slices meshes.
     """
 
-    def __init__(self, store: Store, versions: Callable[[], Mapping[str, str]]) -> None:
-        self._store = store
+    def __init__(self, work: MeshWork, versions: Callable[[], Mapping[str, str]]) -> None:
+        self._work = work
         self._versions = versions
         self._known: dict[tuple[str, Slicing], SliceResult | SliceFailure] = {}
         self._made: dict[str, tuple[PartRecord, frozenset[Slicing], PartRecord]] = {}
 
-    def added(
-        self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]], run: Run, timeout: float,
-        broken: Callable[[str, dict[str, Any]], PartFailure],
-    ) -> Records:
+    def added(self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> Records:
         """Return part records with the slices that `wanted` lists, keyed by definition text.
 
-        Slices that are not in the store are computed. Records without a mesh are unchanged. The function `run` sends requests to the
-        workers. The function `broken` converts a failed answer to a `PartFailure`.
+        Slices that are not in the store are computed. Records without a mesh are unchanged.
         """
         sliced: Records = dict(records)
         texts = {text: frozenset(slicings) for text, slicings in wanted.items() if slicings and _lacks(records.get(text), slicings)}
@@ -49,27 +62,23 @@ class SliceCache:
                 key = (_mesh(records[text]), slicing)
                 if key[0] and self._kept(*key) is None:
                     missing.setdefault(key, []).append(text)
-        self._ask(missing, sliced, run, timeout, broken)
+        self._ask(missing, sliced)
         for text, slicings in texts.items():
             record = sliced[text]
             if isinstance(record, PartRecord) and _mesh(record):
                 sliced[text] = self._with(text, record, slicings)
         return sliced
 
-    def _ask(
-        self, missing: Mapping[tuple[str, Slicing], list[str]], records: Records, run: Run, timeout: float,
-        broken: Callable[[str, dict[str, Any]], PartFailure],
-    ) -> None:
+    def _ask(self, missing: Mapping[tuple[str, Slicing], list[str]], records: Records) -> None:
         ordered = sorted(missing, key=repr)
         requests = [
-            {"op": "slice", "mesh": mesh, "slicing": asdict(slicing), "store": self._store.root, "timeout": timeout, "number": number}
-            for number, (mesh, slicing) in enumerate(ordered)
+            self._work.request("slice", mesh, slicing=asdict(slicing), number=number) for number, (mesh, slicing) in enumerate(ordered)
         ]
-        for request, answer in run(requests, "slicing") if requests else ():
+        for request, answer in self._work.run(requests, "slicing") if requests else ():
             key = ordered[request["number"]]
             if "failed" in answer:
                 for text in missing[key]:
-                    records[text] = broken(text, answer)
+                    records[text] = self._work.broken(text, answer)
                 continue
             self._keep(key, answer["answer"])
 
@@ -79,13 +88,13 @@ class SliceCache:
             self._keep((_mesh(record), convert(slicing, Slicing)), value)
 
     def _keep(self, key: tuple[str, Slicing], value: Any) -> None:
-        self._store.put_json("slices", self._place(*key), value)
+        self._work.store.put_json("slices", self._place(*key), value)
         self._note(key, value)
 
     def _kept(self, mesh: str, slicing: Slicing) -> SliceResult | SliceFailure | None:
         key = (mesh, slicing)
         if key not in self._known:
-            value = self._store.get_json("slices", self._place(mesh, slicing))
+            value = self._work.store.get_json("slices", self._place(mesh, slicing))
             if value is None:
                 return None
             self._note(key, value)

@@ -146,10 +146,9 @@ def mujoco_version() -> str:
 
 def about_meshes(model: Element) -> bool:
     """Return whether raw attributes change meshes or their use, or whether added elements define contact pairs."""
-    sections: Mapping[str, Element] = {child.tag: child for child in model.children}
-    if "contact" in sections and any(child.tag == "pair" for child in sections["contact"].children):
+    if any(child.tag == "pair" for child in model.find_or_empty("contact").children):
         return True
-    if any(element.raw for tag in ("compiler", "default") if tag in sections for element in sections[tag].walk()):
+    if any(element.raw for tag in ("compiler", "default") for element in model.find_or_empty(tag).walk()):
         return True
     return any(
         element.tag == "mesh" or (element.tag == "geom" and not HARMLESS.issuperset(element.raw))

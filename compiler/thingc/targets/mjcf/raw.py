@@ -80,9 +80,9 @@ def _sort(model: Element, ranks: Mapping[int, int]) -> None:
         children = section.children
         places = sorted(range(len(children)), key=lambda place: ranks.get(id(children[place]), len(ranks)))
         section.children = [children[place] for place in places]
-        keys = model.find("keyframe") if section.tag == "actuator" else None
-        for number, key in enumerate(keys.children if keys is not None else ()):
-            if keys is not None and "ctrl" in key.attributes and "ctrl" not in key.raw:
+        keys = model.find_or_empty("keyframe")
+        for number, key in enumerate(keys.children if section.tag == "actuator" else ()):
+            if "ctrl" in key.attributes and "ctrl" not in key.raw:
                 controls = key.get("ctrl").split()
                 keys.children[number] = key.copy()
                 keys.children[number].attributes["ctrl"] = " ".join(controls[place] for place in places)
@@ -117,13 +117,13 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
     if kind == "default":
         classes = _classes(robot, model)
         owner = next((classes[name] for name in _names(attribute) if name in classes), None)
-        return None if owner is None else _child(owner, path[2], before="default")
+        return None if owner is None else owner.child(path[2], before=("default",))
     section = model.find(kind)
     if section is None:
         section = Element(tag=kind)
         place = sum(1 for child in model.children if child.tag in SINGLE[: SINGLE.index(kind)])
         model.children.insert(place, section)
-    return section if len(path) == 2 else _child(section, _names(attribute)[-1])
+    return section if len(path) == 2 else section.child(_names(attribute)[-1])
 
 
 def _slashed(name: str) -> str:
@@ -146,31 +146,16 @@ def _names(attribute: RawAttribute) -> tuple[str, ...]:
     return tuple("/".join(words[first:]) for first in range(len(words)))
 
 
-def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
-    """Return the child of an element with the given tag. If no child has this tag, add a child before the children with the tag
-    `before`.
-    """
-    child = owner.find(tag)
-    if child is None:
-        child = Element(tag=tag)
-        places = [index for index, other in enumerate(owner.children) if other.tag == before]
-        owner.children.insert(places[0] if places else len(owner.children), child)
-    return child
-
-
 def _classes(robot: Robot, model: Element) -> dict[str, Element]:
     """Return the default classes by name. In documents, the name of the document refers to the default class of the robot."""
-    section = model.find("default")
-    elements = section.walk() if section is not None else iter(())
+    elements = model.find_or_empty("default").walk()
     classes = {element.get("class"): element for element in elements if "class" in element.attributes}
     return {robot.assembly.name: classes[class_name(robot)], **classes} if class_name(robot) in classes else classes
 
 
 def _elements_of_kind(kind: str, model: Element) -> Iterable[Element]:
     where, tags = NAMED[kind]
-    section = model.find(where or "worldbody")
-    if section is None:
-        return ()
+    section = model.find_or_empty(where or "worldbody")
     return (
         element for element in section.walk()
         if element is not section and "name" in element.attributes and (tags is None or element.tag in tags)

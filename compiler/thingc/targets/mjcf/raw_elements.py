@@ -92,25 +92,18 @@ class _Target:
         self.model = model
         self.drives = 0
         self.names: dict[str, set[str]] = {}
-        world = model.find("worldbody")
-        for element in world.walk() if world is not None else ():
+        for element in model.find_or_empty("worldbody").walk():
             self.names.setdefault("joint" if element.tag == "freejoint" else element.tag, set()).add(element.get("name"))
         for kind in ("tendon", "actuator"):
-            section = model.find(kind)
-            self.names[kind] = {one.get("name") for one in section.children} if section is not None else set()
+            self.names[kind] = {one.get("name") for one in model.find_or_empty(kind).children}
 
     def add(self, wanted: RawElement) -> tuple[str, str] | None:
         """Add an element to the model. Return the kind and the name of a missing target, or None if the element was added."""
         made = self.made(wanted)
         if isinstance(made, tuple):
             return made
-        section = self.model.find(wanted.section)
-        if section is None:
-            section = Element(tag=wanted.section)
-            later = SECTIONS[SECTIONS.index(wanted.section) + 1 :]
-            places = [index for index, child in enumerate(self.model.children) if child.tag in later]
-            self.model.children.insert(places[0] if places else len(self.model.children), section)
-        section.children.append(made)
+        later = SECTIONS[SECTIONS.index(wanted.section) + 1 :]
+        self.model.child(wanted.section, before=later).children.append(made)
         if wanted.section in self.names and "name" in made.attributes:
             self.names[wanted.section].add(made.get("name"))
         self.drives += wanted.section == "actuator"
@@ -159,17 +152,14 @@ class _Target:
                 if one.path == owner and mount in one.mounts and link in self.names["body"]:  # not between joints of one body
                     body = next(body for body in self.model.walk() if body.tag == "body" and body.attributes["name"] == link)
                     pose = in_link(assembly)[one.index] @ one.mounts[mount].pose
-                    places = [index for index, child in enumerate(body.children) if child.tag == "body"]
-                    place = places[0] if places else len(body.children)
-                    body.children[place:place] = elements.site(path, pose, one.origin)
+                    body.insert(elements.site(path, pose, one.origin), before=("body",))
                     self.names.setdefault("site", set()).add(path)
                     return path
         return None
 
     def command(self) -> None:
         """Set the controls of drives that were added to 0 in all keyframes."""
-        section = self.model.find("keyframe")
-        for place, key in enumerate(section.children if section is not None and self.drives else ()):
-            assert section is not None
+        section = self.model.find_or_empty("keyframe")
+        for place, key in enumerate(section.children if self.drives else ()):
             ctrl = " ".join([*key.get("ctrl").split(), *["0"] * self.drives])
             section.children[place] = Element(tag=key.tag, attributes={**key.attributes, "ctrl": ctrl}, origin=key.origin)

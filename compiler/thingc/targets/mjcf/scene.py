@@ -77,7 +77,7 @@ def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[s
     ground = world.add("body", {"name": floor}) if held else world
     ground.add("geom", {"name": floor, "size": "0 0 0.05", "type": "plane", **looks})
     for link, at in held:
-        (root.find("contact") or root.add("contact")).add("exclude", {"body1": floor, "body2": link}, at)
+        root.child("contact").add("exclude", {"body1": floor, "body2": link}, at)
 
 
 def floor_name(model: XmlText) -> str:

@@ -51,14 +51,10 @@ class UnsupportedOptions(FrozenStruct):
 
     def refusals(self, root: Element) -> Iterator[Refusal]:
         """Yield a refusal for each option of a model that the consumer does not support."""
-        option = root.find("option")
-        if option is None:
-            return
+        option = root.find_or_empty("option")
         yield from _refusals(option, {"solver": dict.fromkeys(self.solvers, "")})
-        flag = option.find("flag")
-        if flag is not None:
-            on = {name: {"enable": "enabled"} for name in self.enabled}
-            yield from _refusals(flag, {**on, **{name: {"disable": "disabled"} for name in self.disabled}})
+        on = {name: {"enable": "enabled"} for name in self.enabled}
+        yield from _refusals(option.find_or_empty("flag"), {**on, **{name: {"disable": "disabled"} for name in self.disabled}})
 
 
 def _refusals(element: Element, lacking: Mapping[str, Mapping[str, str]]) -> Iterator[Refusal]:

@@ -58,8 +58,7 @@ def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
     classes = defaults(root, "geom")
     bodies = list(_bodies(root))
     index = {body.get("name"): number for number, (body, _) in enumerate(bodies)}
-    section = root.find("contact")
-    contact = section.children if section is not None else []
+    contact = root.find_or_empty("contact").children
     excluded = {frozenset((index.get(one.get("body1")), index.get(one.get("body2")))) for one in contact if one.tag == "exclude"}
     rigid: list[int] = []  # for every body, the body to which it is rigidly connected: itself or the world
     for number, (body, parent) in enumerate(bodies):
@@ -91,8 +90,7 @@ def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
     waiting = [(child, dict[str, str]()) for child in root.children if child.tag == "default"]
     while waiting:
         element, above = waiting.pop()
-        own = element.find(tag)
-        values = {**above, **(own.texts if own is not None else {})}
+        values = {**above, **element.find_or_empty(tag).texts}
         by_class[element.get("class", "main")] = values
         waiting += [(child, values) for child in element.children if child.tag == "default"]
     return by_class
@@ -100,8 +98,7 @@ def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
 
 def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
     """Yield every body of a model with the index of its parent body. Each body comes after its parent."""
-    world = root.find("worldbody")
-    waiting: list[tuple[Element, int | None]] = [(child, None) for child in world.children] if world is not None else []
+    waiting: list[tuple[Element, int | None]] = [(child, None) for child in root.find_or_empty("worldbody").children]
     number = 0
     while waiting:
         element, parent = waiting.pop(0)

@@ -54,8 +54,7 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
             if what is not None:
                 own = robot.mode.name if one.tag in ("weld", "connect") else None
                 yield Loss.of(one.origin, "mjcf", own, _path(one), f"{what}: not supported by Drake", "omitted")
-    world = root.find("worldbody")
-    for element in world.walk() if world is not None else ():
+    for element in root.find_or_empty("worldbody").walk():
         for name in element.attributes:
             what = ATTRIBUTES.get((element.tag, name))
             if what is not None:

@@ -59,16 +59,16 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
         if element.get("nsample"):
             what = "it does not support delays"
             yield Refusal(what=what, origin=element.origin, path=element.get("name"), hint="remove `delay`")
-    option = root.find("option")
-    if option is not None and option.get("integrator") == "implicitfast":
+    option = root.find_or_empty("option")
+    if option.get("integrator") == "implicitfast":
         for name in FLUID:
             if any(float(value) for value in option.get(name, "0").split()):
                 raw = option.raw[name].attribute
                 what = f"it does not support `{name}` with `implicitfast`"
                 yield Refusal(what=what, origin=raw.origin, path=name, hint=f"remove `{name}`")
     touching = list(pairs(root))
-    elliptic = option is not None and option.get("cone") == "elliptic"
-    if option is not None and elliptic and not needed and all(one.element is None for one, _ in touching):
+    elliptic = option.get("cone") == "elliptic"
+    if elliptic and not needed and all(one.element is None for one, _ in touching):
         said = option.raw.get("cone")
         yield Refusal(
             what="without the floor of the scene, the model has no contacts, and MJX supports elliptic cones only with contacts",
@@ -132,8 +132,8 @@ def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[
 
 
 def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
-    option = root.find("option")
-    if option is not None and option.get("integrator") == "implicit":
+    option = root.find_or_empty("option")
+    if option.get("integrator") == "implicit":
         option.attributes["integrator"] = "implicitfast"
         what = "the integrator `implicit`, which MJX lacks: `implicitfast` is used"
         yield Loss.of(robot.mode.origin, "mjcf", robot.mode.name, robot.mode.name, what, "approximated")
@@ -167,10 +167,7 @@ def _prisms(root: Element) -> Iterator[Loss]:
         what = f"the cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
         yield Loss.of(element.origin, "mjcf", None, path, what, "approximated")
     if sizes:
-        section = root.find("asset")
-        if section is None:
-            section = Element(tag="asset")
-            root.children.insert([child.tag for child in root.children].index("worldbody"), section)
+        section = root.child("asset", before=("worldbody",))
         for size, name in sizes.items():
             radius, half = (float(value) for value in size.split()[:2])
             section.add("mesh", {"name": name, "vertex": prism(radius, half)})
@@ -197,8 +194,8 @@ def _cones(root: Element) -> None:
     """Remove elliptic friction cones from a model in which contacts are impossible, even with the floor of the scene. MJX rejects elliptic
     cones if a model has no contacts.
     """
-    option = root.find("option")
-    if option is not None and option.get("cone") == "elliptic" and next(pairs(root), None) is None:
+    option = root.find_or_empty("option")
+    if option.get("cone") == "elliptic" and next(pairs(root), None) is None:
         del option.attributes["cone"]
         option.attributes.pop("impratio", None)
 
@@ -215,14 +212,14 @@ def _needed(robot: Robot) -> list[str]:
 
 def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
     """Remove adhesion actuators from a model, and remove their controls from keyframes. Yield an export loss for each removed actuator."""
-    section, keys = root.find("actuator"), root.find("keyframe")
+    section = root.find("actuator")
     if section is None or not robot.assembly.adhesions:
         return
     kept = [place for place, element in enumerate(section.children) if element.tag != "adhesion"]
     section.children = [section.children[place] for place in kept]
     if not section.children:
         root.children.remove(section)
-    for key in keys.children if keys is not None else ():
+    for key in root.find_or_empty("keyframe").children:
         control = key.get("ctrl").split()
         key.attributes["ctrl"] = " ".join(control[place] for place in kept if control)
         if not key.get("ctrl"):
