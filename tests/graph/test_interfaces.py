@@ -27,11 +27,11 @@ PAIRS = {
     "every second hole, turned by one": ("bolts: {thread: M3, count: 8, circle: 16 mm}", M3, "45 deg", None),
     "count": ("bolts: {thread: M3, count: 3, circle: 16 mm}", M3, "0", "3 bolts on `a.m`, 4 bolts on `b.n`"),
     # a mate maps an angle u of the child to turn - 90 deg - u: 4 holes coincide at 0, 90 ...
-    "four, turned by 45": (M3, M3, "45 deg", "(6.12293 mm off, in the frame of the first mount)"),
+    "four, turned by 45": (M3, M3, "45 deg", "(distance 6.12293 mm, in the frame of the first mount)"),
     "four, turned by -90": (M3, M3, "-90 deg", None),
     "three": (  # 0 against -90 deg: -90 + 120 = 30 deg off
         "bolts: {thread: M3, count: 3, circle: 16 mm}", "bolts: {thread: M3, count: 3, circle: 16 mm}", "0",
-        "bolt at 0 deg, 8 mm on `a.m`, bolt at 30 deg, 8 mm on `b.n` (4.1411 mm off, in the frame of the first mount)",
+        "bolt at 0 deg, 8 mm on `a.m`, bolt at 30 deg, 8 mm on `b.n` (distance 4.1411 mm, in the frame of the first mount)",
     ),
     "three, turned by 90": ("bolts: {thread: M3, count: 3, circle: 16 mm}", "bolts: {thread: M3, count: 3, circle: 16 mm}", "90 deg", None),
     "three, started at -90": (
@@ -42,7 +42,7 @@ PAIRS = {
     ),
     "two, across": (
         "bolts: {thread: M3, at: [[8 mm, 0], [-8 mm, 0]]}", "bolts: {thread: M3, at: [[8 mm, 0], [-8 mm, 0]]}", "0",
-        "bolt at 0 deg, 8 mm on `a.m`, bolt at 90 deg, 8 mm on `b.n` (11.3137 mm off",
+        "bolt at 0 deg, 8 mm on `a.m`, bolt at 90 deg, 8 mm on `b.n` (distance 11.3137 mm",
     ),
     "a list and a circle": ("bolts: {thread: M3, at: [[8 mm, 0], [-8 mm, 0]]}", M3, "0", None),
     "one hole": ("bolts: {thread: M3}", "bolts: {thread: M3}", "17 deg", None),
@@ -214,11 +214,11 @@ components:
 
 @pytest.mark.parametrize(("length", "thread", "x", "said"), [
     ("8 mm", "M3", 10, None), ("9 mm", "M3", 10, None),  # 3 mm of the lid, and 6 mm of thread
-    ("9.01 mm", "M3", 10, "is 9.01 mm long, 0.01 mm too long: 3 mm to `base.top`, and 6 mm of threaded hole"),
-    ("12 mm", "M3", -10, "is 12 mm long, 3 mm too long: 3 mm to `base.top`, and 6 mm of threaded hole"),
-    ("5.4 mm", "M3", 10, None), ("5 mm", "M3", 10, "engages 2 mm of the thread at `base.top`, at least 2.4 mm are needed"),
+    ("9.01 mm", "M3", 10, "is 9.01 mm long, 0.01 mm too long: the distance to `base.top` is 3 mm, and the threaded hole is 6 mm deep"),
+    ("12 mm", "M3", -10, "is 12 mm long, 3 mm too long: the distance to `base.top` is 3 mm, and the threaded hole is 6 mm deep"),
+    ("5.4 mm", "M3", 10, None), ("5 mm", "M3", 10, "engages 2 mm of the thread at `base.top`, but at least 2.4 mm are needed"),
     ("2 mm", "M3", 10, "is 2 mm long, and does not reach `base.top`, 3 mm below its head"),
-    ("8 mm", "M2.5", 10, "has the thread M2.5, and the hole at `base.top` M3"),
+    ("8 mm", "M2.5", 10, "has the thread M2.5, but the hole at `base.top` has the thread M3"),
     ("12 mm", "M3", 9, None),  # beside the hole
 ])
 def test_a_screw_through_a_lid(tmp_path: Path, length: str, thread: str, x: int, said: str | None) -> None:

@@ -58,18 +58,21 @@ def test_another_servo_on_a_brace(shared_store):
 @pytest.mark.parametrize(("document", "text", "words"), [
     # the wall of 5 mm, 0.1 mm of play, and 3 mm of thread in the case of the XM430
     (ARM, (ARM, "{size: M2.5, length: 8 mm}", "{size: M2.5, length: 10 mm}"),
-     "`plate_screw_0` on `plate.servo_screw_0` is 10 mm long, 1.9 mm too long: 5.1 mm to `yaw_servo.left`, and 3 mm of threaded hole"),
+     "`plate_screw_0` on `plate.servo_screw_0` is 10 mm long, 1.9 mm too long: "
+     "the distance to `yaw_servo.left` is 5.1 mm, and the threaded hole is 3 mm deep"),
     (ARM, (ARM, "{size: M2.5, length: 8 mm}", "{size: M2.5, length: 6 mm}"),
-     "`plate_screw_0` on `plate.servo_screw_0` engages 0.9 mm of the thread at `yaw_servo.left`, at least 2 mm are needed"),
+     "`plate_screw_0` on `plate.servo_screw_0` engages 0.9 mm of the thread at `yaw_servo.left`, but at least 2 mm are needed"),
     # a flange of 3 mm, and 5 mm of the hand
     (ARM, (HAND, "{size: M3, length: 8 mm}", "{size: M3, length: 12 mm}"),
-     "`hand.cap_screw_0` on `hand.cap.screw_0` is 12 mm long, 4 mm too long: 3 mm to `hand.fixture.cap_seat`, and 5 mm of threaded hole"),
+     "`hand.cap_screw_0` on `hand.cap.screw_0` is 12 mm long, 4 mm too long: "
+     "the distance to `hand.fixture.cap_seat` is 3 mm, and the threaded hole is 5 mm deep"),
     # a cover of 3 mm, and holes of 8 mm
     (MINCHW, (MINCHW, "{size: M2.5, length: 10 mm}", "{size: M2.5, length: 12 mm}"),
-     "`cover_screw_0` on `cover.screw_0` is 12 mm long, 1 mm too long: 3 mm to `body.rim`, and 8 mm of threaded hole"),
+     "`cover_screw_0` on `cover.screw_0` is 12 mm long, 1 mm too long: "
+     "the distance to `body.rim` is 3 mm, and the threaded hole is 8 mm deep"),
     # a disc of 5 mm, and holes of 6 mm
     (MINCHW, (LEG, "{size: M3, length: 10 mm}", "{size: M3, length: 16 mm}"),
-     "is 16 mm long, 5 mm too long: 5 mm to `front.magnet.back`, and 6 mm of threaded hole"),
+     "is 16 mm long, 5 mm too long: the distance to `front.magnet.back` is 5 mm, and the threaded hole is 6 mm deep"),
 ])
 def test_a_screw_of_another_length(shared_store, document, text, words):
     said = found(document, shared_store, [text])

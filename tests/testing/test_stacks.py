@@ -108,7 +108,7 @@ def test_loops_and_wrong_bounds_are_refused(rig: Workspace) -> None:
     assert "is on a closed loop" in answer["diagnostics"][0]["message"]
     for keys, words in (
         ("along: [0, 0, 0], rss: 1 mm", "`along` must not be zero"), ("along: [0, 0, 1]", "a `stack` test needs"),
-        ("along: [0, 0, 1], within: 1 mm", "need each other"), ("along: [0, 0, 1], within: 1 mm, yield: 120 %", "yield"),
+        ("along: [0, 0, 1], within: 1 mm", "must be used together"), ("along: [0, 0, 1], within: 1 mm, yield: 120 %", "yield"),
     ):
         code, *shown = rig.run(str(rig.write(bars(), f"  wrong: {{stack: {{of: tip, from: base, {keys}}}}}\n")))
         assert code == 1 and words in "".join(shown)

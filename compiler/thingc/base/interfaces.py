@@ -125,7 +125,7 @@ class Bolts(MountFeature, kw_only=False):
             away, u, v = min((hypot(x - u, y - v), u, v) for u, v in many)
             if away > SAME_PLACE:
                 here, there = (f"bolt at {degrees(atan2(b, a)) + 0.0:.6g} deg, {mm(hypot(a, b))}" for a, b in ((x, y), (u, v)))
-                why = f"{mm(away)} off, in the frame of the first mount"
+                why = f"distance {mm(away)}, in the frame of the first mount"
                 return [(there, here, why) if swapped else (here, there, why)]
         return []
 

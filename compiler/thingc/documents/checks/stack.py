@@ -56,7 +56,7 @@ class StackTest(Model):
     @model_validator(mode="after")
     def _bounds(self) -> StackTest:
         if (self.within is None) != (self.yield_ is None):
-            raise rule("`within` and `yield` need each other", "write, for example, `within: 0.5 mm` and `yield: 99 %`")
+            raise rule("`within` and `yield` must be used together", "write, for example, `within: 0.5 mm` and `yield: 99 %`")
         if self.worst is None and self.rss is None and self.within is None:
             raise rule("a `stack` test needs `worst`, `rss`, or `within` and `yield`", "write, for example, `rss: 0.5 mm`")
         return self

@@ -96,13 +96,13 @@ def _screw_fault(shank: Shank, distance: float, depth: float, thread: str, mount
     """Describe how a screw does not fit the threaded hole that it reaches, or return None."""
     engaged, needed = shank.length - distance, minimum(depth, ENGAGED * (nominal(shank.thread) or 0.0))
     if shank.thread.casefold() != thread.casefold():
-        return f"has the thread {shank.thread}, and the hole at `{mount}` {thread}"
+        return f"has the thread {shank.thread}, but the hole at `{mount}` has the thread {thread}"
     if engaged > depth + SAME:
-        room = f"{mm(distance)} to `{mount}`, and {mm(depth)} of threaded hole"
+        room = f"the distance to `{mount}` is {mm(distance)}, and the threaded hole is {mm(depth)} deep"
         return f"is {mm(shank.length)} long, {mm(engaged - depth)} too long: {room}"
     if engaged <= 0.0:
         return f"is {mm(shank.length)} long, and does not reach `{mount}`, {mm(distance)} below its head"
-    return f"engages {mm(engaged)} of the thread at `{mount}`, at least {mm(needed)} are needed" if engaged < needed - SAME else None
+    return f"engages {mm(engaged)} of the thread at `{mount}`, but at least {mm(needed)} are needed" if engaged < needed - SAME else None
 
 
 def check_declared(robot: Connected, findings: LinkReport) -> None:
