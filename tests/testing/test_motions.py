@@ -18,7 +18,7 @@ from thingc.model.dynamics.inertial_loads import inertial_loads
 from thingc.model.dynamics.motion_curve import MotionCurve, with_closed_loops
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
-from thingc.model.statics.efforts import loads, static_efforts
+from thingc.model.statics.efforts import balance_loads, loads, problem
 
 NUMBERS = {"time", "speed", "available"}
 """Measured numbers that are no lengths."""
@@ -111,7 +111,7 @@ def test_an_arm_with_two_links_in_closed_form(tmp_path: Path) -> None:
         shoulder = m11 * a1 + m12 * a2 - h * sin(t2) * (2.0 * v1 * v2 + v2**2) + (m1 * c1 + m2 * l1) * g * cos(t1) + bent
         shoulder += 5e-3 * a1 + 0.02 * v1 + (0.03 * float(np.sign(v1)) if abs(v1) > 1e-9 else 0.0)
         bodies = body_poses(robot, state.q)
-        efforts = static_efforts(robot, state.q, bodies, moving=inertial_loads(robot, bodies, state)).by_joint
+        efforts = balance_loads(robot, state.q, bodies, *problem(robot, state.q, bodies, inertial_loads(robot, bodies, state))).by_joint
         assert efforts == pytest.approx({"shoulder": shoulder, "elbow": elbow}, rel=1e-9, abs=1e-9)
 
 

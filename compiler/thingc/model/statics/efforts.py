@@ -26,18 +26,22 @@ from thingc.model.robot.types import Robot
 from thingc.model.statics.types import DriveTransmission, Efforts, answer
 
 
-def static_efforts(
-    robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], memo: Memo | None = None, moving: Mapping[str, float] | None = None,
-) -> Efforts:
+def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], memo: Memo | None = None) -> Efforts:
     """Compute the drive efforts that hold the robot still at the joint positions `q` [rad or m], which is a mapping by joint path.
 
     `q` contains all joints, and the kinematic loops must be closed at `q`.
 
     `bodies` contains the poses of all bodies in the world. A free base is supported by the feet and holds of the mode. Without feet and
-    holds, a free base counts as fixed. Every other base also counts as fixed. `memo` caches the distribution of loads. `moving` contains
-    additional loads on joints by path, such as the loads of a motion (`model/dynamics/inertial_loads.py`).
+    holds, a free base counts as fixed. Every other base also counts as fixed. `memo` caches the distribution of loads.
     """
-    load, drives = problem(robot, q, bodies, moving)
+    return balance_loads(robot, q, bodies, *problem(robot, q, bodies), memo)
+
+
+def balance_loads(
+    robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], load: Mapping[str, float], drives: Sequence[DriveTransmission],
+    memo: Memo | None = None,
+) -> Efforts:
+    """Compute the drive efforts that balance the loads on the joint coordinates. For the other arguments, see `static_efforts`."""
     if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):
         return balance_tree(load, drives)
     from thingc.model.statics.load_sharing import balance_shared
@@ -50,7 +54,8 @@ def problem(
 ) -> tuple[dict[str, float], list[DriveTransmission]]:
     """Return the load [N m or N] on each joint coordinate, and the drives that exist in the mode.
 
-    The arguments have the same meaning as for `static_efforts`.
+    `moving` contains additional loads on joints by path, such as the loads of a motion (`model/dynamics/inertial_loads.py`). The other
+    arguments have the same meaning as for `static_efforts`.
     """
     joints = joints_of(robot.assembly)
     on_joints = loads(robot, q, bodies)

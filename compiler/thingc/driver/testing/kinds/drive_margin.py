@@ -18,7 +18,7 @@ from thingc.model.dynamics.motion_curve import MotionCurve, with_closed_loops
 from thingc.model.resolve.types import NamedMotion
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
-from thingc.model.statics.efforts import problem, static_efforts
+from thingc.model.statics.efforts import balance_loads, problem
 from thingc.model.statics.types import NO_LOAD
 
 
@@ -88,10 +88,11 @@ def instants(robot: Robot, motion: NamedMotion, base: Pose | None) -> Iterator[I
     for time in curve.samples().tolist():
         state = curve.at(time)
         bodies = body_poses(robot, state.q, base)
-        held = static_efforts(robot, state.q, bodies, moving=inertial_loads(robot, bodies, state))
+        load, moves = problem(robot, state.q, bodies, inertial_loads(robot, bodies, state))
+        held = balance_loads(robot, state.q, bodies, load, moves)
         stuck = held.where if held.unheld > SLACK else None
-        for path, moves, _, _ in problem(robot, state.q, bodies)[1]:
-            effort, speed = held.by_joint[path], sum_of(factor * state.v[leader] for leader, factor in moves)
+        for path, coordinates, _, _ in moves:
+            effort, speed = held.by_joint[path], sum_of(factor * state.v[leader] for leader, factor in coordinates)
             yield Instant(path, time, effort, speed, available(drives[path], effort, speed), stuck)
 
 
