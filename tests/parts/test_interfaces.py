@@ -89,7 +89,7 @@ def test_screws_of_the_thigh(shared_store):
     })) as environment:
         said = [one.message for one in pipeline.check(environment).report.ordered() if one.code.code in CODES]
     assert len(said) == 2
-    assert "`front.thigh_screw` on `front.thigh.screw_0` is 14 mm long, 2 mm too long: 6 mm to `front.thigh_idler.web`" in said[0]
+    assert "`front.thigh_screw` on `front.thigh.screw_0` is 14 mm long, 2 mm too long: the distance to `front.thigh_idler.web`" in said[0]
 
 
 @pytest.mark.parametrize("servo", ["XM430", "XL430"])
