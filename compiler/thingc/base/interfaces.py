@@ -15,7 +15,7 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.numeric import atan2, cos, degrees, hypot, sin
+from thingc.base.numeric import atan2, cos, degrees, hypot, sin, sqrt
 from thingc.base.pose import Pose
 
 Text = Annotated[str, Meta(min_length=1)]
@@ -29,6 +29,8 @@ SAME = 1e-6 + 1e-12
 """Largest difference [m] of two equal lengths."""
 SAME_PLACE = 1e-5
 """Largest distance [m] of the axes of two holes for one screw."""
+MOST_BOLTS = 200
+"""Maximum number of holes of a pattern, because each hole is compared with each hole of another pattern."""
 
 
 class MountPair(FrozenStruct):
@@ -83,6 +85,8 @@ class Bolts(MountFeature, kw_only=False):
     hole: Size | None = None
 
     def __post_init__(self) -> None:
+        if max(self.count, len(self.at)) > MOST_BOLTS:
+            raise ValueError(f"a pattern must have at most {MOST_BOLTS} holes, found {max(self.count, len(self.at))}")
         if self.count > 1 and self.circle is None or self.at and self.circle is not None:
             raise ValueError(f"{self.count} x {self.thread} need the diameter of a `circle`, which cannot be combined with `at`")
 
@@ -122,10 +126,10 @@ class Bolts(MountFeature, kw_only=False):
         swapped = len(theirs) < len(mine)
         few, many = (theirs, mine) if swapped else (mine, theirs)
         for x, y in few:
-            away, u, v = min((hypot(x - u, y - v), u, v) for u, v in many)
-            if away > SAME_PLACE:
+            square, u, v = min(((x - u) * (x - u) + (y - v) * (y - v), u, v) for u, v in many)
+            if square > SAME_PLACE**2:
                 here, there = (f"bolt at {degrees(atan2(b, a)) + 0.0:.6g} deg, {mm(hypot(a, b))}" for a, b in ((x, y), (u, v)))
-                why = f"distance {mm(away)}, in the frame of the first mount"
+                why = f"distance {mm(sqrt(square))}, in the frame of the first mount"
                 return [(there, here, why) if swapped else (here, there, why)]
         return []
 
