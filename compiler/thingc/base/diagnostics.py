@@ -13,7 +13,7 @@ from enum import Enum
 from msgspec.structs import force_setattr, replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineRepr, counted
 from thingc.base.safe_text import shortened
 from thingc.base.source import Edit, Node, Origin, Span, stands_in
 from thingc.base.suggestions import Hint, Suggestion, text_of
@@ -297,6 +297,12 @@ class Note(OneLineRepr, FrozenStruct):
 def noted(message: str, origin: Origin) -> tuple[Note, ...]:
     """Create a note with the text `message` at the innermost location of `origin`. Return an empty tuple if `origin` is empty."""
     return (Note(message=message, span=origin[0]),) if origin else ()
+
+
+def first_notes(notes: Sequence[Note], most: int, noun: str) -> list[Note]:
+    """Return the first notes, and a note with the number of the others: `and 3 more parts` for the noun `more part`."""
+    more = [Note(message=f"and {counted(len(notes) - most, noun)}")] if len(notes) > most else []
+    return [*notes[:most], *more]
 
 
 class Diagnostic(OneLineRepr, FrozenStruct):

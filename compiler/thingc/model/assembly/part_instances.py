@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from thingc.base.diagnostics import Code, Note, noted
+from thingc.base.diagnostics import Code, Note, first_notes, noted
 from thingc.base.inertia import physical_fault
 from thingc.base.memo import Memo
-from thingc.base.one_line_repr import counted
 from thingc.base.pose import NO_POSE, Mirror
 from thingc.base.source import Origin, line_of
 from thingc.base.suggestions import Hint, did_you_mean, nearest
@@ -127,9 +126,7 @@ class PartInstances:
             notes += written_at(f"`{component.label}`", record.code)
             places = {place: other for other, _, _, _, place in reversed(users[1:]) if place[:1] != origin[:1]}
             others = [note for place, other in reversed(places.items()) for note in noted(f"`{other.name}` also uses this material", place)]
-            notes += others[: _SHOWN_PLACES - 1]
-            if len(others) >= _SHOWN_PLACES:
-                notes.append(Note(message=f"and {counted(len(others) - _SHOWN_PLACES + 1, 'more component')}"))
+            notes += first_notes(others, _SHOWN_PLACES - 1, "more component")
             say = self._findings.error if needed else self._findings.warn
             say(
                 Code.UNKNOWN_MATERIAL, f"`{component.name}` (`{component.label}`) is made of `{name}` by default, "
@@ -148,9 +145,8 @@ class PartInstances:
                 continue
             help: Hint
             code, what, help = _FAILED[failure.kind]
-            notes = [note for other, _, place in users[1:_SHOWN_PLACES] for note in noted(f"`{other.name}` also uses this part", place)]
-            if len(users) > _SHOWN_PLACES:
-                notes.append(Note(message=f"and {counted(len(users) - _SHOWN_PLACES, 'more component')}"))
+            others = [note for other, _, place in users[1:] for note in noted(f"`{other.name}` also uses this part", place)]
+            notes = first_notes(others, _SHOWN_PLACES - 1, "more component")
             if component.definition.parameters:
                 given = zip(component.definition.parameters, component.definition.words)
                 notes.append(Note(message=f"parameters of the part: {', '.join(f'{name}={words}' for (name, _), words in given)}"))
@@ -477,5 +473,4 @@ def _line(warning: PartWarning) -> str:
 def _places(warnings: Sequence[PartWarning]) -> list[Note]:
     """Return notes with the locations of warnings in part files."""
     places = [line_of(warning.file, warning.line or 1) for warning in warnings if warning.file is not None]
-    more = [Note(message=f"and {counted(len(places) - _SHOWN_PLACES, 'more line')}")] if len(places) > _SHOWN_PLACES else []
-    return [*(Note(message="location in the part file", span=place) for place in places[:_SHOWN_PLACES]), *more]
+    return first_notes([Note(message="location in the part file", span=place) for place in places], _SHOWN_PLACES, "more line")

@@ -59,7 +59,7 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
 
 
 def values(
-    scope: Scope, owner: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: tuple[str, ...],
+    scope: Scope, owner: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: Iterable[str],
 ) -> dict[str, Any]:
     """Return the values of settings of `owner`, such as a joint, that must not be negative, such as `damping`.
 
@@ -418,7 +418,7 @@ def dynamics(scope: Scope, owner: str, coordinate: Dimension, layers: DefaultLay
             rest.path, key=True, help="add `stiffness`, or remove `rest`",
         )
     return Dynamics(
-        **values(scope, owner, coordinate, "dynamics", layers, ("damping", "friction", "armature", "stiffness")),
+        **values(scope, owner, coordinate, "dynamics", layers, [key for key in Dynamics.__struct_fields__ if key != "rest"]),
         rest=scope.number(*rest, coordinate, f"`dynamics.rest` of {owner}", least=least),
     )
 

@@ -15,9 +15,8 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.diagnostics import Code, Note, Report, first_notes
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import quoted
 from thingc.base.source import Origin
 from thingc.base.units import LENGTH, Quantity
@@ -303,12 +302,10 @@ def _say_inside(start: InitialState, others: Sequence[str], report: Report) -> N
     robot, first = start.robot, start.inside[0]
     origins = {part.path: part.origin for part in robot.assembly.occurrences}
     notes = [Note(message=f"`{path}` is defined here", span=origins[path][0]) for path in (first.one, first.other) if origins.get(path)]
-    notes += [
+    notes += first_notes([
         Note(message=f"the collision shapes of `{one.one}` and `{one.other}` overlap by {Quantity(float(f'{one.depth:.3g}'), LENGTH)}")
-        for one in start.inside[1 : SHOWN + 1]
-    ]
-    if len(start.inside) > SHOWN + 1:
-        notes.append(Note(message=f"and {counted(len(start.inside) - SHOWN - 1, 'more pair')}"))
+        for one in start.inside[1:]
+    ], SHOWN, "more pair")
     if others:
         modes = "mode" if len(others) == 1 else "modes"
         notes.append(Note(message=f"the same problem occurs in {modes} " + ", ".join(f"`{name}`" for name in others)))

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
-from thingc.base.diagnostics import Note
+from thingc.base.diagnostics import Note, first_notes
 from thingc.base.numeric import inf, maximum, minimum
-from thingc.base.one_line_repr import counted
 from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.base.units import LENGTH, Quantity
@@ -32,12 +31,9 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
     height, path = heights[0]
     failure: Failure | None = None
     if height < check.least:
-        others = [(other, name) for other, name in heights[1:] if other < check.least]
-        notes = [Note(message=f"`{name}` is also {_over(other)}") for other, name in others[:LISTED]]
-        if len(others) > LISTED:
-            notes.append(Note(message=f"and {counted(len(others) - LISTED, 'more part')}"))
+        others = [Note(message=f"`{name}` is also {_over(other)}") for other, name in heights[1:] if other < check.least]
         failure = Failure(
-            code=ClearanceCode.TEST_CLEARANCE, key="at_least", notes=tuple(notes),
+            code=ClearanceCode.TEST_CLEARANCE, key="at_least", notes=tuple(first_notes(others, LISTED, "more part")),
             message=f"the lowest point of `{path}` is {_over(height)}, but at least {Quantity(check.least, LENGTH)} is required",
             help=f"if this is intended, add `except: [{path.replace('/', '.')}]`",
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import chain
 
-from thingc.base.diagnostics import Code, Note, Report, allow_hint
+from thingc.base.diagnostics import Code, Note, Report, allow_hint, first_notes
 from thingc.base.one_line_repr import counted
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import KIND, CollisionCheck, CollisionCode
@@ -128,9 +128,8 @@ def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int],
 def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], collisions: Collisions) -> Failure:
     """Create the `Failure` of a test. The message describes the worst pair of components, and the notes describe the other pairs."""
     assembly, first = collisions.assembly, worst[0]
-    notes = [Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1 : LISTED + 1]]
-    if len(worst) > LISTED + 1:
-        notes.append(Note(message=f"and {counted(len(worst) - LISTED - 1, 'more pair')}"))
+    others = [Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1:]]
+    notes = first_notes(others, LISTED, "more pair")
     notes += [
         Note(message=f"the surface of `{path}` is not closed: the convex hull of the mesh is used instead")
         for path in collisions.hulls if path in (assembly.occurrences[first.one].path, assembly.occurrences[first.other].path)

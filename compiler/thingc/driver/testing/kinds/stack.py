@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from thingc.base.diagnostics import Note
+from thingc.base.diagnostics import Note, first_notes
 from thingc.base.interfaces import Bore, Boss
 from thingc.base.numeric import erf, hypot, sqrt, sum_of
 from thingc.base.one_line_repr import counted
@@ -68,13 +68,11 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
 
 
-def _shares(found: Sequence[Contribution], rss: float) -> Iterator[Note]:
-    """Yield notes with the largest contributors and their shares of the variance."""
+def _shares(found: Sequence[Contribution], rss: float) -> list[Note]:
+    """Return notes with the largest contributors and their shares of the variance."""
     squares = sorted(((sum_of(one * one for one in several), name) for name, several in found), key=lambda one: (-one[0], one[1]))
-    for square, name in squares[:LISTED]:
-        yield Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {shown(sqrt(square), LENGTH)}")
-    if len(squares) > LISTED:
-        yield Note(message=f"and {counted(len(squares) - LISTED, 'other contributor')}")
+    shares = [Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {shown(sqrt(square), LENGTH)}") for square, name in squares]
+    return first_notes(shares, LISTED, "other contributor")
 
 
 def _path(assembly: Assembly, start: int, end: int) -> list[Mate]:
