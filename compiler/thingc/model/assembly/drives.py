@@ -78,7 +78,12 @@ def actuator_of(
             Code.DRIVE, f"the drive of {owner} has a `stall`, but no `velocity`", (drive.spans["stall"], *instance.origin),
             help="set `velocity` to the no-load speed, at which the torque is 0",
         )
-    key, reach = ("effort", first(limit.effort, drive.effort)) if drive.kind == "motor" else ("velocity", first(limit.velocity, speed))
+    effort = first(limit.effort, drive.effort)
+    if drive.stall is not None and effort is not None and effort > drive.stall:
+        found = f"{Quantity(effort, of['effort'])}, but its `stall` is {Quantity(drive.stall, of['effort'])}"
+        place, help = (drive.spans["stall"], *instance.origin), "lower `effort`, or increase `stall`"
+        findings.warn(Code.EFFORT, f"at rest, the drive of {owner} does not provide its effort of {found}", place, help=help)
+    key, reach = ("effort", effort) if drive.kind == "motor" else ("velocity", first(limit.velocity, speed))
     if drive.kind == "position":
         key, reach = "rest", None if limit.lower is None or limit.upper is None else limit.upper - limit.lower
     for name, value in (("deadband", drive.deadband), ("noise", drive.noise)):

@@ -50,7 +50,7 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
                 origin = next(one.origin for one in section.children if _path(one) == path)
                 yield Loss.of(origin, "mjcf", None, path, "the sensor: not supported by Drake", "omitted")
         for one in section.children:
-            what = SECTIONS.get((section.tag, one.tag))
+            what = SECTIONS.get((section.tag, one.tag)) or ("the delay of the drive" if "delay" in one.attributes else None)
             if what is not None:
                 own = robot.mode.name if one.tag in ("weld", "connect") else None
                 yield Loss.of(one.origin, "mjcf", own, _path(one), f"{what}: not supported by Drake", "omitted")

@@ -55,10 +55,8 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
             hint="exclude the mode with `--mode`, or use another root",
         )
     yield from LACKS.refusals(root)
-    for element in root.walk():
-        if element.get("nsample"):
-            what = "it does not support delays"
-            yield Refusal(what=what, origin=element.origin, path=element.get("name"), hint="remove `delay`")
+    for late in (element for element in root.walk() if element.get("nsample")):
+        yield Refusal(what="it does not support delays", origin=late.origin, path=late.get("name"), hint="remove `delay`")
     option = root.find_or_empty("option")
     if option.get("integrator") == "implicitfast":
         for name in FLUID:
