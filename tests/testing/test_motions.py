@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from math import cos, pi, sin
 from pathlib import Path
 
@@ -19,6 +20,8 @@ from thingc.model.dynamics.motion_curve import MotionCurve, with_closed_loops
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
 from thingc.model.statics.efforts import balance_loads, loads, problem
+from thingc.tools.cli.main import main
+from thingc.tools.diff.assembly_facts import motion_facts
 
 NUMBERS = {"time", "speed", "available"}
 """Measured numbers that are no lengths."""
@@ -269,3 +272,30 @@ def test_a_wrong_file_is_reported_once_at_its_cell(rig: Workspace, written: str,
     place = found[0]["location"] if "location" in found[0] else found[0]
     assert (found[0]["code"], place["file"].rpartition("/")[2], place["line"], place["column"]) == ("TC368", "log.csv", line, column)
     assert words in found[0]["message"]
+
+
+def test_a_difference_of_motions_does_not_depend_on_names_of_joints(tmp_path: Path) -> None:
+    def fact(text: str) -> object:
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
+        folder.mkdir()
+        assembly = built(folder, text).compilation.assembly
+        assert assembly is not None
+        return motion_facts(assembly.definition)["motions.swing"].value
+
+    assert fact(PLANAR) == fact(PLANAR.replace("shoulder", "hip"))
+    assert len({fact(PLANAR), fact(PLANAR.replace("1.3 s", "1.4 s")), fact(PLANAR.replace("70 deg", "71 deg"))}) == 3
+
+
+def test_the_zero_of_a_joint_in_a_file_does_not_move(rig: Workspace, capsys: pytest.CaptureFixture[str]) -> None:
+    assert file_motion(rig, CSV)["code"] == 0
+    assert main(["rezero", str(rig.folder / "rig.yaml"), "elbow=10 deg"]) == 2
+    assert "the file of motion `log` contains positions of joint `elbow`" in capsys.readouterr().out
+
+
+def test_editors_offer_poses_and_motions(rig: Workspace) -> None:
+    document = rig.write(FLAT.replace("SECONDS", "1 s"))
+    assert main(["schema", str(document)]) == 0
+    definitions = json.loads((rig.folder / ".thingc/schema/rig.yaml.json").read_text())["$defs"]
+    for model, key, names in (("DriveMarginTest", "motion", {"rest", "lift"}), ("MotionPoseSpec", "pose", {"level", "up"})):
+        offered = definitions[model]["properties"][key]["anyOf"]
+        assert {one["const"] for one in offered if "const" in one} == names

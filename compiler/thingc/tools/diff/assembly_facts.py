@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from hashlib import sha256
 
 from msgspec.structs import replace
 
@@ -11,6 +12,7 @@ from thingc.base.source import line_of
 from thingc.geometry.record import PartDefinition, PartRecord
 from thingc.model.assembly.types import ActuatorModel, Assembly, LinkedSensor, Mate, Occurrence, TendonStep
 from thingc.model.resolve.coordinates import Dynamics, Limit
+from thingc.model.resolve.types import AssemblyDefinition
 from thingc.targets.bom.emit import with_pieces
 from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnapshot, PartShape, Row, Value, field_values
 
@@ -132,6 +134,16 @@ def tendon_facts(assembly: Assembly) -> dict[str, Fact]:
         values |= field_values("drive", ActuatorModel, one.actuator)
         facts |= {f"tendons.{one.path}.{key}": Fact(value=value, span=one.origin[0]) for key, value in values.items() if value is not None}
     return facts
+
+
+def motion_facts(definition: AssemblyDefinition) -> dict[str, Fact]:
+    """Return the times of each motion by key (`motions.wave`), with a digest of its positions, which does not depend on names of joints."""
+    return {
+        f"motions.{one.name}": Fact(value=(
+            f"{len(one.times)} positions from {one.times[0]:.6g} s to {one.times[-1]:.6g} s "
+            f"({sha256(repr((one.times, one.smooth, *one.values.values())).encode()).hexdigest()[:8]})"
+        ), span=one.origin[0]) for one in definition.motions
+    }
 
 
 def _step_value(step: TendonStep) -> Value:

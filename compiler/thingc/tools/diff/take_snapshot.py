@@ -18,7 +18,7 @@ from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge
 from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, JointRange, Mode, Overrides, Process, Reference
-from thingc.tools.diff.assembly_facts import edges_of, links_of, occurrences_of, rows_of, sensor_values, tendon_facts
+from thingc.tools.diff.assembly_facts import edges_of, links_of, motion_facts, occurrences_of, rows_of, sensor_values, tendon_facts
 from thingc.tools.diff.snapshot import PLACES, ComponentNode, Fact, Named, Snapshot, SnapshotElement, Value, What, field_values
 from thingc.tools.diff.source_locations import DocumentTrees
 
@@ -204,7 +204,7 @@ class _Reader:
         """Collect the elements that only the top-level document can have, such as modes."""
         assembly, definition = self.assembly, self.assembly.definition
         raw = {one.dotted: Fact(value=one.value, span=one.origin[0]) for one in assembly.raw}
-        raw |= tendon_facts(assembly)
+        raw |= tendon_facts(assembly) | motion_facts(definition)
         raw |= {one.dotted: Fact(value=one.text, span=one.origin[0]) for one in assembly.added}
         self._add("component", "", {"name": Fact(value=definition.name), **raw}, span=definition.origin[0] if definition.origin else None)
         for mode in definition.modes:
