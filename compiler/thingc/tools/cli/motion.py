@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import math
 import sys
-from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -51,9 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     except UnknownChoice as fault:
         diagnostics = [console.of_exception(fault)]
     if arguments.format == "json":
-        console.print_json(diagnostics, joints=[
-            {"joint": joint.name, "error": error, "time": round(time, 9)} for joint, error, time in errors
-        ])
+        found = [{"joint": joint.name, "error": error, "time": round(time, 9)} for joint, error, time in errors]
+        console.print_json(diagnostics, joints=found)
         return console.exit_code(diagnostics)
     code = console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
     if errors:
@@ -76,6 +72,8 @@ def _replay(arguments: argparse.Namespace, errors: list[tuple[JointEdge, float, 
     if name not in motions:
         hint = did_you_mean(name, list(motions), what="motions") if name and motions else "add `motions:` to the document"
         raise UnknownChoice("the document has no motions" if name is None else f"there is no motion `{name}`", hint)
+    import numpy as np
+
     from thingc.tools.motions.replay import Replay
 
     replay = Replay(pipeline.request_of(environment, compilation), compilation.robots[0], motions[name])
@@ -85,19 +83,11 @@ def _replay(arguments: argparse.Namespace, errors: list[tuple[JointEdge, float, 
     times, tracked, wanted = replay.track()
     off = abs(tracked - wanted)
     errors += zip(replay.joints, off.max(axis=0).tolist(), times[off.argmax(axis=0)].tolist(), strict=True)
-    _write(arguments.csv, replay.joints, [[time, *row] for time, row in zip(times.tolist(), tracked.tolist(), strict=True)])
-    return diagnostics
-
-
-def _write(path: str, joints: Sequence[JointEdge], rows: Sequence[Sequence[float]]) -> None:
-    """Write the tracked positions in degrees and millimetres, as in the file of a motion. Raises `WrongCommandLine`."""
-    scales = [1.0, *(math.degrees(1.0) if joint.twist.turns else 1e3 for joint in joints)]
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["time [s]", *(f"{joint.name} [{'deg' if joint.twist.turns else 'mm'}]" for joint in joints)])
-    table.writerows([f"{value * scale:.9g}" for value, scale in zip(row, scales, strict=True)] for row in rows)
+    units = [(math.degrees(1.0), "deg") if joint.twist.turns else (1e3, "mm") for joint in replay.joints]
+    header = ",".join(["time [s]", *(f"{joint.name} [{unit}]" for joint, (_, unit) in zip(replay.joints, units, strict=True))])
+    table = np.column_stack([times, tracked * [scale for scale, _ in units]])
     try:
-        with open(path, "w", encoding="utf-8", newline="") as stream:
-            stream.write(text.getvalue())
+        np.savetxt(arguments.csv, table, fmt="%.9g", delimiter=",", header=header, comments="")
     except OSError as fault:
-        raise console.WrongCommandLine(f"cannot write `{path}`: {fault.strerror}", "choose another file with --csv") from fault
+        raise console.WrongCommandLine(f"cannot write `{arguments.csv}`: {fault.strerror}", "choose another file with --csv") from fault
+    return diagnostics
