@@ -11,6 +11,8 @@ from editor.language_server import LanguageServer
 from editor.running import ROOT, schemas_of, thingc
 
 ARM = "assemblies/arm.yaml"
+HORN = "x430-horn, 8 x M2 on 16 mm, boss 8 mm"
+"""The interface of the horn of an XM430."""
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +87,7 @@ def test_attach_offers_the_mounts_of_the_part(server: LanguageServer, arm: str, 
     old = "  yaw_servo:\n    part: thingc_stock.dynamixel:XM430\n    attach: {back: plate.servo_seat}"
     offered = server.complete(ARM, edited(arm, old, f"  {component}:\n    part: thingc_stock.dynamixel:XM430\n    attach:\n      |"))
     assert {"back", "bottom", "horn", "idler", "rotor"} <= offered.keys()
-    assert "interface `x430-horn`" in said(offered["horn"])
+    assert f"interface `{HORN}`" in said(offered["horn"])
     assert not {"servo_seat", "rotor_seat"} & offered.keys()
 
 
@@ -97,7 +99,7 @@ def test_attach_offers_the_mounts_of_the_others(server: LanguageServer, arm: str
 def test_the_parent_of_a_joint_is_offered(server: LanguageServer, arm: str) -> None:
     offered = server.complete(ARM, edited(arm, "    parent: yaw_servo.rotor", "    parent: |"))
     assert {"yaw_servo.rotor", "hand.seat", "hand.cap.pen", "plate_screw_3.seat", "bus_board.origin"} <= offered.keys()
-    assert said(offered["yaw_servo.rotor"]) == "A mount of `thingc_stock.dynamixel:XM430`, interface `x430-horn`."
+    assert said(offered["yaw_servo.rotor"]) == f"A mount of `thingc_stock.dynamixel:XM430`, interface `{HORN}`."
 
 
 def test_drive_offers_what_has_an_actuator(server: LanguageServer, arm: str) -> None:
@@ -214,7 +216,7 @@ def test_a_parameter_shows_unit_range_and_default(server: LanguageServer, arm: s
     [
         ("plate: {part: arm:BasePlate", "plate: {part: arm:Base|Plate", "A square plate with two walls that hold the yaw servo"),
         ("  plate: {part", "  pl|ate: {part", "Mounts: `bottom`, `servo_screw_0`"),
-        ("parent: yaw_servo.rotor", "parent: yaw_ser|vo.rotor", "A mount of `thingc_stock.dynamixel:XM430`, interface `x430-horn`."),
+        ("parent: yaw_servo.rotor", "parent: yaw_ser|vo.rotor", f"A mount of `thingc_stock.dynamixel:XM430`, interface `{HORN}`."),
         ("home: {yaw: 30", "home: {ya|w: 30", "from `yaw_servo.rotor` to `bracket.yaw_seat`; -150 deg to 150 deg."),
         ("pose: home}", "pose: ho|me}", "yaw: 30 deg, shoulder: -60 deg"),
     ],
