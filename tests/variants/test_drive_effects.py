@@ -271,3 +271,12 @@ def test_models_for_mjx_and_drake_report_delays(folder: Path) -> None:
     main(["build", str(folder / "walker.yaml"), "-o", str(folder / "build"), "--emit=mjcf", "--compat=drake"])
     losses = json.loads((folder / "build/walker/manifest.json").read_text())["losses"]
     assert "the delay of the drive: not supported by Drake" in [one["what"] for one in losses if one["path"] == "ankle"]
+
+
+@pytest.mark.parametrize("integrator", ["euler", "rk4", "implicit", "implicitfast"])
+def test_effects_without_effect_change_nothing(folder: Path, integrator: str) -> None:
+    """A tiny deadband only selects the steps in which effects can act, with and without a delay."""
+    more = {"integrator: euler": f"integrator: {integrator}"}
+    for delay in ("", ", delay: 6 ms"):
+        with walker(folder, delay, delay, **more) as plain, walker(folder, f"{delay}, deadband: 1e-200 rad", delay, **more) as tiny:
+            assert abs(path_of(make_env(plain)) - path_of(make_env(tiny))).max() <= 1e-12
