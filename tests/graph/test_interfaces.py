@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from thingc.base.diagnostics import Diagnostic
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
+from thingc.tools.cli.main import main
 
 M3 = "bolts: {thread: M3, count: 4, circle: 16 mm}"
 
@@ -224,3 +226,17 @@ components:
 def test_a_screw_through_a_lid(tmp_path: Path, length: str, thread: str, x: int, said: str | None) -> None:
     found = check(tmp_path, SCREW.format(length=length, thread=thread, x=x))
     assert [(one.code.code, one.message) for one in found] == ([] if said is None else [("TC535", f"`screw` on `lid.head` {said}")])
+
+
+def test_every_variant_is_compared(tmp_path: Path) -> None:
+    """The numbers of an interface are numbers of the plan of a batch: bores of 5.5 mm to 6.5 mm around a boss of 6 mm."""
+    (tmp_path / "robot.yaml").write_text(
+        two("{bore: {diameter: =d}}", "{boss: {diameter: 6 mm}}", ", attach: {n: a.m}")
+        .replace("components:", "parameters: {d: 6 mm}\ncomponents:")
+    )
+    (tmp_path / "sizes.yaml").write_text(
+        "thingc: variants/1\nassembly: robot.yaml\nname: sizes\nparameters: {d: [5.5 mm, 5.998 mm, 5.9995 mm, 6 mm, 6.1 mm, 6.5 mm]}\n"
+    )
+    main(["batch", str(tmp_path / "sizes.yaml"), "--store", str(tmp_path / "store"), "-o", str(tmp_path / "out"), "--emit", "mjcf"])
+    with open(tmp_path / "out" / "sizes" / "results.csv") as stream:
+        assert [row["code"] for row in csv.DictReader(stream)] == ["TC534", "TC534", "", "", "", ""]

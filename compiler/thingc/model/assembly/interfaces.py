@@ -83,9 +83,8 @@ def _threaded(part: Occurrence, pose: Pose) -> Iterator[tuple[float, float, str,
     `pose` is the pose of the part in the frame of the screw's head, with z along the shank.
     """
     for name, mount in part.mounts.items() if _known(part) else ():
-        here = pose @ mount.pose
         for one in mount.features:
-            if isinstance(one, Bolts) and one.depth is not None and here.rotation[2][2] < -1.0 + 1e-9:
+            if isinstance(one, Bolts) and one.depth is not None and (here := pose @ mount.pose).rotation[2][2] < -1.0 + 1e-9:
                 for x, y in one.points:
                     u, v, w = here.apply((x, y, 0.0))
                     if hypot(u, v) <= SAME_PLACE and w >= -SAME:
