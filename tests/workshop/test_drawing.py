@@ -33,6 +33,9 @@ class Block(Thing):
         tilted = Pos(10, 30, 20) * Rot(0, 30, 0) * Cylinder(1, 6)
         return body - [through, blind, *screw, across, tilted]
 
+def ring():
+    return Torus(20, 5)
+
 def needle():
     return Box(2000, 3, 3)
 '''
@@ -132,3 +135,11 @@ def test_a_long_part_is_reduced(tmp_path: Path) -> None:
     assert (x1 - x0, y1 - y0) == pytest.approx((200, 0.3), abs=2e-3)
     x0, _, x1, _ = paths(drawing, "visible")[3].bbox()
     assert x1 - x0 > 100.0, "the isometric view has its own scale and place"
+
+
+def test_the_outline_of_a_round_part_is_visible(tmp_path: Path) -> None:
+    """The exact algorithm of the CAD kernel draws one end of the ring as hidden."""
+    drawing = ElementTree.fromstring(build(tmp_path, "ring")["ring_alu_x2.svg"])
+    for path, size in zip(paths(drawing, "visible")[:3], ((50, 10), (50, 50), (50, 10)), strict=True):
+        x0, y0, x1, y1 = path.bbox()
+        assert ((x1 - x0) / 2, (y1 - y0) / 2) == pytest.approx(size, rel=0.01), "2 : 1"

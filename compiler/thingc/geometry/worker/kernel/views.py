@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepLib import BRepLib
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.GeomAbs import GeomAbs_Cone, GeomAbs_Cylinder, GeomAbs_Plane, GeomAbs_Sphere
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from OCP.HLRAlgo import HLRAlgo_Projector
-from OCP.HLRBRep import HLRBRep_Algo, HLRBRep_HLRToShape
-from OCP.TopAbs import TopAbs_EDGE
+from OCP.HLRBRep import HLRBRep_Algo, HLRBRep_HLRToShape, HLRBRep_PolyAlgo, HLRBRep_PolyHLRToShape
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS
 
 from thingc.geometry.features import VIEWS, Curve, View, Views
@@ -18,22 +21,49 @@ from thingc.geometry.worker.kernel.sheets import curve_of
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
+EXACT = frozenset({GeomAbs_Plane, GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere})
+"""Surfaces that are projected exactly."""
+DEFLECTION, ANGLE = 0.002, 0.15
+"""Largest deviation of triangles, relative to the size of an edge, and the largest angle between them [rad]."""
+
 
 def views_of(shape: TopoDS_Shape) -> Views:
-    """Return all views of a shape."""
+    """Return all views of a shape.
+
+    The exact algorithm of the kernel takes minutes for free-form surfaces. Parts with such surfaces are projected as triangles.
+    """
+    surfaces = (BRepAdaptor_Surface(TopoDS.Face(face)).GetType() for face in explored(shape, TopAbs_FACE))
+    exact = all(surface in EXACT for surface in surfaces)
+    if not exact:
+        BRepMesh_IncrementalMesh(shape, DEFLECTION, True, ANGLE)
     views: dict[str, View] = {}
     for name, (toward, right) in VIEWS.items():
-        algorithm = HLRBRep_Algo()
-        algorithm.Add(shape, 0)
-        algorithm.Projector(HLRAlgo_Projector(gp_Ax2(gp_Pnt(), gp_Dir(*toward), gp_Dir(*right))))
-        algorithm.Update()
-        algorithm.Hide()
-        edges = HLRBRep_HLRToShape(algorithm)
+        projector = HLRAlgo_Projector(gp_Ax2(gp_Pnt(), gp_Dir(*toward), gp_Dir(*right)))
+        edges = _projected(shape, projector) if exact else _projected_triangles(shape, projector)
         views[name] = View(
             visible=_curves(edges.VCompound(), edges.OutLineVCompound()),
             hidden=() if name == "isometric" else _curves(edges.HCompound(), edges.OutLineHCompound()),
         )
     return Views(by_name=views)
+
+
+def _projected(shape: TopoDS_Shape, projector: Any) -> Any:
+    algorithm = HLRBRep_Algo()
+    algorithm.Add(shape, 0)
+    algorithm.Projector(projector)
+    algorithm.Update()
+    algorithm.Hide()
+    return HLRBRep_HLRToShape(algorithm)
+
+
+def _projected_triangles(shape: TopoDS_Shape, projector: Any) -> Any:
+    algorithm = HLRBRep_PolyAlgo()
+    algorithm.Load(shape)
+    algorithm.Projector(projector)
+    algorithm.Update()
+    edges = HLRBRep_PolyHLRToShape()
+    edges.Update(algorithm)
+    return edges
 
 
 def _curves(*compounds: Any) -> tuple[Curve, ...]:
