@@ -197,3 +197,8 @@ def test_the_edges_of_a_mesh_are_straight(tmp_path: Path) -> None:
     trimesh.creation.box((50.0, 50.0, 3.0)).export(tmp_path / "sheet.stl")
     (drawing,) = build(tmp_path, ROBOT.replace("part: flat:PART", "file: sheet.stl")).values()
     assert [one.dxftype() for one in drawing.modelspace()] == ["LINE"] * 4 and measured(drawing) == pytest.approx((2500, 200), rel=1e-6)
+
+
+def test_a_robot_of_bought_parts_is_a_loss(tmp_path: Path) -> None:
+    assert build(tmp_path, ROBOT.replace("flat:PART", "flat:plate, bom: {make: buy}")) == {}
+    assert lost(tmp_path) == [("robot", "the robot has no part with geometry that is not bought")]

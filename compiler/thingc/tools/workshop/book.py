@@ -58,7 +58,7 @@ class _Book:
         yield f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{name}: assembly</title>'
         yield f"<style>{STYLE}</style></head><body>"
         pieces = sum(row.quantity for row, _ in self._rows)
-        yield f"<h1>{name}</h1><p>{pieces} parts, {1e3 * self._assembly.properties.mass:.4g} g</p><h2>Parts</h2>"
+        yield f"<h1>{name}</h1><p>{pieces} part{'s' * (pieces != 1)}, {1e3 * self._assembly.properties.mass:.4g} g</p><h2>Parts</h2>"
         heads = ("", "No.", "Part", "Quantity", "Source", "Material", "Price", "Total")
         yield f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"
         for row, occurrences in self._rows:

@@ -46,7 +46,8 @@ class ManufacturedPart:
 def computed(
     request: EmitRequest, target: str, compute: Callable[[set[str]], Mapping[str, Result]],
 ) -> tuple[list[tuple[ManufacturedPart, Result]], list[Loss]]:
-    """Return the parts that are not bought with results of the CAD kernel for their B-reps. Parts without a B-rep are export losses.
+    """Return the parts that are not bought with results of the CAD kernel for their B-reps. Parts without a B-rep are export losses, as is a
+    robot without such parts.
 
     If the kernel fails, an error is reported, and there are no parts.
     """
@@ -58,6 +59,9 @@ def computed(
         else:
             what = f"`{first.definition.label}` is a mesh without exact surfaces"
             losses.append(Loss.of(first.origin, target, None, first.path, what, "omitted"))
+    if not parts and not losses:
+        what = "the robot has no part with geometry that is not bought"
+        losses.append(Loss.of(request.assembly.definition.origin, target, None, request.assembly.name, what, "omitted"))
     try:
         results = compute({brep for _, brep in parts})
     except AssemblyFailed as fault:
