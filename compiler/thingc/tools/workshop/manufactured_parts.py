@@ -46,10 +46,9 @@ class ManufacturedPart:
 def computed(
     request: EmitRequest, target: str, compute: Callable[[set[str]], Mapping[str, Result]],
 ) -> tuple[list[tuple[ManufacturedPart, Result]], list[Loss]]:
-    """Return the parts that are not bought with results of the CAD kernel for their B-reps. Parts without a B-rep are export losses, as is a
-    robot without such parts.
+    """Return the parts that are not bought with results of the CAD kernel for their B-reps.
 
-    If the kernel fails, an error is reported, and there are no parts.
+    Parts without a B-rep are export losses. If all parts are bought, this is also an export loss. If the kernel fails, an error is reported, and there are no parts.
     """
     parts, losses = [], []
     for part in manufactured(request.assembly):
