@@ -48,7 +48,8 @@ def computed(
 ) -> tuple[list[tuple[ManufacturedPart, Result]], list[Loss]]:
     """Return the parts that are not bought with results of the CAD kernel for their B-reps.
 
-    Parts without a B-rep are export losses. If all parts are bought, this is also an export loss. If the kernel fails, an error is reported, and there are no parts.
+    Parts without a B-rep are export losses. If all parts are bought, this is also an export loss. If the kernel fails, an error is
+    reported, and there are no parts.
     """
     parts, losses = [], []
     for part in manufactured(request.assembly):
