@@ -173,7 +173,7 @@ class Reader:
     def motion(self, name: str, key: Key) -> None:
         """Report an error if the document does not define a motion. For an invalid motion, which has been reported, omit the test."""
         self.sound = self.sound and self.table.motions.get(name) is not None
-        if name not in self.table.spec.motions and not self.scope.doubts.lacks("motions"):
+        if name not in self.table.spec.motions and not self.scope.doubts.lacks("motions") and not self.scope.doubts.at(("motions", name)):
             self.error(Code.MOTION, f"there is no motion `{name}`", key, help=suggested(name, self.table.motions, what="motions"))
 
     def choose(self, written: Any) -> None:

@@ -56,11 +56,10 @@ class Replay:
         self.model = scene_model(f"mjcf/scene_{mode}.xml", artifacts.contents(request.store), floor=True)
         keys = [self.model.key(pose.name.replace("/", mark)).id for pose in poses]
         self.first, self.commands, self.positions = keys[0], self.model.key_ctrl[keys].copy(), self.model.key_qpos[keys]
-        names, joints = robot.assembly.names, [joint for joint in joints_of(robot.assembly) if not joint.kind.at_once]
-        words = [(joint.path if names is None else names.joints.get(joint.path, joint.path)).replace("/", mark) for joint in joints]
-        numbers = np.array([mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, word) for word in words], dtype=np.int64)
+        joints = joints_of(robot.assembly)
+        numbers = np.array([mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, one.path.replace("/", mark)) for one in joints])
         self.joints = [joint for joint, number in zip(joints, numbers, strict=True) if number >= 0]
-        self.places = self.model.jnt_qposadr[numbers[numbers >= 0]]
+        self.places = self.model.jnt_qposadr[numbers[numbers >= 0]] if joints else np.zeros(0, dtype=np.int64)
         self._command_others(robot, closed, mark)
 
     def _command_others(self, robot: Robot, motion: NamedMotion, mark: str) -> None:
