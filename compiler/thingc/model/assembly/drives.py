@@ -47,12 +47,11 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
         drive = filled(tree, instance, f"joint `{joint.name}`", joint.path, stated, findings, turns=twist.turns)
     if drive is not None:
         if limit.effort is not None and drive.effort is not None and limit.effort > drive.effort:
-            span = joint.spans.get("limit.effort")
             unit = "N*m" if twist.turns else "N"
             findings.warn(
                 Code.EFFORT, f"joint `{joint.name}` has an effort limit of {limit.effort:.6g} {unit}, "
-                f"but its actuator provides at most {drive.effort:.6g} {unit}", ((span,) + origin[1:]) if span is not None else origin,
-                path=path, help="lower `limit.effort`, or use a stronger actuator", notes=noted("the actuator is set here", drive.origin),
+                f"but its actuator provides at most {drive.effort:.6g} {unit}", joint.origin_of("limit.effort", origin), path=path,
+                help="lower `limit.effort`, or use a stronger actuator", notes=noted("the actuator is set here", drive.origin),
             )
         limit = replace(
             limit, effort=first(limit.effort, drive.effort), velocity=first(limit.velocity, drive.velocity),

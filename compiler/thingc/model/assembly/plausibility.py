@@ -244,19 +244,19 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "the value has a digit too many"
         findings.warn(
             Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)",
-            _origin_of(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
+            joint.origin_of(f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
             help=f"probably {cause}; use `type: continuous` for a joint without limits", allow=True,
         )
     if wide or len(ends) < 2 or not all(ends.values()):
         return
     (lower, _, low_unit), (upper, _, high_unit) = _written_value(joint, "lower"), _written_value(joint, "upper")
-    by_option = any(_origin_of(joint, f"limit.{key}", here)[0].option for key in ends)  # a command-line option may set only one limit
+    by_option = any(joint.origin_of(f"limit.{key}", here)[0].option for key in ends)  # a command-line option may set only one limit
     if {low_unit, high_unit} == {"rad", "deg"} and not by_option:
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
         findings.warn(
             Code.LIMIT_UNITS,
             f"joint `{joint.name}` has a lower limit in {low_unit} (`{lower}`) and an upper limit in {high_unit} (`{upper}`)",
-            _origin_of(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
+            joint.origin_of(f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
             help=f"use the same unit for both limits: `{value}` is `{twist.shown(ends[key])}`", allow=True,
         )
 
@@ -269,12 +269,6 @@ def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
     text = joint.written.get(f"limit.{key}", "").strip()
     plain = _PLAIN.fullmatch(text)
     return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
-
-
-def _origin_of(joint: Joint, key: str, here: Origin) -> Origin:
-    """Return the location of a value of the joint in its document, and in the documents that contain this document."""
-    span = joint.spans.get(key)
-    return (span, *here[1:]) if span is not None else here
 
 
 def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
@@ -304,7 +298,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
     else:
         return
     findings.warn(
-        Code.STUCK, f"joint `{joint.name}` has {said}", _origin_of(joint, key, joint.origin + instance.origin), path=edge.path,
+        Code.STUCK, f"joint `{joint.name}` has {said}", joint.origin_of(key, joint.origin + instance.origin), path=edge.path,
         notes=_elsewhere(joint, key), help=f"check the unit (`m{force}`, `{force}`)", allow=True,
     )
 
@@ -436,7 +430,7 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
         if value is not None
     }
     for key, length in ends.items():
-        of, place, notes = f"`{key}` of joint `{joint.name}`", _origin_of(joint, key, joint.origin), _elsewhere(joint, key)
+        of, place, notes = f"`{key}` of joint `{joint.name}`", joint.origin_of(key, joint.origin), _elsewhere(joint, key)
         if turns and key != "lead":
             yield _Offset(
                 words=f"{of} corresponds to a travel of", length=length, path=joint.name, origin=place, notes=notes,

@@ -321,6 +321,13 @@ class Joint(Coordinate):
         """Whether the coordinate is a single number that poses and tests can set. It does not mimic another joint."""
         return self.mimic is None and self.twist is not None and not self.kind.at_once
 
+    def origin_of(self, key: str, origin: Origin) -> Origin:
+        """Return the location of a value of the joint, such as `limit.effort`, or the location of the joint if the value is missing.
+
+        `origin` is the location of the joint, followed by the locations of the documents that contain its document.
+        """
+        return (self.spans[key], *origin[1:]) if key in self.spans else origin
+
     def defined(self, name: str) -> tuple[Note, ...]:
         """Return a note with the location of the joint, which is called `name` in the message."""
         return noted(f"`{name}` is defined here", self.origin)
