@@ -205,9 +205,7 @@ TimeField = Annotated[Value, quantity(units.TIME)]
 RatioField = Annotated[Value, quantity(NUMBER, doc="a number or a percentage")]
 EffortField = Annotated[Value, quantity(units.TORQUE, units.FORCE)]
 SpeedField = Annotated[Value, quantity(units.ANGULAR_VELOCITY, units.VELOCITY)]
-CommandField = Annotated[Value, quantity(
-    ANGLE, LENGTH, units.ANGULAR_VELOCITY, units.VELOCITY, units.TORQUE, units.FORCE, doc="an angle, a speed or a torque",
-)]
+CommandField = Annotated[Value, quantity(ANGLE, LENGTH, units.ANGULAR_VELOCITY, units.VELOCITY, units.TORQUE, units.FORCE)]
 DampingField = Annotated[Value, quantity(units.ANGULAR_DAMPING, units.LINEAR_DAMPING)]
 FrictionField = Annotated[Value, quantity(units.TORQUE, units.FORCE)]
 ArmatureField = Annotated[Value, quantity(units.INERTIA, units.MASS)]

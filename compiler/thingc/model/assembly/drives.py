@@ -53,9 +53,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
                 f"but its actuator provides at most {drive.effort:.6g} {unit}", joint.origin_of("limit.effort", origin), path=path,
                 help="lower `limit.effort`, or use a stronger actuator", notes=noted("the actuator is set here", drive.origin),
             )
-        limit = replace(
-            limit, effort=first(limit.effort, drive.effort), velocity=first(limit.velocity, drive.velocity),
-        )
+        limit = replace(limit, effort=first(limit.effort, drive.effort), velocity=first(limit.velocity, drive.velocity))
         if dynamics.armature is None:
             dynamics = replace(dynamics, armature=drive.armature)
         actuator = actuator_of(instance, f"joint `{joint.name}`", drive, limit, findings, turns=twist.turns)
@@ -63,9 +61,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
     return replace(stated_edge(instance, joint, twist), limit=limit, dynamics=dynamics, actuator=actuator)
 
 
-def actuator_of(
-    instance: Instance, owner: str, drive: Drive, limit: Limit, findings: LinkReport, *, turns: bool,
-) -> ActuatorModel:
+def actuator_of(instance: Instance, owner: str, drive: Drive, limit: Limit, findings: LinkReport, *, turns: bool) -> ActuatorModel:
     """Return the model of a drive whose values are complete.
 
     `limit` contains the limits of the coordinate. A torque-speed line without a speed is an error, and so are a deadband or
