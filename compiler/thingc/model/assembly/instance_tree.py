@@ -160,9 +160,9 @@ class Tree:
                 continue
             for name, extra in component.mounts.items():
                 if name in definition.mounts or name in instance.children:
-                    origin = extra.origin + instance.origin[len(component.origin):]
                     self._findings.error(
-                        Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", origin, path=instance.path,
+                        Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`",
+                        component.located(extra.origin, instance.origin), path=instance.path,
                         help="rename the mount that is added here", notes=_shown_by(definition),
                     )
                 elif instance.index is not None:

@@ -329,7 +329,7 @@ class PartInstances:
             doubt = mass_doubt(weighed.properties.mass, record.volume)
             if doubt is not None:
                 warn(
-                    Code.DENSITY, f"`{component.name}` {doubt.words}", stated.origin + origin[len(component.origin):], path=path,
+                    Code.DENSITY, f"`{component.name}` {doubt.words}", component.located(stated.origin, origin), path=path,
                     help=None if doubt.meant is None else f"probably `{mass_words(doubt.meant)}` was meant", allow=True,
                 )
         elif record.mass is not None or record.density is not None:
@@ -435,7 +435,7 @@ class PartInstances:
                 )
         for name, extra in component.mounts.items():
             if name in mounts:
-                place = extra.origin + origin[len(component.origin):]
+                place = component.located(extra.origin, origin)
                 self._findings.error(
                     Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", place, path=path,
                     help="rename the mount that is added here",

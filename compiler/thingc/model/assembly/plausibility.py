@@ -164,7 +164,7 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
         if doubt is None:
             continue
         stated, what, help = doubt
-        where = stated.origin + one.origin[len(one.component.origin) :] if stated is not None else one.origin
+        where = one.component.located(stated.origin, one.origin) if stated is not None else one.origin
         notes = () if stated is not None or one.record is None else written_at(f"`{one.definition.label}`", one.record.code)
         if where not in said and findings.warn(
             Code.STATED, what, where, path=one.path, help=help, allow=True, notes=notes
@@ -472,7 +472,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
             if mass > BURDEN * rest > 0.0:
                 findings.warn(
                     Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {times_words(mass / rest)} times the rest "
-                    f"of the robot ({mass_words(rest)})", stated.origin + one.origin[len(one.component.origin):],
+                    f"of the robot ({mass_words(rest)})", one.component.located(stated.origin, one.origin),
                     path=one.path, help="check the unit (`g`, `kg`)", allow=True,
                 )
             elif boxes and not findings.has_said(Code.FAR):
@@ -488,7 +488,7 @@ def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector
     size = maximum(high - low for low, high in sides)
     if away > size:
         placement = one.component.placement
-        place = placement.origin + one.origin[len(one.component.origin):] if isinstance(placement, At) else one.origin
+        place = one.component.located(placement.origin, one.origin) if isinstance(placement, At) else one.origin
         findings.warn(
             Code.BARE_MASS, f"the mass of `{one.component.name}` is {length_words(away, 3)} away from the parts of its link, "
             f"which are {length_words(size, 3)} across", place, path=one.path,

@@ -58,7 +58,7 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: Lin
             for doubt in _doubts(merged(own, under) or own, own.origins):
                 notes = noted(f"`{one.component.name}` is printed with this process", one.component.origin)
                 beside = own.origins[doubt.key][0].line == one.component.origin[0].line
-                _warn(doubt, own, one.origin[len(one.component.origin) :], one.path, () if beside else notes, findings)
+                _warn(doubt, own, one.component.located((), one.origin), one.path, () if beside else notes, findings)
     for instance, definition in tree.assemblies:
         for material in definition.materials.values():
             if material.process is not None and material.process_origin not in used:

@@ -236,6 +236,13 @@ class Component(OneLineRepr, FrozenStruct):
         """The label of the component's definition for display."""
         return self.definition.label if self.definition is not None else "frame"
 
+    def located(self, inner: Origin, use: Origin) -> Origin:
+        """Return the location `inner` of a value of this component, followed by the locations of the documents that contain the component.
+
+        `use` is the location of an occurrence of the component.
+        """
+        return inner + use[len(self.origin):]
+
 
 class Gear(OneLineRepr, FrozenStruct):
     """A transmission between an actuator and a joint.
