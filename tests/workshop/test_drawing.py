@@ -67,7 +67,7 @@ def build(folder: Path, part: str) -> dict[str, bytes]:
 def block(tmp_path_factory: pytest.TempPathFactory) -> ElementTree.Element:
     folder = tmp_path_factory.mktemp("block")
     drawings = build(folder, "Block")
-    assert [*drawings] == ["Block_1_2_alu_x2.svg"] and build(folder, "Block") == drawings
+    assert [*drawings] == ["Block_1_2_alu_x2.svg"] and build(tmp_path_factory.mktemp("again"), "Block") == drawings
     return ElementTree.fromstring(drawings["Block_1_2_alu_x2.svg"])
 
 

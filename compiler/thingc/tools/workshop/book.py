@@ -59,13 +59,14 @@ class _Book:
         yield f"<style>{STYLE}</style></head><body>"
         pieces = sum(row.quantity for row, _ in self._rows)
         yield f"<h1>{name}</h1><p>{pieces} part{'s' * (pieces != 1)}, {1e3 * self._assembly.properties.mass:.4g} g</p><h2>Parts</h2>"
-        heads = ("", "No.", "Part", "Quantity", "Source", "Material", "Price", "Total")
+        prices = any(row.cost for row, _ in self._rows)
+        heads = ("", "No.", "Part", "Quantity", "Source", "Material", *(("Price", "Total") if prices else ()))
         yield f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"
         for row, occurrences in self._rows:
             web = row.link is not None and row.link.startswith(("https://", "http://"))
             link = f'<a href="{_safe(row.link or "")}">{_safe(row.name)}</a>' if web else _safe(row.name)
-            cells = (row.number, str(row.quantity), row.make, row.material or "", row.cost or "", row.total or "")
-            number, *rest = (f"<td>{_safe(cell)}</td>" for cell in cells)
+            cost = (row.cost or "", row.total or "") if prices else ()
+            number, *rest = (f"<td>{_safe(cell)}</td>" for cell in (row.number, str(row.quantity), row.make, row.material or "", *cost))
             yield f"<tr><td>{self._picture(row, occurrences[0])}</td>{number}<td>{link}</td>{''.join(rest)}</tr>"
         yield "</table>"
         for currency, total in _totals(row for row, _ in self._rows).items():
