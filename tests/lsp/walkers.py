@@ -96,6 +96,9 @@ tests:
   there: {point: {mount: leg_0.sole, mode: ben*, at: [0, 0, 0], within: 1 m}}
   clear: {no_collision: {mode: stand, pose: [rest, "str*"], joints: {hip_0: all}, allow: [{pair: [leg_*, body], reason: they touch}]}}
   pulls: {torque_margin: {drive: hip_*, mode: bench, pose: all, min: 0.01}}
+  steps: {drive_margin: {motion: step, drive: hip_*, mode: bench, min: 0.01}}
+
+motions: {step: [{pose: rest, time: 0}, {pose: stretch, time: 1 s}]}
 """
 
 LEG = """\
