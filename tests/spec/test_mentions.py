@@ -15,8 +15,8 @@ from thingc.documents.spec.validation import KINDS, model_of
 WORDS = ("a name", "a reference", "a comparison", "a parameter or the path of a value", "the path of a choice")
 """What fields of text are called."""
 PROSE = {
-    "base", "build", "catalog", "collide", "description", "detail", "doc", "emit", "file", "interface", "mesh", "model", "name", "number",
-    "packages", "parts", "picture", "reason", "supplier",
+    "base", "build", "catalog", "collide", "connector", "counterpart", "description", "detail", "doc", "emit", "file", "interface", "mesh",
+    "model", "name", "number", "packages", "parts", "picture", "reason", "supplier", "thread",
 }
 """Keys of text that names nothing in a document: words for people, files, things of other libraries, settings of a workspace."""
 NUMBERED = {"allow", "cost", "noise", "cutoff", "groups"}

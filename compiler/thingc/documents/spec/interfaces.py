@@ -9,14 +9,13 @@ from pydantic import ConfigDict, Field, model_validator
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.fields import AngleField, CountField, LengthField
 
-ThreadField = Annotated[str, Field(min_length=1, examples=["M3"])]
 PairField = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
 
 
 class BoltsSpec(Model):
     """Holes for screws, parallel to the z axis of the mount: one at its origin, several on a circle, or at any positions."""
 
-    thread: ThreadField
+    thread: str = Field(min_length=1, examples=["M3"])
     """Thread of the screws: `M3`."""
     count: CountField | None = Field(default=None, examples=[4])
     """Number of holes on the circle; default: 1."""
@@ -32,33 +31,32 @@ class BoltsSpec(Model):
     """Diameter of the holes; default: any diameter that suits the thread."""
 
 
-class FitSpec(Model):
-    """A cylinder along the z axis of the mount."""
+class BoreSpec(Model):
+    """A round hole along the z axis of the mount."""
 
     diameter: LengthField
-    """Diameter of the cylinder."""
+    """Diameter of the hole."""
+    depth: LengthField | None = None
+    """Depth of the hole; default: a through hole."""
     clearance: PairField | None = Field(default=None, examples=[["0.05 mm", "0.2 mm"]])
     """Smallest and largest difference between the diameters of bore and boss; default: at least 0."""
 
 
-class BoreSpec(FitSpec):
-    """A round hole along the z axis of the mount."""
-
-    depth: LengthField | None = None
-    """Depth of the hole; default: a through hole."""
-
-
-class BossSpec(FitSpec):
+class BossSpec(Model):
     """A cylinder along the z axis of the mount, such as a shaft."""
 
+    diameter: LengthField
+    """Diameter of the cylinder."""
     length: LengthField | None = None
     """Length above the mount; default: unknown."""
+    clearance: PairField | None = Field(default=None, examples=[["0.05 mm", "0.2 mm"]])
+    """Smallest and largest difference between the diameters of bore and boss; default: at least 0."""
 
 
 class ShankSpec(Model):
     """The shank of a screw along the z axis of the mount."""
 
-    thread: ThreadField
+    thread: str = Field(min_length=1, examples=["M3"])
     """Thread of the screw: `M3`."""
     length: LengthField
     """Length of the screw below its head."""
@@ -81,11 +79,11 @@ class InterfaceSpec(Model):
     """A cylinder, such as a shaft."""
     shank: ShankSpec | None = Field(default=None, examples=[{"thread": "M3", "length": "12 mm"}])
     """The shank of a screw."""
-    connector: Annotated[str, Field(min_length=1)] | None = Field(default=None, examples=["JST-PH-2"])
+    connector: str | None = Field(default=None, min_length=1, examples=["JST-PH-2"])
     """Name of a connector."""
     side: Literal["plug", "socket"] | None = None
     """Side of the connector; default: a connector without sides."""
-    counterpart: Annotated[str, Field(min_length=1)] | None = Field(default=None, examples=["B2B-PH-K"])
+    counterpart: str | None = Field(default=None, min_length=1, examples=["B2B-PH-K"])
     """Name of the connector that it meets; default: the same name."""
 
     @model_validator(mode="after")

@@ -18,6 +18,7 @@ from thingc.documents.checks import kinds
 from thingc.documents.spec import (
     assembly,
     drives,
+    interfaces,
     link_shapes,
     mass,
     materials,
@@ -44,8 +45,8 @@ def json_schema(kind: str) -> dict[str, Any]:
     schema = model.model_json_schema(schema_generator=_Generator)
     checks = [sys.modules[check.model.__module__] for check in kinds().values()]
     documented = _documentation(
-        poses, repeats, assembly, drives, link_shapes, materials, modes, motions, names, sensors, mass, tendons, transmissions, *checks,
-        variants, calibration, workspace,
+        poses, repeats, assembly, drives, interfaces, link_shapes, materials, modes, motions, names, sensors, mass, tendons, transmissions,
+        *checks, variants, calibration, workspace,
     )
     documented["TestSpec"] = {check.name: check.summary for check in kinds().values()}
     for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():
