@@ -38,7 +38,9 @@ OF_EXTRAS = {
     "tools.mcp.server",
 }
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
-KERNEL_MODULES = ("geometry/things/", "geometry/worker/server.py", "geometry/worker/file_reads.py", "geometry/worker/kernel/")
+KERNEL_MODULES = (
+    "geometry/things/", "geometry/worker/server.py", "geometry/worker/file_reads.py", "geometry/worker/kernel/", "tools/kernel/",
+)
 # What each folder of `geometry`, and each module of plain data there, may import of it. The rest is the service: it sees them all.
 GEOMETRY: dict[str, set[str]] = {
     "print_slices": set(), "features": set(), "declared_interfaces": {"features"}, "record": {"print_slices"},

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
+from importlib.util import find_spec
 from itertools import chain
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,6 +19,7 @@ from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
 from thingc.geometry.features import Features
 from thingc.geometry.key.build_key import BuildKey, schema_key
+from thingc.geometry.key.file_states import state_of
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
 from thingc.geometry.key.part_code import PartCode
@@ -48,6 +50,8 @@ from thingc.geometry.store.slice_cache import MeshWork, SliceCache, lacking
 if TYPE_CHECKING:
     from thingc.geometry.client import Workers
 
+ASSEMBLE = "thingc.geometry.worker.kernel.step_assembly:assemble"
+FEATURES = "thingc.geometry.worker.kernel.feature_search:features_of"
 PATIENCE = 150.0
 """Time [s] to wait for another process that builds the same part, in addition to the timeout of the part. The other process may also have
 to load the CAD kernel.
@@ -459,8 +463,7 @@ class GeometryService:
         kept = self.store.get_json("step", key)
         if kept is not None and self.store.has(kept["sha256"], kept["size"]):
             return convert(kept, StoredFile)
-        request = {"op": "assemble", "name": name, "instances": listed, "store": self.store.root, "timeout": self.timeout}
-        answer = self._answer(request)
+        answer = self._answer({"op": "call", "function": ASSEMBLE, "arguments": [name, listed]})
         if "answer" not in answer:
             raise AssemblyFailed(name, answer.get("words") or answer["failed"], answer.get("detail", ""))
         made = answer["answer"]
@@ -469,28 +472,31 @@ class GeometryService:
 
     def features(self, breps: Collection[str]) -> dict[str, Features]:
         """Return the cylinders and planar faces of B-reps in the store by their digests. Raises `AssemblyFailed` as `search` does."""
-        return self.search("features", breps, Features)
+        return self.search(FEATURES, breps, Features)
 
-    def search(self, operation: str, breps: Collection[str], kind: type[Result]) -> dict[str, Result]:
-        """Return the results of an operation of the worker (`SEARCHES` in `worker/server.py`) for B-reps in the store, by their digests.
+    def search(self, function: str, breps: Collection[str], kind: type[Result]) -> dict[str, Result]:
+        """Call a function `module:name` in the worker with each B-rep, and return its results by the digests of the B-reps in the store.
 
-        Raises `AssemblyFailed` if the kernel cannot read a B-rep.
+        Results are cached until the versions of the kernel or of the module change. Raises `AssemblyFailed` if the kernel cannot read a
+        B-rep.
         """
-        versions = sorted(self.part_code.versions(None).items())
-        keys = {brep: repr([brep, versions]) for brep in sorted(breps)}
-        found = {brep: kept for brep, key in keys.items() if (kept := self.store.get_json(operation, key)) is not None}
+        module = find_spec(function.partition(":")[0])
+        versions = [*sorted(self.part_code.versions(None).items()), state_of(module.origin) if module and module.origin else ""]
+        keys = {brep: repr([function, brep, versions]) for brep in sorted(breps)}
+        found = {brep: kept for brep, key in keys.items() if (kept := self.store.get_json("searches", key)) is not None}
         missing = [brep for brep in keys if brep not in found]
         if missing:
-            answer = self._answer({"op": operation, "breps": missing, "store": self.store.root, "timeout": self.timeout})
+            answer = self._answer({"op": "search", "function": function, "breps": missing})
             if "answer" not in answer:
-                raise AssemblyFailed(operation, answer.get("words") or answer["failed"], answer.get("detail", ""))
+                raise AssemblyFailed(function, answer.get("words") or answer["failed"], answer.get("detail", ""))
             for brep, made in answer["answer"]["found"].items():
-                self.store.put_json(operation, keys[brep], made)
+                self.store.put_json("searches", keys[brep], made)
                 found[brep] = made
         return {brep: convert(made, kind) for brep, made in found.items()}
 
     def _answer(self, request: dict[str, Any]) -> dict[str, Any]:
         """Send a request that only requires OCP to a running worker. If no worker is running, start a process for the request."""
+        request = {**request, "store": self.store.root, "timeout": self.timeout}
         if self._workers is not None and self._workers.running:
             (_, answer), *_ = list(self._run([request]))
             return answer  # type: ignore[no-any-return]

@@ -18,7 +18,7 @@ import signal
 import sys
 import time
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from msgspec import convert, to_builtins
@@ -34,9 +34,6 @@ AHEAD = (
     "thingc.geometry.things.assets", "thingc.geometry.things.inspection", "thingc.geometry.things.resolver", "thingc.documents.workspace",
 )
 """Modules that the server imports, so that its child processes do not have to import them."""
-
-SEARCHES = {"features": ("feature_search", "features_of"), "sheets": ("sheets", "sheet_of"), "views": ("views", "views_of")}
-"""Requests that compute a result for each of several B-reps: the modules and functions that compute it."""
 
 
 def main(arguments: list[str]) -> None:
@@ -193,7 +190,10 @@ def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
 
 
 def perform(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Run a request of the kind `describe`, `model`, `decompose`, `slice`, `assemble` or `read_step`, or one of `SEARCHES`.
+    """Run a request of the kind `describe`, `model`, `decompose`, `slice`, `call` or `search`.
+
+    `call` calls the `function` of a module (`module:function`) with the `arguments` and the store. `search` calls it with each of several
+    B-reps.
 
     If the request has its own folder (`scratch`), files for the store are written there. Raises `StoreUnusable` if the store is not
     writable.
@@ -202,20 +202,13 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
     store = Outbox(request["store"], request["scratch"]) if "scratch" in request else Store(request["store"])
     operation = request["op"]
-    if operation == "assemble":
-        from thingc.geometry.worker.kernel.step_assembly import assemble
-
-        return assemble(request["name"], request["instances"], store)
-    if operation == "read_step":
-        from thingc.geometry.worker.kernel.step_reader import read_step_assembly
-
-        return read_step_assembly(request["path"], store)
-    if operation in SEARCHES:
+    if operation == "call":
+        answer: dict[str, Any] = _function(request)(*request["arguments"], store)
+        return answer
+    if operation == "search":
         from thingc.geometry.worker.kernel.step_assembly import load_shape
 
-        module, function = SEARCHES[operation]
-        search = getattr(importlib.import_module(f"thingc.geometry.worker.kernel.{module}"), function)
-        return {"found": {brep: to_builtins(search(load_shape(store, brep))) for brep in request["breps"]}}
+        return {"found": {brep: to_builtins(_function(request)(load_shape(store, brep))) for brep in request["breps"]}}
     from thingc.geometry.worker.part_session import RequestContext
 
     if operation == "decompose":
@@ -240,6 +233,13 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     until = time.monotonic() + request["timeout"] / 2
     answer = build_part(request["definition"], convert(request["tessellations"], Tessellations), around, store)
     return {**answer, "slices": _sliced(answer, request["slicings"], store) if time.monotonic() < until else []}
+
+
+def _function(request: Mapping[str, Any]) -> Callable[..., Any]:
+    """Return the function `module:name` of a request."""
+    module, _, name = request["function"].partition(":")
+    function: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    return function
 
 
 def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:

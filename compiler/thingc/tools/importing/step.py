@@ -19,12 +19,14 @@ from thingc.base.source import MappingNode, node_at
 from thingc.documents.format.formatting import format_document
 from thingc.documents.load.documents import read_tree
 from thingc.geometry.client import once
-from thingc.geometry.features import StepAssembly, StepChild, StepPart
 from thingc.geometry.store.local import Store
 from thingc.tools.importing.document_names import distinct, plain_name
 from thingc.tools.importing.feature_mounts import FeatureMount, feature_mounts
 from thingc.tools.importing.quantities import pose_words, quantity, was
+from thingc.tools.importing.step_assembly import StepAssembly, StepChild, StepPart
 
+READER = "thingc.tools.kernel.step_reader:read_step_assembly"
+"""The function that reads the file in a worker process."""
 TIME_LIMIT = 600.0
 """Time limit [s] for reading a file."""
 UNKNOWN = "unspecified"
@@ -58,7 +60,7 @@ def import_step(path: str, store: Store, report: Report) -> ImportedAssembly | N
         report.add(Code.COMMAND_LINE, f"cannot read `{path}`: {(fault.strerror or str(fault)).lower()}", None)
         return None
     store.check()
-    request = {"op": "read_step", "path": os.path.abspath(path), "store": store.root, "timeout": TIME_LIMIT}
+    request = {"op": "call", "function": READER, "arguments": [os.path.abspath(path)], "store": store.root, "timeout": TIME_LIMIT}
     answer = once(["--once"], request)
     refused = answer["answer"].get("refused") if "answer" in answer else f"the CAD kernel cannot read the file ({answer['failed']})"
     if refused is not None:

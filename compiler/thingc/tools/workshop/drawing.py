@@ -12,9 +12,10 @@ from string import ascii_uppercase
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
 from thingc.base.pose import Pose, Vector, added, cross, dot
-from thingc.geometry.features import VIEWS, CentreLine, Cylinder, Features, Point, Views
+from thingc.geometry.features import CentreLine, Cylinder, Features
 from thingc.geometry.service import GeometryService
 from thingc.targets import Artifacts, EmitRequest
+from thingc.tools.workshop.curves import VIEWS, Point, Views
 from thingc.tools.workshop.manufactured_parts import ManufacturedPart, computed
 from thingc.tools.workshop.svg_page import Box, Placement, SvgPage
 
@@ -59,7 +60,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def _drawn(geometry: GeometryService, breps: Collection[str]) -> dict[str, Drawn]:
-    views, features = geometry.search("views", breps, Views), geometry.features(breps)
+    views, features = geometry.search("thingc.tools.kernel.views:views_of", breps, Views), geometry.features(breps)
     return {brep: Drawn(views=views[brep], features=features[brep]) for brep in breps}
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import ezdxf
 from ezdxf import zoom
 
-from thingc.geometry.features import Arc, Curve, Point, Sheet, Spline, StraightEdge
 from thingc.targets import Artifacts, EmitRequest, Loss
+from thingc.tools.workshop.curves import Arc, Curve, Point, Sheet, Spline, StraightEdge
 from thingc.tools.workshop.manufactured_parts import computed
 
 LAYERS = {"CUT": 1, "ENGRAVE": 5}
@@ -22,7 +22,7 @@ LAYERS = {"CUT": 1, "ENGRAVE": 5}
 
 def emit(request: EmitRequest) -> Artifacts:
     """Write a file for each part that is flat and not bought. Other parts that are not bought are export losses."""
-    parts, losses = computed(request, "dxf", lambda breps: request.geometry.search("sheets", breps, Sheet))
+    parts, losses = computed(request, "dxf", lambda breps: request.geometry.search("thingc.tools.kernel.sheets:sheet_of", breps, Sheet))
     files: dict[str, bytes] = {}
     for part, sheet in parts:
         if sheet.reason:

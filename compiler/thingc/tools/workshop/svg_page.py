@@ -11,7 +11,7 @@ from scipy.interpolate import BSpline
 
 from thingc.base.numeric import dist
 from thingc.base.safe_text import escape_control
-from thingc.geometry.features import Arc, Curve, Point, Spline, StraightEdge
+from thingc.tools.workshop.curves import Arc, Curve, Point, Spline, StraightEdge
 
 STYLE = """\
 svg { background: white } path, rect, circle { fill: none; stroke: black; stroke-width: 0.18 }

@@ -21,10 +21,10 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from thingc.base.pose import Vector, dot
-from thingc.geometry.features import Arc, Curve, Sheet, Spline, StraightEdge
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.feature_search import area_and_centre
 from thingc.geometry.worker.kernel.integrals import explored
+from thingc.tools.workshop.curves import Arc, Curve, Sheet, Spline, StraightEdge
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape

@@ -14,9 +14,9 @@ from OCP.HLRBRep import HLRBRep_Algo, HLRBRep_HLRToShape, HLRBRep_PolyAlgo, HLRB
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS
 
-from thingc.geometry.features import VIEWS, Curve, View, Views
 from thingc.geometry.worker.kernel.integrals import explored
-from thingc.geometry.worker.kernel.sheets import curve_of
+from thingc.tools.kernel.sheets import curve_of
+from thingc.tools.workshop.curves import VIEWS, Curve, View, Views
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape

@@ -27,12 +27,12 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.XCAFDoc import XCAFDoc, XCAFDoc_ColorType, XCAFDoc_DocumentTool, XCAFDoc_Material, XCAFDoc_ShapeTool
 
 from thingc.base.pose import NO_POSE, Pose
-from thingc.geometry.features import StepAssembly, StepChild, StepGroup, StepPart
 from thingc.geometry.store.local import Store
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.feature_search import area_and_centre, features_of
 from thingc.geometry.worker.kernel.integrals import at_origin, compound_of, explored, measure, solids_of
 from thingc.geometry.worker.kernel.step_assembly import new_document, write_part
+from thingc.tools.importing.step_assembly import StepAssembly, StepChild, StepGroup, StepPart
 
 _KINDS = (XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen, XCAFDoc_ColorType.XCAFDoc_ColorCurv)
 _NO_NAME = re.compile(r"\s*|=>\[.*|(NAUO)?\d+", re.DOTALL)

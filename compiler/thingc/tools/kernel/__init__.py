@@ -1,0 +1,1 @@
+"""Functions with which tools use the CAD kernel. They run in worker processes."""
