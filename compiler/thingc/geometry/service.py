@@ -463,10 +463,7 @@ class GeometryService:
         kept = self.store.get_json("step", key)
         if kept is not None and self.store.has(kept["sha256"], kept["size"]):
             return convert(kept, StoredFile)
-        answer = self._answer({"op": "call", "function": ASSEMBLE, "arguments": [name, listed]})
-        if "answer" not in answer:
-            raise AssemblyFailed(name, answer.get("words") or answer["failed"], answer.get("detail", ""))
-        made = answer["answer"]
+        made = self._answer(name, {"op": "call", "function": ASSEMBLE, "arguments": [name, listed]})
         self.store.put_json("step", key, made)
         return convert(made, StoredFile)
 
@@ -486,24 +483,28 @@ class GeometryService:
         found = {brep: kept for brep, key in keys.items() if (kept := self.store.get_json("searches", key)) is not None}
         missing = [brep for brep in keys if brep not in found]
         if missing:
-            answer = self._answer({"op": "search", "function": function, "breps": missing})
-            if "answer" not in answer:
-                raise AssemblyFailed(function, answer.get("words") or answer["failed"], answer.get("detail", ""))
-            for brep, made in answer["answer"]["found"].items():
+            for brep, made in self._answer(function, {"op": "search", "function": function, "breps": missing})["found"].items():
                 self.store.put_json("searches", keys[brep], made)
                 found[brep] = made
         return {brep: convert(made, kind) for brep, made in found.items()}
 
-    def _answer(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Send a request that only requires OCP to a running worker. If no worker is running, start a process for the request."""
+    def _answer(self, what: str, request: dict[str, Any]) -> dict[str, Any]:
+        """Send a request that only requires OCP to a running worker, or to a new process if no worker is running.
+
+        `what` names the request in the error. Raises `AssemblyFailed` if the worker has no answer.
+        """
         request = {**request, "store": self.store.root, "timeout": self.timeout}
         if self._workers is not None and self._workers.running:
             (_, answer), *_ = list(self._run([request]))
-            return answer  # type: ignore[no-any-return]
-        from thingc.geometry.client import once
+        else:
+            from thingc.geometry.client import once
 
-        self.store.check()
-        return once(["--once"], request)
+            self.store.check()
+            answer = once(["--once"], request)
+        if "answer" not in answer:
+            raise AssemblyFailed(what, answer.get("words") or answer["failed"], answer.get("detail", ""))
+        made: dict[str, Any] = answer["answer"]
+        return made
 
     # --- workers -----------------------------------------------------------------------------------
 
