@@ -503,8 +503,7 @@ class GeometryService:
             answer = once(["--once"], request)
         if "answer" not in answer:
             raise AssemblyFailed(what, answer.get("words") or answer["failed"], answer.get("detail", ""))
-        made: dict[str, Any] = answer["answer"]
-        return made
+        return answer["answer"]  # type: ignore[no-any-return]
 
     # --- workers -----------------------------------------------------------------------------------
 
