@@ -73,7 +73,7 @@ def curve_of(robot: Robot) -> MotionCurve:
     return MotionCurve(robot.assembly, robot.assembly.definition.motions[0])
 
 
-def built(folder: Path, text: str) -> Built:
+def built(folder: Path, text: dict[str, str] | str) -> Built:
     found = compiled(folder, text)
     assert not found.compilation.report.failed, found.said
     return found
@@ -238,6 +238,57 @@ def test_a_drive_has_no_effort_above_its_velocity(rig: Workspace) -> None:
     answer = rig.test(FLAT.replace("SECONDS", "0.5 s"), "  follow: {drive_margin: {motion: lift, min: 0.1, mode: bench}}\n", others=NUMBERS)
     assert answer["code"] == 1 and answer["tests"][0]["measured"]["margin"] == 0.0
     assert "can exert 0 N*m at" in answer["diagnostics"][0]["message"]
+
+
+def test_a_joint_without_a_drive_cannot_follow(rig: Workspace) -> None:
+    text = FLAT.replace("SECONDS", "1 s").replace(",\n    drive: {kind: position, kp: 5 N*m/rad, effort: 0.5 N*m}", "")
+    answer = rig.test(text, "  follow: {drive_margin: {motion: lift, min: 0.1, mode: bench}}\n", others=NUMBERS)
+    assert [one["code"] for one in answer["diagnostics"]] == ["TC668"] and "no drive moves joint `elbow`" in answer["diagnostics"][0]["message"]
+
+
+LEG = f"""\
+thingc: assembly/1
+name: leg
+components:
+  hip: {{frame: true, mounts: {{top: {{}}}}}}
+  shin: {{frame: true, mass: 0.2 kg, {BALL}, com: [20 mm, 10 mm, -100 mm], mounts: {{low: {{xyz: 0 0 -200 mm, rpy: 10 20 0 deg}}}}}}
+  foot: {{frame: true, mass: 0.1 kg, {BALL}, com: [30 mm, 5 mm, -10 mm]}}
+joints:
+  knee: {{type: continuous, parent: hip.top, child: shin.origin, axis: [0, 1, 0], drive: {{kind: motor, effort: 3 N*m}}}}
+  ankle: {{type: continuous, parent: shin.low, child: foot.origin, axis: [0, 1, 0], drive: {{kind: motor, effort: 3 N*m}}}}
+mounts: {{top: hip.top}}
+poses: {{bent: {{knee: 40 deg, ankle: -70 deg}}, straight: {{}}}}
+"""
+PAIR = """\
+thingc: assembly/1
+name: pair
+parameters: {slow: {value: 1, min: 0.1, max: 10}}
+components:
+  base: {frame: true, mounts: {a: {xyz: 0 50 0 mm}, b: {xyz: 0 -50 0 mm}}}
+  left: {assembly: leg.yaml, attach: {top: base.a}}
+  right: {assembly: leg.yaml, mirror: y, attach: {top: base.b}}
+poses: {bent: {left: bent, right: bent}, straight: {}}
+motions: {kick: [{pose: straight, time: 0}, {pose: bent, time: =slow * 0.3 s}]}
+modes: {bench: {root: base}, weightless: {root: base, gravity: [0, 0, 0]}}
+"""
+
+
+def test_a_mirrored_leg_needs_the_efforts_of_the_other(tmp_path: Path) -> None:
+    """Nested documents, and a parameter: without gravity, a motion at half the speed needs a quarter of the effort."""
+    efforts: dict[str, dict[tuple[str, int], float]] = {}
+    for slow in ("1", "2"):
+        folder = tmp_path / slow
+        folder.mkdir()
+        found = built(folder, {"pair.yaml": PAIR.replace("value: 1", f"value: {slow}"), "leg.yaml": LEG})
+        for mode in ("bench", "weightless"):
+            robot = found.robot(mode)
+            listed = list(instants(robot, robot.assembly.definition.motions[0], None))
+            efforts[slow + mode] = {(one.path, k // 4): one.effort for k, one in enumerate(listed)}
+            for joint in ("knee", "ankle"):
+                left, right = ([abs(one.effort) for one in listed if one.path == f"{side}/{joint}"] for side in ("left", "right"))
+                assert max(left) > 0.01 and left == pytest.approx(right, rel=1e-9, abs=1e-12)
+    for key, effort in efforts["1weightless"].items():
+        assert efforts["2weightless"][key] == pytest.approx(effort / 4.0, rel=1e-9, abs=1e-12)
 
 
 CSV = "time,shoulder [deg],elbow\n0,0,0\n0.4,20,0.1\n1,45,0\n"
