@@ -243,7 +243,8 @@ def test_a_drive_has_no_effort_above_its_velocity(rig: Workspace) -> None:
 def test_a_joint_without_a_drive_cannot_follow(rig: Workspace) -> None:
     text = FLAT.replace("SECONDS", "1 s").replace(",\n    drive: {kind: position, kp: 5 N*m/rad, effort: 0.5 N*m}", "")
     answer = rig.test(text, "  follow: {drive_margin: {motion: lift, min: 0.1, mode: bench}}\n", others=NUMBERS)
-    assert [one["code"] for one in answer["diagnostics"]] == ["TC668"] and "no drive moves joint `elbow`" in answer["diagnostics"][0]["message"]
+    (found,) = answer["diagnostics"]
+    assert found["code"] == "TC668" and "no drive moves joint `elbow`" in found["message"]
 
 
 LEG = f"""\
@@ -286,7 +287,7 @@ def test_a_mirrored_leg_needs_the_efforts_of_the_other(tmp_path: Path) -> None:
             efforts[slow + mode] = {(one.path, k // 4): one.effort for k, one in enumerate(listed)}
             for joint in ("knee", "ankle"):
                 left, right = ([abs(one.effort) for one in listed if one.path == f"{side}/{joint}"] for side in ("left", "right"))
-                assert max(left) > 0.01 and left == pytest.approx(right, rel=1e-9, abs=1e-12)
+                assert max(left) > 1e-3 and left == pytest.approx(right, rel=1e-9, abs=1e-12)
     for key, effort in efforts["1weightless"].items():
         assert efforts["2weightless"][key] == pytest.approx(effort / 4.0, rel=1e-9, abs=1e-12)
 
