@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from math import cos, pi, sin
 from pathlib import Path
 
@@ -351,3 +352,25 @@ def test_editors_offer_poses_and_motions(rig: Workspace) -> None:
     for model, key, names in (("DriveMarginTest", "motion", {"rest", "lift"}), ("MotionPoseSpec", "pose", {"level", "up"})):
         offered = definitions[model]["properties"][key]["anyOf"]
         assert {one["const"] for one in offered if "const" in one} == names
+
+
+def test_the_rotors_of_a_differential_are_accelerated(tmp_path: Path) -> None:
+    """The rotors turn with A qdd, so that they need the efforts I A qdd of their own, which are A' I A qdd at the joints."""
+    bare = re.sub(r",\s+dynamics: \{[^}]*\}|, drive: \{[^}]*\}", "", PLANAR)
+    motor = "{kind: motor, effort: 1 N*m, armature: 2e-3 kg*m^2}"
+    text = bare.replace("poses:", f"transmissions:\n  wrist: {{differential: {{actuators: [{motor}, {motor}], joints: [shoulder, elbow], "
+                                  "matrix: [[2, 1], [2, -3]]}}\nposes:")
+    robots = []
+    for name, document in (("bare", bare), ("geared", text)):
+        (tmp_path / name).mkdir()
+        robots.append(built(tmp_path / name, document).robot("bench"))
+    curve, A = curve_of(robots[0]), np.array([[2.0, 1.0], [2.0, -3.0]])
+    for time in (0.6, 0.9, 1.5):
+        state = curve.at(time)
+        bodies = body_poses(robots[0], state.q)
+        bare_loads, loads_of = (inertial_loads(robot, bodies, state) for robot in robots)
+        added = A.T @ A @ [state.a["shoulder"], state.a["elbow"]] * -2e-3
+        assert [loads_of[path] - bare_loads[path] for path in ("shoulder", "elbow")] == pytest.approx(added, rel=1e-8, abs=1e-10)
+        moving = [loads(robots[0], state.q, bodies)[path] + loads_of[path] for path in ("shoulder", "elbow")]
+        efforts = balance_loads(robots[1], state.q, bodies, *problem(robots[1], state.q, bodies, loads_of)).by_joint
+        assert A.T @ [efforts["wrist_0"], efforts["wrist_1"]] == pytest.approx([-one for one in moving], rel=1e-8)
