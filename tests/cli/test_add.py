@@ -119,12 +119,17 @@ def test_a_joint_that_closes_a_loop_takes_nothing_away(document: Path) -> None:
     assert went == [] and read(document)["joints"]["close"]["loop"] is True
 
 
-@pytest.mark.parametrize("kind", kinds())
+@pytest.mark.parametrize("kind", [kind for kind in kinds() if kind != "drive_margin"])
 def test_a_test_of_every_kind_is_right_in_a_robot_that_knows_nothing_of_it(document: Path, kind: str) -> None:
     came, went = added(document, "test", "first", "--kind", kind)
     assert went == [] and list(read(document)["tests"]["first"]) == [kind]
     if document.suffix == ".yaml":
         assert came[:2] == ["", "tests:"] and len(came) == 3 and came[2].startswith(f"  first: {{{kind}: {{")
+
+
+def test_a_test_of_a_motion_needs_one(document: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(["add", "test", "first", "--kind", "drive_margin", "--to", document.name]) == 2
+    assert "a `drive_margin` test needs a motion of the document" in capfd.readouterr().out
 
 
 def test_modes_differ_and_stand_where_sections_belong(document: Path, capfd: pytest.CaptureFixture[str]) -> None:

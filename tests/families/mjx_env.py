@@ -115,3 +115,12 @@ def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
     with pytest.raises(FamilyError, match="use the poses of the document, and `.*` depends on length") as caught:
         MjxEnv(feet, ["length"], MODES, reward=velocity)
     assert caught.value.help == "use `at` to keep the numbers constant that move links, joints or mounts"
+
+
+@pytest.mark.parametrize("effect", ["delay: 4 ms", "noise: 1 mN*m"])
+def test_imperfect_drives_are_refused(tmp_path: Path, effect: str) -> None:
+    document = TWO_FEET.replace("kp: 8 N*m/rad}", f"kp: 8 N*m/rad, {effect}}}")
+    for name, text in {**WORKSPACE, "feet.yaml": document}.items():
+        (tmp_path / name).write_text(text)
+    with thingc.family(tmp_path / "feet.yaml", verify=0) as family, pytest.raises(FamilyError, match=f"`{effect.partition(':')[0]}`"):
+        MjxEnv(family, ["load"], MODES, reward=velocity)

@@ -13,7 +13,6 @@ import pytest
 
 import thingc
 from thingc.base.diagnostics import Report
-from thingc.batch import FamilyError
 from thingc.batch.gym.family_env import FamilyEnv, make_env
 from thingc.tools.cli.main import main
 from thingc.tools.importing.importing import import_robot
@@ -236,15 +235,6 @@ def test_a_delay_is_a_number_of_a_family(folder: Path) -> None:
         models = list(family.models([{name: delay} for delay in ("19.5 ms", "19.9 ms", "31 ms")]))
         found = [(model.actuator_delay[1], model.actuator_history[1, 0]) for model in models]  # type: ignore[union-attr]
         assert found == [(0.0195, 10), (0.0199, 10), (0.031, 16)]
-
-
-def test_mjx_refuses_what_it_does_not_simulate(folder: Path) -> None:
-    pytest.importorskip("mujoco.mjx")
-    from thingc.batch.gym.mjx_env import MjxEnv
-
-    for effect, message in ((", delay: 4 ms", "`delay`"), (", noise: 1 mN*m", "`noise`")):
-        with walker(folder, "", effect) as family, pytest.raises(FamilyError, match=message):
-            MjxEnv(family, ["joints.ankle.dynamics.damping"], ["front"], reward=lambda step: 0.0, dtype="float32")
 
 
 def test_a_mujoco_model_is_imported_with_its_effects(folder: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
+import subprocess
+import sys
 from html.parser import HTMLParser
 from io import BytesIO
 from pathlib import Path
@@ -158,20 +160,26 @@ class Page(HTMLParser):
             self.cells.append(data)
 
 
-def build(folder: Path) -> Page:
+def command(folder: Path) -> list[str]:
+    """Write the robot, and return the command that builds it without the targets."""
     (folder / "parts").mkdir(exist_ok=True)
     (folder / "parts/pieces.py").write_text(PARTS)
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (folder / "box.yaml").write_text(BOX)
     (folder / "robot.yaml").write_text(ROBOT)
-    folders = ["--store", str(folder / "store"), "-o", str(folder / "out"), "--force"]
-    assert main(["build", str(folder / "robot.yaml"), "--emit", "book", *folders]) == 0
+    return ["build", str(folder / "robot.yaml"), "--store", str(folder / "store"), "-o", str(folder / "out"), "--force", "--emit"]
+
+
+def read(folder: Path) -> Page:
     return Page((folder / "out/robot/book/robot.html").read_text())
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
-    return build(tmp_path_factory.mktemp("book"))
+    """The page of a build that also writes MuJoCo models, in a new process: MuJoCo selects how it renders when it is imported."""
+    folder = tmp_path_factory.mktemp("book")
+    subprocess.run([sys.executable, "-m", "thingc", *command(folder), "mjcf,book"], check=True)
+    return read(folder)
 
 
 def test_nested_assemblies_come_first_and_the_core_before_the_lid(page: Page) -> None:
@@ -222,7 +230,8 @@ def test_without_graphics_the_page_has_no_pictures(tmp_path: Path, monkeypatch: 
         raise NoGraphics("no EGL", "install it")
 
     monkeypatch.setattr(book, "ready", fail)
-    page = build(tmp_path)
+    assert main([*command(tmp_path), "book"]) == 0
+    page = read(tmp_path)
     assert page.images == {} and page.steps["2.1"] == ["1 × Case (No. 3)"]
     losses = json.loads((tmp_path / "out/robot/manifest.json").read_text())["losses"]
     assert [one["what"] for one in losses if one["target"] == "book"] == ["pictures (no EGL)"]

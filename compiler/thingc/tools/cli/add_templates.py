@@ -274,11 +274,13 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Documen
         close = nearest(arguments.kind or "", kinds())
         hint = f"did you mean `{close}`?" if close else "write, for example, `--kind mass`"
         raise console.WrongCommandLine(f"expected --kind ({known}); {there}", hint)
-    mounts = _section(root.tree, "mounts")
+    motions, mounts = _section(root.tree, "motions"), _section(root.tree, "mounts")
+    if "$motion" in kinds()[arguments.kind].stub.values() and not motions:
+        raise console.WrongCommandLine(f"a `{arguments.kind}` test needs a motion of the document", "first add `motions` to the document")
     last = list(_section(root.tree, "components"))[-1]
     words = {
         "$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin"),
-        "$motion": next(iter(_section(root.tree, "motions")), "motion"),
+        "$motion": next(iter(motions), ""),
     }
     stub = {key: words.get(value, value) if isinstance(value, str) else value for key, value in kinds()[arguments.kind].stub.items()}
     return DocumentEdit(values={("tests", name): {arguments.kind: stub}})

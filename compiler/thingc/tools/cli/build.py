@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import shlex
 import sys
@@ -30,6 +31,7 @@ from thingc.geometry.store.local import Store
 from thingc.targets.artifact import CARRIED
 from thingc.targets.registry import TARGETS, chosen, unknown
 from thingc.tools.cli import console
+from thingc.tools.workshop import RENDERED
 
 EPILOG = """\
 {about}
@@ -61,6 +63,11 @@ def run(arguments: argparse.Namespace) -> int:
         answer = None
         if not diagnostics:
             options = replace(options, ahead=pipeline.modules_of_build(targets))
+            if RENDERED & {*targets}:
+                from thingc.targets.render.picture import NoGraphics, ready
+
+                with contextlib.suppress(NoGraphics):  # the target reports the loss
+                    ready()
             diagnostics, answer = _build(arguments, options, targets)
     except (UnknownChoice, OutputError, console.WrongCommandLine) as fault:
         diagnostics, answer = [console.of_exception(fault)], None

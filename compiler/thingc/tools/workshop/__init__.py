@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 WRITES = ("3mf/*.3mf", "book/*.html", "drawing/*.svg", "dxf/*.dxf")
 UNASKED = False
+RENDERED = {"book"}
+"""Targets that contain pictures. The command line prepares rendering for these targets before MuJoCo is imported."""
 
 
 def emit_3mf(request: EmitRequest) -> Artifacts:
