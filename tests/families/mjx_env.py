@@ -117,7 +117,7 @@ def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
     assert caught.value.help == "use `at` to keep the numbers constant that move links, joints or mounts"
 
 
-@pytest.mark.parametrize("effect", ["delay: 4 ms", "noise: 1 mN*m"])
+@pytest.mark.parametrize("effect", ["delay: 4 ms", "noise: 0.1 deg"])
 def test_imperfect_drives_are_refused(tmp_path: Path, effect: str) -> None:
     document = TWO_FEET.replace("kp: 8 N*m/rad}", f"kp: 8 N*m/rad, {effect}}}")
     for name, text in {**WORKSPACE, "feet.yaml": document}.items():
