@@ -156,12 +156,12 @@ def table(heads: list[str], rows: list[list[object]]) -> list[str]:
 
 
 MEASURED = """
-This study generates {count} designs of the robot MInchW at random. thingc must either build a consistent robot from each design, or refuse the
-design for the right reason. Every design has random values of `leg_length`, `body_length` and `wall`. In half of the designs, each leg has
-its own length. Values cover the ranges in the documents, including both ends; one value in twenty is outside its range, by up to a tenth of
-the range. In addition, up to {edits} edits are made to the documents. These edits change dimensions of the legs, materials, print settings,
-masses and inertias, limits of the knees, the position of the rear foot, collision shapes, simulation settings and magnets. Some edits
-intentionally break a rule.
+This study generates {count} designs of the robot MInchW at random. thingc must either build a consistent robot from each design, or
+refuse the design for the right reason. Every design has random values of `leg_length`, `body_length` and `wall`. In half of the
+designs, each leg has its own length. Values cover the ranges in the documents, including both ends; one value in twenty is
+outside its range, by up to a tenth of the range. In addition, up to {edits} edits are made to the documents. These edits change
+dimensions of the legs, materials, print settings, masses and inertias, limits of the knees, the position of the rear foot,
+collision shapes, simulation settings and magnets. Some edits intentionally break a rule.
 
 Each design is compiled by `thingc.compile` in one long-running process. If the design builds, MuJoCo loads the models of all
 modes, and the study compares the modes at random joint angles and random poses of the bases. The relative poses of all parts and

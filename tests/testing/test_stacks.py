@@ -96,10 +96,10 @@ def test_a_boss_is_loose_in_its_bore(rig: Workspace) -> None:
     np.testing.assert_allclose(found, (1e-4, 1e-4, 0.0), atol=1e-12)
 
 
-def test_what_has_no_deviation(rig: Workspace) -> None:
-    answer = rig.test(two_links(), "  none: {stack: {of: tip, from: base, along: [0, 0, 1], worst: 1 um, within: 1 um, yield: 100 %}}\n"
-                                   "  same: {stack: {of: tip, from: tip, along: [0, 0, 1], rss: 1 um}}\n", others=("yield",))
-    assert [one["measured"]["worst"] for one in answer["tests"]] == [0.0, 0.0] and answer["code"] == 0
+def test_a_stack_without_tolerances_fails(rig: Workspace) -> None:
+    answer = rig.test(two_links(), "  none: {stack: {of: tip, from: base, along: [0, 0, 1], worst: 1 um}}\n"
+                                   "  same: {stack: {of: tip, from: tip, along: [0, 0, 1], rss: 1 um}}\n")
+    assert ["no part, joint or fit" in one["message"] for one in answer["diagnostics"]] == [True, True]
 
 
 def test_loops_and_wrong_bounds_are_refused(rig: Workspace) -> None:
@@ -109,6 +109,7 @@ def test_loops_and_wrong_bounds_are_refused(rig: Workspace) -> None:
     for keys, words in (
         ("along: [0, 0, 0], rss: 1 mm", "`along` must not be zero"), ("along: [0, 0, 1]", "a `stack` test needs"),
         ("along: [0, 0, 1], within: 1 mm", "must be used together"), ("along: [0, 0, 1], within: 1 mm, yield: 120 %", "yield"),
+        ("along: [0, 0, 1], within: 1 mm, yield: 100 %", "use `worst`"),
     ):
         code, *shown = rig.run(str(rig.write(bars(), f"  wrong: {{stack: {{of: tip, from: base, {keys}}}}}\n")))
         assert code == 1 and words in "".join(shown)

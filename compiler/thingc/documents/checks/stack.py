@@ -88,7 +88,9 @@ def read_stack(written: StackTest, reader: Reader) -> StackCheck | None:
         None if raw is None else reader.number(raw, key, LENGTH, above=0.0)
         for key, raw in (("worst", written.worst), ("rss", written.rss), ("within", written.within))
     )
-    share = None if written.yield_ is None else reader.number(written.yield_, "yield", NUMBER, least=0.0, most=1.0)
+    share = None if written.yield_ is None else reader.number(written.yield_, "yield", NUMBER, above=0.0, most=1.0)
+    if share == 1.0:
+        reader.error(Code.OUT_OF_RANGE, "`yield` must be below 100 %", "yield", help="to require all robots, use `worst`")
     if of is None or base is None or not length > 0.0:
         return None
     return StackCheck(

@@ -43,11 +43,16 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
         failure = Failure(code=StackCode.TEST_STACK, key="of", message=message, help="use mounts between which no loop is closed")
         return Outcome(measured={}, expected={}, said="closed loop", failure=failure)
     found = list(_contributions(robot, case.frames[0], check.along, base, of, path))
+    if not found:
+        message = "no part, joint or fit between the mounts has a tolerance"
+        failure = Failure(code=StackCode.TEST_STACK, key="of", message=message, help="add `tolerance` to the `process` of a material")
+        return Outcome(measured={}, expected={}, said="no tolerance", failure=failure)
     worst = sum_of(abs(one) for _, several in found for one in several)
     rss = hypot(*(one for _, several in found for one in several))
     bounds = (("worst", "the largest deviation", worst, check.worst), ("rss", "the root of the sum of squares", rss, check.rss))
     measured: dict[str, Measure] = {"worst": worst, "rss": rss}
     expected: dict[str, Measure] = {key: bound for key, _, _, bound in bounds if bound is not None}
+    said = f"worst {shown(worst, LENGTH)}, RSS {shown(rss, LENGTH)} of {counted(len(found), 'contributor')}"
     faults = [
         (key, f"{what} is {shown(value, LENGTH)}, but at most {Quantity(bound, LENGTH)} is allowed")
         for key, what, value, bound in bounds if bound is not None and value > bound * (1.0 + ROUNDING)
@@ -56,10 +61,10 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
         # three standard deviations of a normal distribution
         share = erf(3.0 * check.within / (sqrt(2.0) * rss)) if rss > 0.0 else 1.0
         measured["yield"], expected["yield"] = share, check.share
+        within = f"{100.0 * share:.4g} % of all robots are within {Quantity(check.within, LENGTH)}"
+        said = f"{said}; {within}"
         if share < check.share:
-            text = f"{100.0 * share:.4g} % of all robots are within {Quantity(check.within, LENGTH)}"
-            faults.append(("yield", f"{text}, but {100.0 * check.share:g} % are required"))
-    said = f"worst {shown(worst, LENGTH)}, RSS {shown(rss, LENGTH)} of {counted(len(found), 'contributor')}"
+            faults.append(("yield", f"{within}, but {100.0 * check.share:g} % are required"))
     if not faults:
         return Outcome(measured=measured, expected=expected, said=said)
     failure = Failure(
@@ -137,15 +142,16 @@ def _of_mounts(
 
 
 def _of_fit(assembly: Assembly, at: Sequence[Pose], mate: Mate, direction: Vector) -> Iterator[Contribution]:
-    """Yield the contribution of a boss that is loose in a bore: half of the difference of the diameters, in both radial directions."""
+    """Yield the contribution of a boss that is loose in a bore: half of the difference of the diameters, in any radial direction."""
     ends = [assembly.occurrences[index].mounts[name] for index, name in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))]
     for one, other in (ends, ends[::-1]):
         bores = [feature.diameter for feature in one.features if isinstance(feature, Bore)]
         bosses = [feature.diameter for feature in other.features if isinstance(feature, Boss)]
         if len(bores) == len(bosses) == 1 and bores[0] > bosses[0]:
             rotation = (at[mate.parent] @ ends[0].pose).rotation
-            radial = [0.5 * (bores[0] - bosses[0]) * dot(rotate(rotation, axis), direction) for axis in AXES[:2]]
-            yield f"the play of `{assembly.occurrences[mate.child].path.replace('/', '.')}.{mate.child_mount}`", radial
+            across = hypot(*(dot(rotate(rotation, axis), direction) for axis in AXES[:2]))
+            name = f"{assembly.occurrences[mate.child].path.replace('/', '.')}.{mate.child_mount}"
+            yield f"the play of `{name}`", [0.5 * (bores[0] - bosses[0]) * across]
 
 
 def _mount(assembly: Assembly, index: int, name: str) -> Pose:
