@@ -6,6 +6,8 @@ import contextlib
 import csv
 import io
 import json
+import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -38,6 +40,18 @@ simulation: {timestep: 0.5 ms, integrator: implicitfast}
 """
 MOTOR, STIFF = "{kind: motor, effort: 30 N*m}", "{kind: position, kp: 20000 N*m/rad, kv: 50 N*m*s/rad}"
 SPEED = "{kind: velocity, kv: 500 N*m*s/rad}"
+PENDULUM = """\
+thingc: assembly/1
+name: pendulum
+components:
+  post: {frame: true, mounts: {top: {xyz: 0 0 300 mm}}}
+  arm: {frame: true, mass: 200 g, com: 100 0 0 mm, inertia: {ixx: 20 kg*mm^2, iyy: 700 kg*mm^2, izz: 700 kg*mm^2}}
+joints:
+  lift: {type: revolute, parent: post.top, child: arm.origin, axis: [0, -1, 0], limit: {lower: -90 deg, upper: 90 deg}, drive: DRIVE}
+poses: {down: {lift: -45 deg}, up: {lift: 45 deg}}
+motions: {wave: [{pose: down, time: 1 s}, {pose: up, time: 1.9 s}]}
+modes: {bench: {root: post}}
+"""
 
 
 def run(folder: Path, text: str, *words: str) -> tuple[int, str]:
@@ -75,6 +89,54 @@ def test_the_loop_of_a_mode_stays_closed(tmp_path: Path) -> None:
     code, out = run(tmp_path, text, "--format", "json", "--csv", str(tmp_path / "tracked.csv"))
     errors = {one["joint"]: one["error"] for one in json.loads(out)["joints"]}
     assert code == 0 and max(errors.values()) < np.radians(5.0), errors
+
+
+def diverges(kp: float, kv: float, most: float, rotor: float, speed: bool) -> float:
+    """The time [s] at which the pendulum, in steps of 2 ms with explicit forces, turns more than half a turn off the motion in one step."""
+    turned, rate, off, step = -math.pi / 4.0, 0.0, 0.0, 0.002
+    for count in range(1, 450):
+        s = count * step / 0.9
+        wanted = -math.pi / 4.0 + math.pi / 2.0 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
+        command = math.pi / 2.0 * 30.0 * (s**2 - 2.0 * s**3 + s**4) / 0.9 if speed else 0.0
+        torque = min(most, max(-most, kp * (wanted - turned) + kv * (command - rate))) - 0.2 * 9.81 * 0.1 * math.cos(turned)
+        rate += step * torque / (7e-4 + 0.2 * 0.1**2 + rotor)
+        turned += step * rate
+        before, off = off, turned - wanted
+        if abs(off - before) > math.pi:
+            return 1.0 + count * step
+    raise AssertionError("does not diverge")
+
+
+@pytest.mark.parametrize(("drive", "values"), [
+    ("{kind: velocity, kv: 5 N*m*s/rad}", (0.0, 5.0, math.inf, 0.0, True)),
+    ("{kind: position, kp: 2e6 N*m/rad, kv: 0.5 N*m*s/rad, effort: 1e9 N*m, armature: 4e-4 kg*m^2}", (2e6, 0.5, 1e9, 4e-4, False)),
+    ("{kind: position, kp: 1e7 N*m/rad, kv: 100 N*m*s/rad, effort: 1e6 N*m, armature: 1e-6 kg*m^2}", (1e7, 100.0, 1e6, 1e-6, False)),
+])
+def test_a_simulation_that_diverges(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drive: str, values: tuple[float, float, float, float, bool],
+) -> None:
+    """The simulation stops. In the last case, MuJoCo does not warn, because the effort limit bounds the acceleration.
+
+    The commands are interpolated between samples of the motion, so that the time can differ by one step.
+    """
+    monkeypatch.chdir(tmp_path)
+    code, out = run(tmp_path, PENDULUM.replace("DRIVE", drive), "--csv", "tracked.csv")
+    said = re.match(r"error\[TC612\]: the simulation of motion `wave` diverges at ([\d.]+) s at joint `lift`\n", out)
+    assert code == 1 and said is not None and float(said[1]) == pytest.approx(diverges(*values), abs=0.0021), out
+    assert "arm.yaml:7:" in out and not {"tracked.csv", "MUJOCO_LOG.TXT"} & {one.name for one in tmp_path.iterdir()}
+
+
+def test_a_motion_that_is_too_long(tmp_path: Path) -> None:
+    text = PENDULUM.replace("DRIVE", "{kind: position, kp: 20 N*m/rad, kv: 0.5 N*m*s/rad}").replace("1.9 s", "1000001 s")
+    code, out = run(tmp_path, text, "--csv", str(tmp_path / "tracked.csv"))
+    assert code == 2 and "takes 5e+08 time steps, but at most 1000000" in out, out
+
+
+def test_a_note_lists_the_properties_that_mujoco_does_not_simulate(tmp_path: Path) -> None:
+    drive = "{kind: position, kp: 20 N*m/rad, kv: 0.5 N*m*s/rad, stall: 2 N*m, velocity: 6 rad/s, delay: 4 ms, noise: 0.1 deg}"
+    code, out = run(tmp_path, PENDULUM.replace("DRIVE", drive), "--csv", str(tmp_path / "tracked.csv"))
+    line = "note: MuJoCo does not simulate these properties of drives: `stall` of `lift`; `noise` of `lift`; `velocity` of `lift`\n"
+    assert code == 0 and line in out, out
 
 
 @pytest.mark.parametrize(("words", "said"), [

@@ -8,7 +8,7 @@ import sys
 from functools import partial
 from typing import TYPE_CHECKING
 
-from thingc.base.diagnostics import Diagnostic
+from thingc.base.diagnostics import Code, Diagnostic
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, attempted
@@ -74,13 +74,22 @@ def _replay(arguments: argparse.Namespace, errors: list[tuple[JointEdge, float, 
         raise UnknownChoice("the document has no motions" if name is None else f"there is no motion `{name}`", hint)
     import numpy as np
 
-    from thingc.tools.motions.replay import Replay
+    from thingc.tools.motions.replay import Diverged, Replay
 
     replay = Replay(pipeline.request_of(environment, compilation), compilation.robots[0], motions[name])
-    if arguments.csv is None:
-        replay.show()
-        return diagnostics
-    times, tracked, wanted = replay.track()
+    if words := "; ".join(f"`{key}` of {', '.join(f'`{path}`' for path in paths)}" for key, paths in replay.ignored.items() if paths):
+        console.say(f"note: MuJoCo does not simulate these properties of drives: {words}", stream=sys.stderr)
+    try:
+        if arguments.csv is None:
+            replay.show()
+            return diagnostics
+        times, tracked, wanted = replay.track()
+    except Diverged as fault:
+        joint, report = fault.joint, compilation.report
+        where = motions[name].origin if joint is None else (joint.actuator or joint).origin
+        message = f"the simulation of motion `{name}` diverges at {fault.time:.6g} s" + (f" at joint `{joint.name}`" if joint else "")
+        report.add(Code.CHATTER, message, where, help="lower `kp` or `kv` of the drives, set `armature`, or use a smaller `timestep`")
+        return console.final(report, strict=arguments.strict)
     off = abs(tracked - wanted)
     errors += zip(replay.joints, off.max(axis=0).tolist(), times[off.argmax(axis=0)].tolist(), strict=True)
     units = [(math.degrees(1.0), "deg") if joint.twist.turns else (1e3, "mm") for joint in replay.joints]

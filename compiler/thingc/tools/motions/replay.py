@@ -15,7 +15,7 @@ from thingc.base.diagnostics import Report
 from thingc.driver.pipeline import UnknownChoice
 from thingc.driver.testing.kinds.drive_margin import instants
 from thingc.driver.testing.poses import posed
-from thingc.driver.testing.settle_simulation import scene_model
+from thingc.driver.testing.settle_simulation import BAD, scene_model
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.dynamics.motion_curve import MotionCurve, with_closed_loops
@@ -24,12 +24,30 @@ from thingc.model.robot.types import Robot
 from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.mjcf.compat import separator
 from thingc.targets.mjcf.drives import start_delays
+from thingc.targets.mjcf.verify import heard
 from thingc.targets.request import EmitRequest
 
 Array = NDArray[np.float64]
 
 AFTER = 0.5
 """Time [s] after the end of a motion during which the viewer shows the last pose."""
+
+MOST_STEPS = 1_000_000
+"""Largest number of time steps that `Replay.track` simulates."""
+
+FARTHEST = np.pi
+"""Largest change of a joint's error in one time step [rad or m]. If the change is larger, the simulation has diverged."""
+
+IGNORED = ("stall", "deadband", "noise", "backlash")
+"""Properties of drives that are only custom data in MuJoCo models."""
+
+
+class Diverged(Exception):
+    """Raised if the simulation diverges. `time` [s] is the time in the motion, and `joint` is the joint that moves farthest, if any."""
+
+    def __init__(self, time: float, joint: JointEdge | None) -> None:
+        super().__init__(time, joint)
+        self.time, self.joint = time, joint
 
 
 class Replay:
@@ -54,6 +72,7 @@ class Replay:
         artifacts = mjcf.emit(replace(request, robots=(placed,), report=Report(), made={}))
         mark = separator(request.compat)
         self.model = scene_model(f"mjcf/scene_{mode}.xml", artifacts.contents(request.store), floor=True)
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a reset would also set the time to 0
         keys = [self.model.key(pose.name.replace("/", mark)).id for pose in poses]
         self.first, self.commands, self.positions = keys[0], self.model.key_ctrl[keys].copy(), self.model.key_qpos[keys]
         joints = joints_of(robot.assembly)
@@ -63,9 +82,12 @@ class Replay:
         self._command_others(robot, closed, mark)
 
     def _command_others(self, robot: Robot, motion: NamedMotion, mark: str) -> None:
-        """Set the commands of velocity drives and motors."""
+        """Set the commands of velocity drives and motors. Collect the drives with each property that MuJoCo does not simulate."""
         drives: list[JointEdge | LinkedTendon] = [*joints_of(robot.assembly), *robot.assembly.tendons]
         kinds = {one.path: one.actuator.kind for one in drives if one.actuator is not None}
+        used = [drive for drive in drives if drive.path in (*robot.present, *robot.pulled)]
+        self.ignored = {key: [drive.path for drive in used if getattr(drive.actuator, key)] for key in IGNORED}
+        self.ignored["velocity"] = [drive.path for drive in used if drive.limit.velocity and kinds[drive.path] != "velocity"]
         others = {path for path in (*robot.present, *robot.pulled) if kinds[path] != "position"}
         if others and robot.base == "free":
             raise UnknownChoice(
@@ -85,27 +107,39 @@ class Replay:
         return np.asarray(rows[row] + (place - row) * (rows[row + 1] - rows[row]))
 
     def simulate(self) -> Iterator[mujoco.MjData]:
-        """Simulate the motion, and yield the state after every time step."""
+        """Simulate the motion, and yield the state after every time step. Raises `Diverged`."""
         data = mujoco.MjData(self.model)
         mujoco.mj_resetDataKeyframe(self.model, data, self.first)
         start_delays(self.model, data)
         data.time = 0.0
         yield data
+        off = np.zeros(len(self.places))
         while data.time < self.times[-1] - self.times[0] - 0.5 * self.model.opt.timestep:
             data.ctrl[:] = self.at(self.commands, data.time + self.model.opt.timestep)
-            mujoco.mj_step(self.model, data)
+            with heard():
+                mujoco.mj_step(self.model, data)
+            before, off = off, data.qpos[self.places] - self.at(self.positions, data.time)[self.places]
+            change = np.nan_to_num(abs(off - before), nan=np.inf)
+            if (change > FARTHEST).any() or any(data.warning[kind].number for kind in BAD):
+                raise Diverged(data.time + self.times[0], self.joints[change.argmax()] if self.joints else None)
             yield data
 
     def track(self) -> tuple[Array, Array, Array]:
         """Simulate the motion. Return the times [s] of all time steps, and the simulated and the commanded positions of the joints, with a
-        row for each time [rad or m].
+        row for each time [rad or m]. Raises `Diverged`, and `UnknownChoice` for a motion with too many time steps.
         """
+        if (count := (self.times[-1] - self.times[0]) / self.model.opt.timestep) > MOST_STEPS:
+            hint = "use a shorter motion, or a larger `timestep` in the section `simulation`"
+            raise UnknownChoice(f"the motion takes {count:.6g} time steps, but at most {MOST_STEPS} can be written", hint)
         steps = [(data.time, data.qpos[self.places].copy(), self.at(self.positions, data.time)[self.places]) for data in self.simulate()]
         times, tracked, wanted = (np.array(column) for column in zip(*steps, strict=True))
         return times + self.times[0], tracked, wanted
 
     def show(self) -> None:
-        """Play the motion in the viewer of MuJoCo, again and again, until the user closes the window. Raises `UnknownChoice`."""
+        """Play the motion in the viewer of MuJoCo, again and again, until the user closes the window.
+
+        Raises `UnknownChoice` and `Diverged`.
+        """
         import glfw
         from mujoco import viewer
 
