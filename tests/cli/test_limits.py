@@ -53,12 +53,70 @@ def test_the_ends_of_the_intervals_are_known(rig: Workspace, resolution: str) ->
     code, out, err = run("limits", str(rig.write(VANE)), "--resolution", resolution, "--format", "json")
     assert code == 0, out + err
     found: dict[str, Any] = json.loads(out)["joints"][0]
-    (first, low), (high, last) = np.degrees(found["intervals"])
+    ((low, high),) = np.degrees(found["intervals"])
     begin, end = contact()
     width = float(resolution.split()[0])
-    assert begin - width <= low <= begin and end <= high <= end + width and (first, last) == pytest.approx((-180.0, 180.0))
-    assert np.degrees(found["free"]) == pytest.approx([first, low]) and found["contacts"] == [None, "pin and vane"]
+    assert begin - width <= high <= begin and end <= low + 360.0 <= end + width
+    assert found["free"] == found["intervals"][0] and found["contacts"] == ["pin and vane"] * 2
     assert found["proved"] is True and found["resolution"] == pytest.approx(np.radians(width))
+
+
+def searched(rig: Workspace, text: str) -> dict[str, Any]:
+    code, out, err = run("limits", str(rig.write(text)), "turn", "--format", "json")
+    assert code == 0, out + err
+    found: dict[str, Any] = json.loads(out)["joints"][0]
+    return found
+
+
+def posed(text: str, angle: float) -> str:
+    return text.replace("{root: ground}", "{root: ground, pose: home}").replace("modes:", f"poses: {{home: {{turn: {angle} deg}}}}\nmodes:")
+
+
+@pytest.mark.parametrize("home", [-85.0, -61.0, -60.0, -59.0, -58.0, -55.0, 30.0, 117.0, 124.0, 145.0])
+def test_one_interval_is_found_from_each_pose(rig: Workspace, home: float) -> None:
+    """The searched turn ends 180 deg from the pose: far from the pin, just before it (-61 deg), in contact with it, and just after it."""
+    found, (begin, end) = searched(rig, posed(VANE, home)), contact()
+    ((low, high),) = np.degrees(found["intervals"])
+    turn = 360.0 if home < begin else 0.0
+    assert end - 1e-6 <= low + turn <= end + 0.25 and begin - 0.25 <= high - 360.0 + turn <= begin + 1e-6
+    assert low <= home <= high and found["free"] == found["intervals"][0] and found["contacts"] == ["pin and vane"] * 2
+
+
+def test_intervals_beyond_a_second_pin(rig: Workspace) -> None:
+    """A second pin, opposite to the first, leaves two intervals. One of them crosses the end of the searched turn."""
+    text = VANE.replace("  hub:", "  post: {part: rig_parts:Block, params: {x: 0.5 mm, y: 0.5 mm, z: 10 mm}, "
+                        "at: {in: ground.origin, xyz: -31.234 -17.1 0 mm}}\n  hub:", 1)
+    begin, end = contact()
+    found = searched(rig, posed(text, 60.0))
+    assert np.degrees(found["intervals"]) == pytest.approx(np.array([(end - 360.0, begin - 180.0), (end - 180.0, begin)]), abs=0.25)
+    assert found["contacts"] == ["post and vane", "pin and vane"]
+    assert "(1 more)" in run("limits", str(rig.write(posed(text, 60.0))))[1]
+
+
+def test_a_pose_in_contact_has_no_interval_of_its_own(rig: Workspace) -> None:
+    thick = VANE.replace("x: 0.5 mm, y: 0.5 mm", "x: 4 mm, y: 4 mm").replace("y: 0.2 mm", "y: 4 mm")
+    found = searched(rig, posed(thick, 118.7))
+    assert found["free"] is None and len(found["intervals"]) == 1
+    assert "touches in the pose (1 more)" in run("limits", str(rig.write(posed(thick, 118.7))))[1]
+
+
+def test_a_joint_without_contacts_is_free_for_one_turn(rig: Workspace) -> None:
+    found = searched(rig, posed(VANE.replace("31.234 17.1 0 mm", "31.234 57.1 0 mm"), 100.0))
+    assert np.degrees(found["intervals"]) == pytest.approx(np.array([(-80.0, 280.0)])) and found["contacts"] == [None, None]
+
+
+@pytest.mark.parametrize(("polynomial", "intervals"), [("[0 deg, 0.75]", 2), ("[0 deg, -1]", 1), ("[0 deg, 0, 0.3 rad^-1]", 3)])
+def test_intervals_of_a_gear_are_joined_only_if_it_repeats(rig: Workspace, polynomial: str, intervals: int) -> None:
+    """The vane follows a wheel. After one turn of the wheel, the vane is elsewhere, unless the ratio is a whole number."""
+    text = VANE.replace("mounts: {hinge: {}}", "mounts: {hinge: {}, far: {xyz: 0 0 50 mm}}").replace(
+        "joints:\n  turn:",
+        "  wheel: {part: rig_parts:Block}\njoints:\n  turn: {type: continuous, parent: ground.far, child: wheel.origin}\n"
+        f"  follow: {{type: continuous, parent: ground.hinge, child: hub.origin, mimic: {{joint: turn, polynomial: {polynomial}}}}}\n  #",
+    )
+    found = searched(rig, text)
+    assert len(found["intervals"]) == intervals, found
+    if intervals > 1:
+        assert np.degrees([found["intervals"][0][0], found["intervals"][-1][1]]) == pytest.approx([-180.0, 180.0])
 
 
 def test_limits_are_written_and_pass_the_test(rig: Workspace) -> None:
@@ -67,9 +125,10 @@ def test_limits_are_written_and_pass_the_test(rig: Workspace) -> None:
     code, out, err = run("limits", str(document), "turn", "--write")
     assert code == 0, out + err
     written = document.read_text()
-    upper = float(written.partition("upper: ")[2].partition(" deg")[0])
-    assert contact()[0] - 0.26 <= upper <= contact()[0]
-    assert written == VANE.replace("upper: 150 deg", f"upper: {upper:g} deg")
+    lower, upper = (float(written.partition(f"{key}: ")[2].partition(" deg")[0]) for key in ("lower", "upper"))
+    begin, end = contact()
+    assert begin - 0.26 <= upper <= begin and end <= lower + 360.0 <= end + 0.26
+    assert written == VANE.replace("lower: -90 deg, upper: 150 deg", f"lower: {lower:g} deg, upper: {upper:g} deg")
     assert run("test", str(document))[0] == 0
 
 
@@ -88,6 +147,7 @@ def test_pairs_of_joints(rig: Workspace) -> None:
 @pytest.mark.parametrize(("words", "said"), [
     (["trun"], "there is no joint `trun` that can be moved"), (["--pose", "up"], "there is no pose `up`"),
     (["--resolution", "3 kg"], "--resolution"), (["--resolution", "fine"], "--resolution"), (["--resolution", "0 deg"], "--resolution"),
+    (["--resolution", "1 m"], "`1 m` does not apply, because none of these joints slides"),
     (["--mode", "bnch"], "bnch"),
 ])
 def test_wrong_command_lines(rig: Workspace, words: list[str], said: str) -> None:

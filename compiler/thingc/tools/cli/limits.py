@@ -99,6 +99,12 @@ def _search(
 
     robot, frame = posed_robot(compilation.robots[0], arguments.pose)
     joints = movable_joints(robot, arguments.joint)
+    for text in arguments.resolution:
+        if (dimension := parse_quantity(text, (ANGLE, LENGTH)).dimension) not in [one.twist.coordinate for one in joints]:
+            raise UnknownChoice(
+                f"--resolution: `{text}` does not apply, because none of these joints {'rotates' if dimension == ANGLE else 'slides'}",
+                f"write {'a length' if dimension == ANGLE else 'an angle'}, or remove the option",
+            )
     search = LimitSearch(robot, frame, collisions_of(pipeline.request_of(environment, compilation)))
     pairs = combinations(joints, 2) if arguments.pairs else ()
     return diagnostics, [search.joint(one, widths[one.twist.coordinate]) for one in joints], [search.pair(*pair) for pair in pairs]

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import inf, remainder, tau
+
+import numpy as np
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.solids.clearance import ComparedPair, Place, Sweep, prove
@@ -16,9 +19,10 @@ class FreeIntervals(FrozenStruct):
     """The intervals [rad or m] of a joint in which no parts touch, in ascending order.
 
     `blocked` contains positions outside the intervals, each with the pair that touches there (None: a loop does not close). `proved` is
-    False if some pairs were compared only in samples.
+    False if some pairs were compared only in samples. Positions that differ by a multiple of `period` are the same (infinite: no period).
     """
 
+    period: float
     intervals: tuple[tuple[float, float], ...]
     blocked: tuple[tuple[float, ComparedPair | None], ...]
     proved: bool
@@ -29,7 +33,8 @@ class FreeIntervals(FrozenStruct):
 
     def contact(self, q: float, width: float) -> ComparedPair | None:
         """Return the pair that touches at the blocked position next to `q`, or None if it is farther than `width`."""
-        return min(((abs(at - q), pair) for at, pair in self.blocked if abs(at - q) <= width), key=lambda one: one[0], default=(q, None))[1]
+        near = ((abs(remainder(at - q, self.period)), pair) for at, pair in self.blocked)
+        return min((one for one in near if one[0] <= width), key=lambda one: one[0], default=(q, None))[1]
 
 
 def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float) -> FreeIntervals:
@@ -37,7 +42,8 @@ def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float) ->
 
     The ends of the intervals are at most `width` [rad or m] from the nearest position in which parts touch or are closer than the errors of
     their meshes. Intervals that are shorter than `COARSE` times this distance can be missing. Pairs that are in contact in all positions
-    are compared in samples.
+    are compared in samples. If the robot repeats after a turn of the joint, an interval can extend beyond the range of the sweep, and
+    intervals that are connected across the ends of the range are one interval.
     """
     prove(sweep, [pair for pair in pairs if not divide(sweep, pair)])
     search = _Search(sweep, [pair for pair in pairs if pair.verdict in ("touches", "undecided")], width)
@@ -50,12 +56,33 @@ def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float) ->
             free.append((free.pop()[0] if free and free[-1][1] >= middle - half - 1e-9 else middle - half, middle + half))
         elif 2.0 * half > COARSE * width:
             waiting += [(middle + half / 2.0, half / 2.0), (middle - half / 2.0, half / 2.0)]
+    period = tau if free and _repeats(sweep) else inf
+    first, last = (free[-1][1] - tau, free[0][0] + tau) if period == tau else (one.lower, one.upper)
     grown: list[tuple[float, float]] = []
     for low, high in free:
-        low, high = search.advance(low, -1.0, one.lower), search.advance(high, 1.0, one.upper)
+        low, high = search.advance(low, -1.0, first), search.advance(high, 1.0, last)
         grown.append((grown.pop()[0] if grown and grown[-1][1] >= low - 1e-9 else low, high))
+    if len(grown) > 1 and grown[-1][1] - period >= grown[0][0] - 1e-9:
+        (_, high), *between, (low, _) = grown
+        up = period if low <= (one.lower + one.upper) / 2.0 + width else 0.0
+        grown = sorted([(low - period + up, high + up), *between])
+    if grown and grown[0][1] - grown[0][0] >= period - 1e-9:
+        grown, search.blocked = [(one.lower, one.upper)], []
     certain = all(pair.method == "proved" and pair.verdict in ("clear", "touches", "undecided") and pair.apart for pair in pairs)
-    return FreeIntervals(intervals=tuple(grown), blocked=tuple(search.blocked), proved=certain)
+    return FreeIntervals(period=period, intervals=tuple(grown), blocked=tuple(search.blocked), proved=certain)
+
+
+def _repeats(sweep: Sweep) -> bool:
+    """Return whether the range of a sweep is one turn, and the robot is the same at positions that differ by one turn."""
+    one = sweep.ranges[0]
+    if abs(one.upper - one.lower - tau) > 1e-9:
+        return False
+    for q in (one.lower, one.lower + 1.0, one.lower + 2.0):
+        places = [place for at in (q, q + tau) if (place := sweep.place({0: at})) is not None]
+        poses = [np.array([body.rows() for body in place.bodies]) for place in places]
+        if len(poses) < 2 or not np.allclose(poses[0], poses[1], rtol=0.0, atol=1e-6):
+            return False
+    return True
 
 
 class _Search:
