@@ -33,6 +33,13 @@ class Block(Thing):
         tilted = Pos(10, 30, 20) * Rot(0, 30, 0) * Cylinder(1, 6)
         return body - [through, blind, *screw, across, tilted]
 
+def plate():
+    """Holes that a chamfer, a keyway and a slit cut, and a blind hole that a slit cuts."""
+    body = chamfer(Box(60, 40, 8, align=Align.MIN).edges().group_by(Axis.Z)[-1], 2)
+    through = [Pos(x, 3.5, 4) * Cylinder(2, 9) for x in (10, 30)] + [Pos(x, 20, 4) * Cylinder(4, 9) for x in (15, 30)]
+    blind = Pos(48, 20, 6) * Cylinder(4, 8)
+    return body - [*through, blind, Pos(15, 24, 4) * Box(2, 3, 9), Pos(30, 30, 4) * Box(1, 20, 9), Pos(48, 30, 6) * Box(1, 20, 8)]
+
 def ring():
     return Torus(20, 5)
 
@@ -126,6 +133,16 @@ def test_tables_and_title(block: ElementTree.Element) -> None:
     texts = [one.text for one in block.iter(f"{SVG}text")]
     assert {"60", "40", "20", "alu", "2 : 1", "2", "robot", "Block_1_2"} <= {*texts}
     assert not any(float(one.attrib["x"]) > 410.0 for one in block.iter(f"{SVG}text"))
+
+
+def test_holes_with_cuts_in_their_walls_are_through(tmp_path: Path) -> None:
+    drawing = ElementTree.fromstring(build(tmp_path, "plate")["plate_alu_x2.svg"])
+    holes = (line for line in rows(drawing) if len(line) == 6 and line[0] in "12345")
+    found = {(x, y): (across, z, depth) for _, across, x, y, z, depth in holes}
+    assert found == {
+        ("10", "3.5"): ("4", "0 to 8", "through"), ("30", "3.5"): ("4", "0 to 8", "through"),
+        ("15", "20"): ("8", "0 to 8", "through"), ("30", "20"): ("8", "0 to 8", "through"), ("48", "20"): ("8", "2 to 8", "6"),
+    }
 
 
 def test_a_long_part_is_reduced(tmp_path: Path) -> None:

@@ -7,6 +7,9 @@ import math
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Vector, added, dot
 
+HOLE = 4.0
+"""A hollow cylinder that covers at least this angle [rad] on average is a hole. Slots, chamfers and other holes can cut its wall."""
+
 
 class CentreLine(FrozenStruct):
     """A line: its closest point to the origin, and its direction, of which the last coordinate that is not zero is positive."""
@@ -33,7 +36,8 @@ class Cylinder(FrozenStruct):
     """A cylindrical surface of a part, which may consist of several faces.
 
     The surface extends from `lower` to `upper` [m] along its axis `line`, relative to the point of the line. `sweep` [rad] is the angle
-    that the surface covers on average. A `hollow` cylinder is the wall of a hole. `through` is True for a hole that is open at both ends.
+    that the surface covers on average. A `hollow` cylinder is the wall of a hole. `through` is True for a hole (see `HOLE`) that is open at
+    both ends.
     """
 
     line: CentreLine

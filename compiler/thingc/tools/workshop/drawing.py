@@ -12,7 +12,7 @@ from string import ascii_uppercase
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
 from thingc.base.pose import Pose, Vector, added, cross, dot
-from thingc.geometry.features import CentreLine, Cylinder, Features
+from thingc.geometry.features import HOLE, CentreLine, Cylinder, Features
 from thingc.geometry.service import GeometryService
 from thingc.targets import Artifacts, EmitRequest
 from thingc.tools.workshop.curves import VIEWS, Point, Views
@@ -27,9 +27,6 @@ GAP, WIDEST_GAP = 24.0, 46.0
 """The smallest and the largest distance between views [mm]."""
 SCALES = (100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """The scales of drawings (ISO 5455). The last scale is used for all larger parts."""
-HOLE = 4.0
-"""A hollow cylinder that covers at least this angle [rad] is a hole."""
-
 
 CAPTIONS = {
     "front": "Front (x to the right, z up)", "top": "Top (x to the right, y up)", "left": "Left (y to the left, z up)",

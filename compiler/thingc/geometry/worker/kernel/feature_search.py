@@ -19,7 +19,7 @@ from OCP.TopoDS import TopoDS
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
 from thingc.base.pose import Vector
-from thingc.geometry.features import CentreLine, Cylinder, Features, PlanarFace
+from thingc.geometry.features import HOLE, CentreLine, Cylinder, Features, PlanarFace
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.integrals import explored
 
@@ -126,10 +126,10 @@ def _continues(one: _CylinderFace, other: _CylinderFace) -> bool:
 
 
 def _in_metres(face: _CylinderFace, intersector: Any) -> Cylinder:
-    """Create a cylinder. A full hole is open if its axis does not meet the part in the hole, or within a radius of its ends."""
+    """Create a cylinder. A hole is open if its axis does not meet the part in the hole, or within a radius of its ends."""
     point, axis, radius = face.line.point, face.line.axis, face.radius
     sweep = min(2.0 * math.pi, face.area / (radius * (face.upper - face.lower)))
-    through = face.hollow and sweep > 2.0 * math.pi - 0.01
+    through = face.hollow and sweep >= HOLE
     if through:
         intersector.Perform(gp_Lin(gp_Pnt(*point), gp_Dir(*axis)), face.lower - radius, face.upper + radius)
         through = intersector.NbPnt() == 0
