@@ -115,6 +115,35 @@ components:
 joints:
   hinge: {type: revolute, parent: cage.middle, child: right.foot, gap: 100 mm, limit: {lower: 0 deg, upper: 90 deg}}
 """
+SCENE = """\
+thingc: assembly/1
+name: robot
+materials: {pla: {density: 1240 kg/m^3}, steel: {density: 7850 kg/m^3}}
+defaults: {component: {material: pla}}
+components:
+  room: {frame: true}
+  left: {assembly: pair.yaml, at: {in: room.origin, xyz: 0 300 0 mm}}
+  right: {assembly: pair.yaml, at: {in: room.origin, xyz: 0.5 -300 0 mm, rpy: 0 0 90 deg}}
+  on_floor: {part: pieces:Core, at: {in: room.origin}}
+  long_0:
+    part: thingc_stock.fasteners:Screw
+    params: {length: 14 mm}
+    attach: {mount: seat, to: on_floor.origin, gap: 50 mm}
+  long_1:
+    part: thingc_stock.fasteners:Screw
+    params: {length: 14 mm}
+    attach: {mount: seat, to: on_floor.origin, gap: 90 mm, turn: 45 deg}
+  short: {part: thingc_stock.fasteners:Screw, at: {in: on_floor.base, rpy: 180 0 0 deg}, allow: {TC520: inside}}
+"""
+PAIR = """\
+thingc: assembly/1
+name: pair
+materials: {pla: {density: 1240 kg/m^3}}
+defaults: {component: {material: pla}}
+components:
+  core: {part: pieces:Core}
+  lid: {part: pieces:Lid, at: {in: core.origin, xyz: 0 0 25 mm}}
+"""
 
 
 class Page(HTMLParser):
@@ -187,7 +216,7 @@ def test_nested_assemblies_come_first_and_the_core_before_the_lid(page: Page) ->
     assert [page.steps[f"2.{k}"] for k in (1, 2, 3, 4)] == [
         ["1 × Case (No. 3)"], ["1 × Core <b> (No. C-1)", "core.base on case.floor"],
         ["1 × group lid, from chapter 1", "lid.seat on case.rim"],
-        ["2 × Screw (No. 7)", "screw_0.seat on lid.hole_0, screw_1.seat on lid.hole_1"],
+        ["2 × Screw (No. 7)", "screw_0.seat on lid.hole_0; screw_1.seat on lid.hole_1"],
     ]
     assert "2.5" not in page.steps
 
@@ -207,13 +236,14 @@ def test_pieces_without_a_way_name_what_is_in_the_way(page: Page) -> None:
 def test_joints_and_frames_are_listed(page: Page) -> None:
     outer = [text for number, text in page.steps.items() if number.startswith("3.")]
     assert outer[0] == ["1 × Cage (No. 1)"]
-    assert ["1 × box, from chapter 2", "right/case.foot on cage.middle", "joint hinge (revolute) must move freely"] in outer
-    assert ["1 × box, from chapter 2", "left/case.foot on cage.origin"] in outer
+    joint = "joint hinge (revolute) must move freely"
+    assert ["1 × box, from chapter 2", "right/case.foot at 0, 0, 100 mm from cage.middle", joint] in outer
+    assert ["1 × box, from chapter 2", "left/case.foot at 0, 0, 40 mm from cage.origin"] in outer
     assert outer[1][0].startswith("1 × sensor") and len(outer) == 5
 
 
 def test_the_bill_of_materials_has_prices(page: Page) -> None:
-    assert {"Core <b>", "2.50 EUR", "5.00 EUR"} <= {*page.cells}
+    assert {"Core <b>", "2.50 EUR", "5.00 EUR", "Screw (length=10 mm, size='M2')"} <= {*page.cells}
 
 
 def test_new_parts_are_orange_in_the_pictures(page: Page) -> None:
@@ -225,11 +255,36 @@ def test_new_parts_are_orange_in_the_pictures(page: Page) -> None:
         assert picture.shape == (480, 640, 3) and new.sum() > 500 and grey.sum() > 20000, name
 
 
-def test_without_graphics_the_page_has_no_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def _no_graphics(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail() -> None:
         raise NoGraphics("no EGL", "install it")
 
     monkeypatch.setattr(book, "ready", fail)
+
+
+@pytest.mark.usefixtures("_no_graphics")
+def test_offsets_are_relative_to_mounts_and_equal_names_have_parameters(tmp_path: Path) -> None:
+    build = command(tmp_path)
+    (tmp_path / "robot.yaml").write_text(SCENE)
+    (tmp_path / "pair.yaml").write_text(PAIR)
+    assert main([*build, "book"]) == 0
+    page = read(tmp_path)
+    assert [text for number, text in page.steps.items() if number.startswith("2.")] == [
+        ["2 × pair, from chapter 1",
+         "left/core.origin at 0, 300, 0 mm from room.origin; "
+         "right/core.origin at 0.5, -300, 0 mm from room.origin, rotated by 0, 0, 90 deg (roll, pitch, yaw)"],
+        ["1 × Core <b> (No. C-1)", "on_floor.origin on room.origin"],
+        ["2 × Screw (length=14 mm) (No. 2)",
+         "long_0.seat at 0, 0, 50 mm from on_floor.origin; long_1.seat at 0, 0, 90 mm from on_floor.origin, "
+         "rotated by 0, 0, 45 deg (roll, pitch, yaw)"],
+        ["1 × Screw (No. 3)", "short.origin on on_floor.base, rotated by 180, 0, 0 deg (roll, pitch, yaw)"],
+    ]
+    assert {"Screw", "Screw (length=14 mm)", "Lid"} <= {*page.cells}
+
+
+@pytest.mark.usefixtures("_no_graphics")
+def test_without_graphics_the_page_has_no_pictures(tmp_path: Path) -> None:
     assert main([*command(tmp_path), "book"]) == 0
     page = read(tmp_path)
     assert page.images == {} and page.steps["2.1"] == ["1 × Case (No. 3)"]

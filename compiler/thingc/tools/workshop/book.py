@@ -6,11 +6,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
 from html import escape
 
+from thingc.base.numeric import degrees, dist
+from thingc.base.pose import MATE, NO_POSE, Pose, rpy_of
 from thingc.base.safe_text import escape_control
 from thingc.documents.workspace import Workspace
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
 from thingc.targets import Artifacts, EmitRequest, Loss
-from thingc.targets.bom.emit import BomRow, with_pieces
+from thingc.targets.bom.emit import BomRow, listed, plain_name, with_pieces
 from thingc.targets.html.viewer_data import image_url
 from thingc.targets.render.picture import NoGraphics, ready
 from thingc.tools.workshop.assembly_steps import AssemblyStep, Piece, Section, sections
@@ -25,6 +27,7 @@ td img { height: 60px; display: block } h2 { margin-top: 2.2em; border-bottom: 2
 .number { font-size: 26px; font-weight: bold } ul { padding-left: 1.2em; margin: 0.4em 0 } .note { background: #fff3d6; padding: 6px 10px }
 @media print { body { margin: 0 } h2 { page-break-before: always } }
 """
+ZERO = "0, 0, 0"
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -64,7 +67,8 @@ class _Book:
         yield f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"
         for row, occurrences in self._rows:
             web = row.link is not None and row.link.startswith(("https://", "http://"))
-            link = f'<a href="{_safe(row.link or "")}">{_safe(row.name)}</a>' if web else _safe(row.name)
+            name = _safe(_label(row, occurrences[0]))
+            link = f'<a href="{_safe(row.link or "")}">{name}</a>' if web else name
             cost = (row.cost or "", row.total or "") if prices else ()
             number, *rest = (f"<td>{_safe(cell)}</td>" for cell in (row.number, str(row.quantity), row.make, row.material or "", *cost))
             yield f"<tr><td>{self._picture(row, occurrences[0])}</td>{number}<td>{link}</td>{''.join(rest)}</tr>"
@@ -93,8 +97,7 @@ class _Book:
             done += step.pieces
             yield f'<div class="step">{_image(url, f"step {number}.{index}")}<div><div class="number">{number}.{index}</div><ul>'
             yield f"<li><b>{len(step.pieces)} &times; {self._name(step.pieces[0])}</b></li>"
-            if index > 1:
-                yield from (f"<li>{line}</li>" for line in self._mates(step, section.path))
+            yield from (f"<li>{line}</li>" for line in self._mates(step, section.path, first=index == 1))
             yield from (f"<li>{line}</li>" for line in self._closed(step, done, section.path))
             yield "</ul>"
             if step.blocked:
@@ -106,16 +109,32 @@ class _Book:
         if piece.chapter is not None:
             return f"{_safe(self._titles[piece.chapter])}, from chapter {self._chapters[piece.chapter]}"
         row = self._row_of[piece.first.index]
-        return f"{_safe(row.name)} (No. {_safe(row.number)})"
+        ambiguous = any(other.name == row.name and other.definition != row.definition for other, _ in self._rows)
+        return f"{_safe(_label(row, piece.first) if ambiguous else row.name)} (No. {_safe(row.number)})"
 
-    def _mates(self, step: AssemblyStep, path: str) -> Iterator[str]:
-        """Yield which mounts meet: one line for each pair of mounts of all pieces."""
+    def _mates(self, step: AssemblyStep, path: str, *, first: bool) -> Iterator[str]:
+        """Yield which mounts meet, and the joints. In the first step, only frames that mark positions are already there."""
         mates = [piece.mate for piece in step.pieces if piece.mate is not None]
+        mates = [mate for mate in mates if not first or not listed(self._assembly.occurrences[mate.parent])]
         if mates:
-            yield ", ".join(f"{self._mount(mate.child, mate.child_mount, path)} on {self._mount(mate.parent, mate.parent_mount, path)}"
-                            for mate in mates)
+            yield "; ".join(self._placed(mate, path) for mate in mates)
         for mate in mates:
             yield from _joint(mate, path)
+
+    def _placed(self, mate: Mate, path: str) -> str:
+        """Describe how two mounts meet: `a.seat on b.rim`, or with the offset from the mount of the parent."""
+        child, parent = self._mount(mate.child, mate.child_mount, path), self._mount(mate.parent, mate.parent_mount, path)
+        seat = mate.X_JC @ self._pose(mate.child, mate.child_mount)
+        offset = self._pose(mate.parent, mate.parent_mount).inverse() @ mate.X_PJ @ seat
+        if all(dist(row, other) < 1e-6 for row, other in zip(seat.rotation, MATE.rotation, strict=True)):
+            offset @= MATE  # the mounts face each other
+        xyz, rpy = _numbers(1e3 * value for value in offset.translation), _numbers(map(degrees, rpy_of(offset.rotation)))
+        words = f"{child} on {parent}" if xyz == ZERO else f"{child} at {xyz} mm from {parent}"
+        return words if rpy == ZERO or mate.joints else f"{words}, rotated by {rpy} deg (roll, pitch, yaw)"
+
+    def _pose(self, occurrence: int, mount: str) -> Pose:
+        frame = self._assembly.occurrences[occurrence].mounts.get(mount)
+        return NO_POSE if frame is None else frame.pose
 
     def _closed(self, step: AssemblyStep, done: Sequence[Piece], path: str) -> Iterator[str]:
         """Yield the joints that close loops between the new pieces and all others."""
@@ -134,6 +153,19 @@ class _Book:
 def _joint(mate: Mate, path: str) -> Iterator[str]:
     if mate.joints and mate.name is not None:
         yield f"joint <code>{_safe(_local(mate.name, path))}</code> ({mate.joints[0].kind.name}) must move freely"
+
+
+def _label(row: BomRow, first: Occurrence) -> str:
+    """Return the name of a row, for a part with the parameters that differ from their defaults: `Screw (length=14 mm)`."""
+    made = first.definition
+    made = made.plain if made.plain is not None and made.plain.text == row.definition else made
+    if first.unit is not None or made.kind != "part":
+        return row.name
+    return f"{plain_name(first)} {made.label.removeprefix(made.reference)}".rstrip()
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return ", ".join(f"{round(value, 3) + 0.0:.9g}" for value in values)
 
 
 def _local(path: str, group: str) -> str:
