@@ -7,7 +7,7 @@ from decimal import Decimal
 from html import escape
 
 from thingc.base.numeric import degrees, dist
-from thingc.base.pose import MATE, NO_POSE, Pose, rpy_of
+from thingc.base.pose import MATE, rpy_of
 from thingc.base.safe_text import escape_control
 from thingc.documents.workspace import Workspace
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
@@ -124,17 +124,14 @@ class _Book:
     def _placed(self, mate: Mate, path: str) -> str:
         """Describe how two mounts meet: `a.seat on b.rim`, or with the offset from the mount of the parent."""
         child, parent = self._mount(mate.child, mate.child_mount, path), self._mount(mate.parent, mate.parent_mount, path)
-        seat = mate.X_JC @ self._pose(mate.child, mate.child_mount)
-        offset = self._pose(mate.parent, mate.parent_mount).inverse() @ mate.X_PJ @ seat
+        parts = self._assembly.occurrences
+        seat = mate.X_JC @ parts[mate.child].mounts[mate.child_mount].pose
+        offset = parts[mate.parent].mounts[mate.parent_mount].pose.inverse() @ mate.X_PJ @ seat
         if all(dist(row, other) < 1e-6 for row, other in zip(seat.rotation, MATE.rotation, strict=True)):
             offset @= MATE  # the mounts face each other
         xyz, rpy = _numbers(1e3 * value for value in offset.translation), _numbers(map(degrees, rpy_of(offset.rotation)))
         words = f"{child} on {parent}" if xyz == ZERO else f"{child} at {xyz} mm from {parent}"
         return words if rpy == ZERO or mate.joints else f"{words}, rotated by {rpy} deg (roll, pitch, yaw)"
-
-    def _pose(self, occurrence: int, mount: str) -> Pose:
-        frame = self._assembly.occurrences[occurrence].mounts.get(mount)
-        return NO_POSE if frame is None else frame.pose
 
     def _closed(self, step: AssemblyStep, done: Sequence[Piece], path: str) -> Iterator[str]:
         """Yield the joints that close loops between the new pieces and all others."""
@@ -157,11 +154,8 @@ def _joint(mate: Mate, path: str) -> Iterator[str]:
 
 def _label(row: BomRow, first: Occurrence) -> str:
     """Return the name of a row, for a part with the parameters that differ from their defaults: `Screw (length=14 mm)`."""
-    made = first.definition
-    made = made.plain if made.plain is not None and made.plain.text == row.definition else made
-    if first.unit is not None or made.kind != "part":
-        return row.name
-    return f"{plain_name(first)} {made.label.removeprefix(made.reference)}".rstrip()
+    made = next((one for one in (first.definition, first.definition.plain) if one is not None and one.text == row.definition), None)
+    return row.name if made is None or made.kind != "part" else f"{plain_name(first)} {made.label.removeprefix(made.reference)}".rstrip()
 
 
 def _numbers(values: Iterable[float]) -> str:
