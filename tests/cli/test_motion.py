@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import glfw
@@ -126,6 +127,15 @@ def test_a_simulation_that_diverges(
     assert "arm.yaml:7:" in out and not {"tracked.csv", "MUJOCO_LOG.TXT"} & {one.name for one in tmp_path.iterdir()}
 
 
+def test_a_motion_that_is_too_fast_does_not_diverge(tmp_path: Path) -> None:
+    """The motion turns the joint by more than half a turn per time step, and the drive is too weak to follow."""
+    text = PENDULUM.replace("limit: {lower: -90 deg, upper: 90 deg}, ", "").replace("revolute", "continuous")
+    drive = "{kind: position, kp: 20 N*m/rad, kv: 0.5 N*m*s/rad, effort: 1 N*m}"
+    text = text.replace("up: {lift: 45", "up: {lift: 1e6").replace("DRIVE", drive)
+    code, out = run(tmp_path, text, "--format", "json", "--csv", str(tmp_path / "tracked.csv"))
+    assert code == 0 and json.loads(out)["joints"][0]["error"] > np.radians(9e5), out
+
+
 def test_a_motion_that_is_too_long(tmp_path: Path) -> None:
     text = PENDULUM.replace("DRIVE", "{kind: position, kp: 20 N*m/rad, kv: 0.5 N*m*s/rad}").replace("1.9 s", "1000001 s")
     code, out = run(tmp_path, text, "--csv", str(tmp_path / "tracked.csv"))
@@ -176,7 +186,8 @@ def test_the_window_shows_the_motion(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(mujoco.viewer, "launch_passive", launch)
     monkeypatch.setattr(glfw, "init", lambda: True)
-    monkeypatch.setattr("thingc.tools.motions.replay.time.sleep", lambda seconds: None)
+    clock = SimpleNamespace(monotonic=lambda: 0.0, sleep=lambda seconds: None)  # a simulation that is always faster than real time
+    monkeypatch.setattr("thingc.tools.motions.replay.time", clock)
     assert run(tmp_path, ARM.replace("SHOULDER", STIFF).replace("ELBOW", STIFF))[0] == 0
     assert np.degrees(windows[0].shown[-1]) == pytest.approx([70.0, 100.0], abs=1.0)
     monkeypatch.setattr(glfw, "init", lambda: False)

@@ -36,7 +36,7 @@ MOST_STEPS = 1_000_000
 """Largest number of time steps that `Replay.track` simulates."""
 
 FARTHEST = np.pi
-"""Largest change of a joint's error in one time step [rad or m]. If the change is larger, the simulation has diverged."""
+"""Distance [rad or m]. If a joint and its error both change by more in one time step, the simulation has diverged."""
 
 IGNORED = ("stall", "deadband", "noise", "backlash")
 """Properties of drives that are only custom data in MuJoCo models."""
@@ -113,14 +113,16 @@ class Replay:
         start_delays(self.model, data)
         data.time = 0.0
         yield data
-        off = np.zeros(len(self.places))
+        states = np.array([data.qpos[self.places], np.zeros(len(self.places))])
         while data.time < self.times[-1] - self.times[0] - 0.5 * self.model.opt.timestep:
             data.ctrl[:] = self.at(self.commands, data.time + self.model.opt.timestep)
             with heard():
                 mujoco.mj_step(self.model, data)
-            before, off = off, data.qpos[self.places] - self.at(self.positions, data.time)[self.places]
-            change = np.nan_to_num(abs(off - before), nan=np.inf)
-            if (change > FARTHEST).any() or any(data.warning[kind].number for kind in BAD):
+            place, before = data.qpos[self.places], states
+            states = np.array([place, place - self.at(self.positions, data.time)[self.places]])
+            change = abs(states - before).min(axis=0)
+            if not (change <= FARTHEST).all() or any(data.warning[kind].number for kind in BAD):
+                change = np.nan_to_num(change, nan=np.inf)
                 raise Diverged(data.time + self.times[0], self.joints[change.argmax()] if self.joints else None)
             yield data
 
