@@ -80,3 +80,16 @@ def test_a_single_build_omits_a_level(tmp_path: Path, shared_store: str, capsys:
     shown = capsys.readouterr()
     for words in ("no component has the level of detail `fastener`", "did you mean `fasteners`?", "write `-cosmetic` to omit it"):
         assert words in shown.out + shown.err
+
+
+def test_many_levels_of_nested_documents_are_read_once(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each of 40 documents nests the next one twice, so the levels must be found without a visit of each of the 2^39 bolts."""
+    workspace(tmp_path)
+    head = "thingc: assembly/1\nname: d{k}\ncomponents:\n  base: {{frame: true}}\n"
+    nested = "  a: {{assembly: d{n}.yaml, at: {{in: base.origin}}}}\n  b: {{assembly: d{n}.yaml, at: {{in: base.origin}}}}\n"
+    for k in range(40):
+        tail = nested.format(n=k + 1) if k < 39 else "  bolt: {frame: true, at: {in: base.origin}, detail: [fasteners]}\n"
+        (tmp_path / f"d{k}.yaml").write_text(head.format(k=k) + tail + ("detail: {sim: -fastener}\n" if k == 0 else ""))
+    assert main(["check", str(tmp_path / "d0.yaml"), "--store", shared_store]) == 1
+    shown = capsys.readouterr()
+    assert "did you mean `fasteners`?" in shown.out + shown.err

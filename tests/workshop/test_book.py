@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from thingc.targets.render import picture
 from thingc.targets.render.picture import NoGraphics
 from thingc.tools.cli.main import main
 from thingc.tools.workshop import book
@@ -249,10 +250,10 @@ def test_the_bill_of_materials_has_prices(page: Page) -> None:
 def test_new_parts_are_orange_in_the_pictures(page: Page) -> None:
     pictures = {name: np.asarray(Image.open(BytesIO(data))).astype(int) for name, data in page.images.items() if name.startswith("step")}
     assert {*pictures} == {f"step {number}" for number, text in page.steps.items() if "sensor" not in text[0]}
-    for name, picture in pictures.items():
-        red, green, blue = np.moveaxis(picture, 2, 0)
+    for name, shown in pictures.items():
+        red, green, blue = np.moveaxis(shown, 2, 0)
         new, grey = (red > 1.5 * green) & (green > blue), abs(red - blue) < 12
-        assert picture.shape == (480, 640, 3) and new.sum() > 500 and grey.sum() > 20000, name
+        assert shown.shape == (480, 640, 3) and new.sum() > 500 and grey.sum() > 20000, name
 
 
 @pytest.fixture
@@ -260,7 +261,8 @@ def _no_graphics(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail() -> None:
         raise NoGraphics("no EGL", "install it")
 
-    monkeypatch.setattr(book, "ready", fail)
+    for module in (book, picture):
+        monkeypatch.setattr(module, "ready", fail)
 
 
 @pytest.mark.usefixtures("_no_graphics")

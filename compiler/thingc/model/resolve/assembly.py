@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import chain
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code
 from thingc.base.joints.kinds import coordinates_of
 from thingc.base.source import Path
@@ -126,7 +128,8 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
     if top:
         motions(context, table, scope)
     made = components(context, table, placements, unreadable=table.materials_unreadable)
-    table.definition = _definition(context, table, made, links, top)
+    model = _definition(context, table, made, links, top)
+    table.definition = replace(model, omitted=omitted(scope, spec.detail, model)) if top and spec.detail is not None else model
 
 
 def _definition(
@@ -149,7 +152,7 @@ def _definition(
         sensors=tuple(sensors(table, scope, pulled)), names=tuple(names(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (), origin=scope.origin(("name",)),
         materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
-        catalog=catalog(context, scope, spec), omitted=omitted(scope, spec, made) if top else {},
+        catalog=catalog(context, scope, spec),
     )
 
 

@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.interfaces import Shank
 from thingc.base.numeric import sum_of
 from thingc.base.pose import Pose, Vector, added, transpose
 from thingc.geometry.store.local import Store
@@ -25,8 +26,6 @@ from thingc.targets.bom.emit import listed
 
 Array = NDArray[np.float64]
 
-SCREW = "-head"
-"""The end of the interface of mounts at which screws are seated."""
 STEPS = 2.0
 """Number of positions at which a moving piece is checked, for each length of the piece."""
 SLACK = 0.01
@@ -55,9 +54,9 @@ class Piece:
 
     @property
     def screw(self) -> bool:
-        """Whether the piece is a screw: it is seated on the underside of its head."""
+        """Whether the piece is a screw: the mount at which it is attached has a shank."""
         mount = None if self.mate is None else self.first.mounts.get(self.mate.child_mount)
-        return mount is not None and (mount.interface or "").endswith(SCREW)
+        return mount is not None and any(isinstance(one, Shank) for one in mount.features)
 
     def equals(self, other: Piece) -> bool:
         """Return whether another piece has the same definition and is attached to the same piece, at the same mount of its own."""
