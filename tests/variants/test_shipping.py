@@ -424,7 +424,7 @@ def test_a_worker_that_is_gone_is_not_waited_for(beside: Apart) -> None:
     with DaskCluster(beside.dask.address) as cluster:
         worker = next(one for one in cluster._client.nthreads() if cluster.ask(one, os.getpid) == victim.pid)
         with pytest.raises(remote_workers.WorkerLost, match="no workspace"):
-            cluster.ask(worker, remote_workers.read_there, "nothing", [], [])
+            cluster.ask(worker, remote_workers.read_there, "nothing", [], 0)
         victim.kill()
         victim.wait()
         begun = time.monotonic()

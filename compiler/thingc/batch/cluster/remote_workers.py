@@ -1,30 +1,27 @@
 """Build variants on workers without a shared folder.
 
-The driver sends the workspace to each worker once, and fetches built variants from the worker. The class `RemoteExecutor` wraps a cluster,
-so that a batch can use the cluster like an executor that writes variants to the batch folder. On a worker, `evaluate_there` builds variants
-from the unpacked workspace into a folder of the worker, and returns a list of the built files. The driver fetches built files in groups of
-a few megabytes, and writes the variants. A file that several variants share is fetched only once. A file that the store of the driver
-contains is not fetched.
+The driver sends the workspace to each worker once. The class `RemoteExecutor` wraps a cluster, so that a batch can use the cluster like an
+executor that writes variants to the batch folder. On a worker, `evaluate_there` builds variants from the unpacked workspace as for a packed
+batch: the rows of results contain all files except shared files. The driver fetches shared files in groups of a few megabytes, and writes
+the variants. A shared file is fetched only once. A file that the store of the driver contains is not fetched.
 
     <place>/work/                the unpacked workspace
-    <place>/out/variants/<id>/   built variants that have not been fetched
     <place>/out/assets/<sha256>  shared files
     <place>/aside/a/b/c          working folder of runners if the working folder of the driver is outside the workspace
 """
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import hashlib
-import json
 import os
 import queue
 import shutil
 import threading
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, TypeVar
 
 from msgspec.structs import replace
@@ -36,12 +33,12 @@ from thingc.batch.cluster.protocol import Cluster, FileTransferExecutor, WorkerL
 from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 from thingc.batch.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
 from thingc.batch.folder import BatchFault
-from thingc.batch.folder_layout import keep_asset, write_variant
+from thingc.batch.folder_layout import SharedAssets, asset_path, keep_asset, write_variant
 from thingc.batch.job import STOPPED, Job, Row, refusal
-from thingc.batch.packed_layout import FILES, SHARED
+from thingc.batch.packed_layout import FILES, SHARED, packed
 from thingc.batch.planning import Variant
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
-from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
+from thingc.targets.artifact import Content, StoredArtifact
 
 T = TypeVar("T")
 
@@ -86,7 +83,7 @@ def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> N
     fresh = f"{place}.new"
     try:
         transfer.unpack(os.path.join(fresh, WORK))
-        for inner in (os.path.join(OUT, folder_layout.VARIANTS), os.path.join(OUT, folder_layout.ASSETS), ASIDE):
+        for inner in (os.path.join(OUT, folder_layout.ASSETS), ASIDE):
             os.makedirs(os.path.join(fresh, inner))
         os.rename(fresh, place)
     except BaseException as fault:
@@ -116,31 +113,11 @@ def _worker_folder(name: str) -> WorkerFolder:
     return place
 
 
-class BuiltFile(FrozenStruct):
-    """A file on a worker that belongs to the variant with this `id`.
-
-    `path` is the path of the file in the folder of the variant, and `size` is the size of the file [bytes]. `sha256` is empty for the
-    manifest of the variant. `shared` is True for a file in `assets/`, which several variants share.
-    """
-
-    id: str
-    path: str
-    size: int
-    sha256: str
-    shared: bool
-
-    @property
-    def there(self) -> str:
-        """The path of the file on the worker, relative to the folder `out/`."""
-        return f"{folder_layout.ASSETS}/{self.sha256}" if self.shared else f"{folder_layout.VARIANTS}/{self.id}/{self.path}"
-
-
 class Answer(FrozenStruct):
-    """The data that a worker returns for a chunk: a row of results for each variant, and the files of each built variant by its id."""
+    """The data that a worker returns for a chunk: a row of results for each variant, as for a packed batch."""
 
     place: WorkerFolder
     rows: list[Row]
-    files: dict[str, list[BuiltFile]]
 
 
 def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float) -> Answer:
@@ -156,8 +133,7 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float
     def still(row: Row) -> None:
         _worker_folder(name)  # this raises an exception if the batch has ended
 
-    rows = evaluate(_settled(job, place), tasks, timeout, still)
-    return Answer(place=place, rows=rows, files={row["id"]: _listed(place, row) for row in rows if row["status"] == "built"})
+    return Answer(place=place, rows=evaluate(_settled(job, place), tasks, timeout, still))
 
 
 @lru_cache(maxsize=4)
@@ -174,45 +150,20 @@ def _settled(job: str, place: WorkerFolder) -> str:
     ).encode()
 
 
-def _listed(place: WorkerFolder, row: Row) -> list[BuiltFile]:
-    """Return a list of those files of a built variant that the driver must fetch.
+def read_there(name: str, shared: Sequence[str], most: int) -> list[bytes]:
+    """Return the contents of the first shared files on a worker, at most `most` bytes, but at least one file.
 
-    The list does not contain files of a packed variant whose contents are in the row.
+    `shared` contains the SHA-256 of the files. Raises `WorkerLost` if the worker no longer has the files.
     """
-    folder = folder_layout.variant_folder(os.path.join(place.folder, OUT), row["id"])
-    assets = os.path.join(place.folder, OUT, folder_layout.ASSETS)
+    assets = SharedAssets(os.path.join(_worker_folder(name).folder, OUT))
+    contents: list[bytes] = []
     try:
-        if SHARED in row:
-            paths, place_of = row[SHARED], {path: os.path.join(assets, sha256) for path, sha256 in row[SHARED].items()}
-        else:
-            with open(os.path.join(folder, MANIFEST), encoding="utf-8") as stream:
-                paths = {**json.load(stream)["files"], MANIFEST: ""}
-            place_of = {path: os.path.join(folder, path) for path in paths}
-        return [
-            BuiltFile(
-                id=row["id"], path=path, size=os.stat(place_of[path]).st_size, sha256=sha256,
-                shared=bool(sha256) and os.path.exists(os.path.join(assets, sha256)),
-            ) for path, sha256 in paths.items()
-        ]
+        for sha256 in shared:
+            if contents and sum(map(len, contents)) + os.path.getsize(asset_path(assets.folder, sha256)) > most:
+                break
+            contents.append(assets.read(sha256))
     except OSError as fault:
         raise WorkerLost(str(fault)) from None
-
-
-def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[bytes]:
-    """Return the contents of files in the folder `out/` of a worker, and then delete the variants `done`.
-
-    Raises `WorkerLost` if the worker no longer has the files.
-    """
-    out = os.path.join(_worker_folder(name).folder, OUT)
-    contents: list[bytes] = []
-    for path in paths:
-        try:
-            with open(os.path.join(out, path), "rb") as stream:
-                contents.append(stream.read())
-        except OSError as fault:
-            raise WorkerLost(str(fault)) from None
-    for id in done:
-        shutil.rmtree(folder_layout.variant_folder(out, id), ignore_errors=True)
     return contents
 
 
@@ -238,7 +189,7 @@ class RemoteExecutor(Cluster):
         self._arrived: queue.SimpleQueue[tuple[Future[Any], Future[Answer]] | None] = queue.SimpleQueue()
         self._stopping = False
         self._thread = threading.Thread(target=self._receive, name="thingc-shipping", daemon=True)
-        self._template = lru_cache(maxsize=1)(self._packed)
+        self._template = lru_cache(maxsize=1)(self._sent_job)
 
     def __enter__(self) -> RemoteExecutor:
         self.cluster.ship(self.name, self.transfer)
@@ -277,17 +228,17 @@ class RemoteExecutor(Cluster):
             self._thread.join(FAREWELL)
         self.cluster.unship(self.name)
 
-    def _packed(self, text: str) -> str:
+    def _sent_job(self, text: str) -> str:
         """Convert a job so that a worker can use it.
 
-        Paths in the converted job are relative to the workspace, and a store on this machine is omitted.
+        Paths in the converted job are relative to the workspace, and a store on this machine is omitted. Rows contain files.
         """
         job = Job.decode(text)
         root, here = os.path.realpath(self.transfer.root), os.path.realpath(os.getcwd())
         inside = os.path.join(here, "").startswith(os.path.join(root, ""))
         return replace(
             job, assembly=os.path.relpath(job.assembly, self.transfer.root), folder=None,
-            cwd=os.path.relpath(here, root) if inside else None,
+            packed=True, cwd=os.path.relpath(here, root) if inside else None,
             store=job.store if job.store is not None and "://" in job.store else None,
         ).encode()
 
@@ -310,7 +261,7 @@ class RemoteExecutor(Cluster):
 
         Raises `WorkerLost` if the worker has ended.
         """
-        blobs = _Blobs(self, answer)
+        assets = _AnsweredAssets(self, answer)
         rows: list[Row] = []
         for given in answer.rows:
             if self._stopping:
@@ -321,7 +272,7 @@ class RemoteExecutor(Cluster):
                 row["message"] = f"on the worker {answer.place.worker}: {row['message']}"
             elif row["status"] == "built":
                 try:
-                    self._keep(row, blobs)
+                    self._keep(row, assets)
                 except OSError as fault:
                     rows[-1] = _stopped(row, refusal(fault))
                 except StoreUnusable as fault:
@@ -330,17 +281,17 @@ class RemoteExecutor(Cluster):
                 break
         return rows
 
-    def _keep(self, row: Row, blobs: _Blobs) -> None:
-        """Write the files of a built variant to the folder of the batch. For a packed batch, write only shared files.
+    def _keep(self, row: Row, assets: _AnsweredAssets) -> None:
+        """Write the shared files of a built variant to the folder of the batch. Unless the batch is packed, also write all other files.
 
         Raises the same errors as `write_variant`.
         """
-        files = blobs.files(row["id"])
-        if SHARED not in row:
-            write_variant(self.folder, row["id"], files, blobs)
-            return
         for sha256 in row[SHARED].values():
-            keep_asset(self.folder, sha256, blobs)
+            keep_asset(self.folder, sha256, assets)
+        if not packed(self.folder):
+            files: dict[str, Content] = {path: base64.b64decode(data) for path, data in row.pop(FILES).items()}
+            files |= {path: StoredArtifact(sha256=sha256, size=0) for path, sha256 in row.pop(SHARED).items()}
+            write_variant(self.folder, row["id"], files, SharedAssets(self.folder))
 
     def _mapped(self, said: Any, work: str, key: str = "") -> Any:
         """In a row of results, replace all paths on the worker by paths on this machine."""
@@ -358,8 +309,8 @@ def _stopped(row: Row, message: str) -> Row:
     return {"index": row["index"], "id": row["id"], "status": STOPPED, "code": Code.OUTPUT.code, "message": message}
 
 
-class _Blobs:
-    """Reads the files of the variants that a worker has built.
+class _AnsweredAssets:
+    """Reads the shared files of the variants that a worker has built.
 
     Each file is read from the store of the driver, or fetched from the worker together with other files.
     """
@@ -367,76 +318,32 @@ class _Blobs:
     def __init__(self, shipping: RemoteExecutor, answer: Answer) -> None:
         self.shipping = shipping
         self.answer = answer
-        self.shared: dict[str, bytes] = {}
-        self._ahead: deque[tuple[BuiltFile, bytes]] = deque()
-        self._waiting: deque[BuiltFile] | None = None
+        self._fetched: dict[str, bytes] = {}
 
-    def files(self, id: str) -> dict[str, Content]:
-        """Return the files of the variant with this id.
-
-        Call this method once per built variant, in the order of the rows that the worker has returned. Raises `WorkerLost` if the worker
-        has ended, and `StoreUnusable` if the store cannot be read.
-        """
-        if self._waiting is None:
-            self._waiting = deque(self._wanted())
-        self.shared.clear()
-        contents: dict[str, Content] = {}
-        while self._next_is(id):
-            wanted, data = self._ahead.popleft()
-            if wanted.shared:
-                self.shared[wanted.sha256] = data
-            else:
-                contents[wanted.path] = data
-        for one in self.answer.files[id]:
-            if one.shared:
-                contents[one.path] = StoredArtifact(sha256=one.sha256, size=one.size)
-        return contents
+    @cached_property
+    def _wanted(self) -> list[str]:
+        """The SHA-256 of all files that this machine does not have, and that have not been fetched yet."""
+        used = dict.fromkeys(sha256 for row in self.answer.rows for sha256 in row.get(SHARED, {}).values())
+        folder, store = self.shipping.folder, self.shipping.store
+        return [sha256 for sha256 in used if not os.path.exists(asset_path(folder, sha256)) and not store.has(sha256)]
 
     def read(self, sha256: str) -> bytes:
         """Return the content of a shared file with this SHA-256.
 
         Raises `WorkerLost` if the worker has ended, and `StoreUnusable` if the store cannot be read.
         """
-        if sha256 in self.shared:
-            return self.shared[sha256]
-        with contextlib.suppress(BlobMissing):
-            return self.shipping.store.read(sha256)
-        return self._asked([BuiltFile(id="", path="", size=0, sha256=sha256, shared=True)], ())[0]
+        if sha256 not in self._fetched and sha256 not in self._wanted:
+            with contextlib.suppress(BlobMissing):
+                return self.shipping.store.read(sha256)
+        if sha256 not in self._fetched:
+            self._fetch([sha256, *(one for one in self._wanted if one != sha256)])
+        return self._fetched.pop(sha256)
 
-    def _next_is(self, id: str) -> bool:
-        """Return whether the next file belongs to the variant with this id.
-
-        If the next file belongs to this variant and has not been fetched yet, fetch the file.
-        """
-        assert self._waiting is not None
-        if not self._ahead and self._waiting and self._waiting[0].id == id:
-            group = [self._waiting.popleft()]
-            size = group[0].size
-            while self._waiting and size + self._waiting[0].size <= PULL_BYTES:
-                group.append(self._waiting.popleft())
-                size += group[-1].size
-            self._ahead.extend(zip(group, self._asked(group, () if self._waiting else tuple(self.answer.files)), strict=True))
-        return bool(self._ahead) and self._ahead[0][0].id == id
-
-    def _wanted(self) -> Iterator[BuiltFile]:
-        """Yield the files to fetch from the worker: files of single variants, and shared files that this machine does not have."""
-        known: set[str] = set()
-        for row in self.answer.rows:
-            for one in self.answer.files.get(row["id"], ()):
-                if one.shared and (
-                    one.sha256 in known or os.path.exists(folder_layout.asset_path(self.shipping.folder, one.sha256))
-                    or self.shipping.store.has(one.sha256, one.size)
-                ):
-                    continue
-                known.update([one.sha256] if one.shared else [])
-                yield one
-
-    def _asked(self, group: Sequence[BuiltFile], done: Sequence[str]) -> list[bytes]:
-        place = self.answer.place
-        contents: list[bytes] = self.shipping.cluster.ask(
-            place.worker, read_there, self.shipping.name, [one.there for one in group], list(done),
-        )
-        for one, data in zip(group, contents, strict=True):
-            if one.sha256 and hashlib.sha256(data).hexdigest() != one.sha256:
-                raise WorkerLost(f"`{one.there}` was damaged during the transfer")
-        return contents
+    def _fetch(self, group: Sequence[str]) -> None:
+        """Fetch the first files of a group from the worker."""
+        contents = self.shipping.cluster.ask(self.answer.place.worker, read_there, self.shipping.name, group, PULL_BYTES)
+        for sha256, data in zip(group, contents):
+            if hashlib.sha256(data).hexdigest() != sha256:
+                raise WorkerLost(f"the shared file `{sha256}` was damaged during the transfer")
+            self._fetched[sha256] = data
+        self._wanted[:] = [one for one in self._wanted if one not in self._fetched]
