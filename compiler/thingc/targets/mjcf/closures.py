@@ -20,6 +20,7 @@ from thingc.base.pose import NO_POSE, Pose, shifted
 from thingc.model.robot.types import Closure, Robot, residual_words
 from thingc.targets.artifact import Loss
 from thingc.targets.capabilities import written
+from thingc.targets.geometry import numbered
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.drives import time_step
 from thingc.targets.mjcf.elements import pose_attributes
@@ -42,30 +43,22 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     stiff: dict[str, XmlValue] = {"solref": (2.0 * time_step(robot), 1.0), "solimp": STIFFNESS}
     for closure in robot.closures:
         parent = anchor_name(closure) if closure.parent is None else links[closure.parent]
-        form = equality(closure)
+        name, form = equality_name(closure), equality(closure)
         match form:
             case "weld":
                 X_PL = NO_POSE if closure.hold else closure.X_PA @ closure.X_CB.inverse()
                 relpose = (*X_PL.translation, *X_PL.quaternion())
-                section.add("weld", {
-                    "name": equality_name(closure), "body1": parent, "body2": links[closure.child], "relpose": relpose, **stiff,
-                }, closure.origin)
-            case "connect":
-                section.add("connect", {
-                    "name": equality_name(closure), "site1": _ends(closure)[0], "site2": _ends(closure)[1], **stiff,
-                }, closure.origin)
-            case "two connects":
+                ends = {"body1": parent, "body2": links[closure.child]}
+                section.add("weld", {"name": name, **ends, "relpose": relpose, **stiff}, closure.origin)
+            case "connect" | "two connects":
                 for index, (one, other) in enumerate(_points(robot, closure)):
-                    name = equality_name(closure) + (f"_{index}" if index else "")
-                    section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
+                    section.add("connect", {"name": numbered(name, index), "site1": one[0], "site2": other[0], **stiff}, closure.origin)
             case "connect and tendon":
-                (one, other), ends = _points(robot, closure)
-                section.add("connect", {"name": equality_name(closure), "site1": one[0], "site2": other[0], **stiff}, closure.origin)
-                longer = sqrt(2.0) * _lever(robot, closure) - _at_zero(robot, closure, ends)
-                section.add("tendon", {
-                    "name": f"{equality_name(closure)}_1", "tendon1": equality_name(closure),
-                    "polycoef": (longer, 0.0, 0.0, 0.0, 0.0), **stiff,
-                }, closure.origin)
+                (one, other), second = _points(robot, closure)
+                section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
+                longer = sqrt(2.0) * _lever(robot, closure) - _at_zero(robot, closure, second)
+                polynomial = (longer, 0.0, 0.0, 0.0, 0.0)
+                section.add("tendon", {"name": f"{name}_1", "tendon1": name, "polycoef": polynomial, **stiff}, closure.origin)
             case None:
                 pass  # the loop stays open (see `losses`)
             case _:
@@ -116,13 +109,6 @@ def anchors(robot: Robot) -> dict[str, Pose]:
     }
 
 
-def _ends(closure: Closure) -> tuple[str, str]:
-    """Return the names of the two sites that a `connect` constraint joins. The sites belong to a held mount and its anchor, or to the two
-    sides of a ball joint that was cut.
-    """
-    return (anchor_name(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
-
-
 def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
     """Add the anchors of held mounts to the model. Also add the sites at which the two sides of a ball, hinge or universal joint are
     connected.
@@ -135,22 +121,21 @@ def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
             anchor = world.add("body", {"name": name, "mocap": "true", **pose_attributes(placed[name])}, closure.origin)
             if form == "connect":
                 anchor.add("site", {"name": name, "group": "3"}, closure.origin)
-        elif form == "connect" and closure.parent is not None:
-            for body, name, pose in zip((closure.parent, closure.child), _ends(closure), (closure.X_PA, closure.X_CB), strict=True):
-                bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
-        if form in ("two connects", "connect and tendon") and closure.parent is not None:
+        elif form not in ("weld", None) and closure.parent is not None:
             for one, other in _points(robot, closure):
                 for body, (name, pose) in ((closure.parent, one), (closure.child, other)):
                     bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
 
 
 def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tuple[str, Pose]]]:
-    """Return two pairs of sites that are connected to close a joint. Each pair consists of a site on the parent link and a site on the
-    child link.
+    """Return the pairs of sites that are connected to close a joint or to hold a mount. Each pair consists of a site on the parent link,
+    or on the anchor, and a site on the child link.
 
-    The first pair is at the origin of the joint. For a hinge, the second pair is at another point of the axis. For a universal joint, each
-    site of the second pair is on one of the axes.
+    The first pair is at the origin of the joint. A hinge and a universal joint have a second pair. For a hinge, the second pair is at
+    another point of the axis. For a universal joint, each site of the second pair is on one of the axes.
     """
+    if closure.hold:
+        return [((anchor_name(closure), NO_POSE), (closure.path, closure.X_CB))]
     lever = _lever(robot, closure)
     ends = shifted(0.0, 0.0, lever), shifted(0.0, 0.0, lever)
     if closure.kind == "universal":
@@ -158,7 +143,7 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
         ends = shifted(lever * x, lever * y, lever * z), shifted(lever * u, lever * v, lever * w)
     return [
         ((f"{closure.path}:parent{mark}", closure.X_PA @ one), (f"{closure.path}:child{mark}", closure.X_CB @ other))
-        for mark, (one, other) in (("", (NO_POSE, NO_POSE)), ("_1", ends))
+        for mark, (one, other) in (("", (NO_POSE, NO_POSE)), ("_1", ends))[: 1 if closure.kind == "ball" else 2]
     ]
 
 
