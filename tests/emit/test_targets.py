@@ -44,10 +44,10 @@ def test_a_target_is_declared_and_tested(name: str) -> None:
         where = f"the `files` of targets/{name}/__init__.py, which make the picture of the build folder"
         assert any(shows(path, pattern) for path in target.files), f"`{pattern}` is missing in {where}"
     tests = "\n".join(path.read_text() for path in (ROOT / "tests").rglob("*.py"))
-    for module, _, function in (emitter.partition(":") for emitter in target.emitters):
-        package, _, stem = module.rpartition(".")
-        direct, whole = rf"from {module} import [\w, ]*\b{function}\b", rf"from {package} import [\w, ]*\b{stem}\b"
-        assert re.search(f"{direct}|{whole}", tests), f"no test imports `{function}` of {module}: add a test of the target `{name}`"
+    module, _, function = target.emitter.partition(":")
+    package, _, stem = module.rpartition(".")
+    direct, whole = rf"from {module} import [\w, ]*\b{function}\b", rf"from {package} import [\w, ]*\b{stem}\b"
+    assert re.search(f"{direct}|{whole}", tests), f"no test imports `{function}` of {module}: add a test of the target `{name}`"
 
 
 def test_positions_of_targets_differ() -> None:

@@ -20,7 +20,7 @@ from mjcf.handmade import Made, Piece, Segment, box_part, material, matrix, raw,
 from mjcf.test_mjcf_model import arm
 from thingc.geometry.store.local import BlobMissing, Store
 from thingc.targets.artifact import Content, StoredArtifact
-from thingc.targets.mjcf.emit import emit
+from thingc.targets.mjcf.emit import emit, emit_with_modes
 from thingc.targets.registry import TARGETS, emitter, targets
 from thingc.targets.request import EmitRequest
 from thingc.targets.stl import emit as stl
@@ -305,7 +305,7 @@ def test_lines_lead_to_elements() -> None:
 def test_the_table_of_targets() -> None:
     assert targets()[: len(TARGETS)] == tuple(TARGETS)
     assert emitter("stl") is stl.emit
-    assert TARGETS["mjcf"].emitters == ("thingc.targets.mjcf.emit:emit", "thingc.targets.modes_json:emit")
+    assert emitter("mjcf") is emit_with_modes
     with pytest.raises(KeyError):
         emitter("nothing")
 

@@ -11,7 +11,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -136,7 +136,7 @@ def _is_default(target: str) -> bool:
 
 def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
     """Return the names of the modules that thingc's own targets need, including libraries, so that these modules can be imported early."""
-    ours = {function.partition(":")[0]: None for target in wanted if target in TARGETS for function in TARGETS[target].emitters}
+    ours = [TARGETS[target].emitter.partition(":")[0] for target in wanted if target in TARGETS]
     return (*ours, *dict.fromkeys(library for target in wanted if target in TARGETS for library in TARGETS[target].libraries))
 
 
@@ -174,21 +174,7 @@ def emitter(target: str) -> Emitter:
 
     Raises `KeyError` for an unknown target, and `ImportError` if its package cannot be imported.
     """
-    functions = [_function(name) for name in (TARGETS[target].emitters if target in TARGETS else (_installed()[target],))]
-    return functions[0] if len(functions) == 1 else partial(_joined, functions)
-
-
-def _joined(emitters: list[Emitter], request: EmitRequest) -> Artifacts:
-    """Call several emitters of a target, and combine their files and export losses."""
-    from thingc.targets.artifact import Artifacts
-
-    artifacts = [emit(request) for emit in emitters]
-    files = {path: content for one in artifacts for path, content in one.files.items()}
-    return Artifacts(files=files, losses=tuple(loss for one in artifacts for loss in one.losses))
-
-
-def _function(name: str) -> Emitter:
-    module, _, function = name.partition(":")
+    module, _, function = (TARGETS[target].emitter if target in TARGETS else _installed()[target]).partition(":")
     emit: Emitter = getattr(import_module(module), function)
     return emit
 

@@ -3,6 +3,6 @@
 from thingc.targets.target import Target
 
 TARGET = Target(
-    position=12, says="assembly graph", emitters=("thingc.targets.hag.emit:emit",), writes=("hag.dot", "hag.mmd", "hag.svg"),
+    position=12, says="assembly graph", emitter="thingc.targets.hag.emit:emit", writes=("hag.dot", "hag.mmd", "hag.svg"),
     files=dict.fromkeys(("hag.dot", "hag.mmd", "hag.svg"), "the assembly graph"), numbers_in_text=False,
 )

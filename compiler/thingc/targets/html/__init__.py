@@ -8,6 +8,6 @@ repository (`make viewer`).
 from thingc.targets.target import Target
 
 TARGET = Target(
-    position=10, says="the robot in a browser", emitters=("thingc.targets.html.emit:emit",), writes=("html/*.html",), unasked=False,
+    position=10, says="the robot in a browser", emitter="thingc.targets.html.emit:emit", writes=("html/*.html",), unasked=False,
     files={"html/NAME.html": "a page that shows all modes of the robot"}, numbers_in_text=False,
 )

@@ -2,8 +2,8 @@
 
 from thingc.targets.target import Target
 
-TARGET = Target(  # `modes.json` contains addresses in the models, so both targets are written together
-    position=1, says="MuJoCo models and scenes, one per mode", emitters=("thingc.targets.mjcf.emit:emit", "thingc.targets.modes_json:emit"),
+TARGET = Target(
+    position=1, says="MuJoCo models and scenes, one per mode", emitter="thingc.targets.mjcf.emit:emit_with_modes",
     writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.targets.mjcf.capabilities", by_name=True,
     libraries=("mujoco",),
     files={

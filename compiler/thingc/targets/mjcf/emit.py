@@ -12,6 +12,7 @@ from thingc.base.generated_header import heading
 from thingc.base.zip_files import MODEL, ZipEntry, deflate, zipped
 from thingc.geometry.store.local import BlobMissing, Store
 from thingc.model.robot.types import Robot
+from thingc.targets import modes_json
 from thingc.targets.artifact import Artifacts, Content, Loss, StoredArtifact
 from thingc.targets.capabilities import losses
 from thingc.targets.custom_names import called
@@ -43,6 +44,12 @@ def emit(request: EmitRequest) -> Artifacts:
         files[f"mjcf/scene_{candidate.mode}.xml"] = candidate.scene.text.encode()
     files |= {f"mjcf/assets/{file}": stored for file, stored in made.assets.items()}
     return Artifacts(files=dict(sorted(files.items())), losses=made.losses)
+
+
+def emit_with_modes(request: EmitRequest) -> Artifacts:
+    """Return the files of `emit`, and `modes.json`, which contains addresses in the models."""
+    made = emit(request)
+    return replace(made, files={**made.files, **modes_json.emit(request).files})
 
 
 def models(request: EmitRequest) -> Models:

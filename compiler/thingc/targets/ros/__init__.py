@@ -3,7 +3,7 @@
 from thingc.targets.target import Target
 
 TARGET = Target(
-    position=7, says="a ROS 2 package with all modes", emitters=("thingc.targets.ros.emit:emit",), unasked=False,
+    position=7, says="a ROS 2 package with all modes", emitter="thingc.targets.ros.emit:emit", unasked=False,
     writes=(
         "ros/*/package.xml", "ros/*/CMakeLists.txt", "ros/*/urdf/*.urdf", "ros/*/meshes/*.obj", "ros/*/launch/*.launch.py",
         "ros/*/config/*.srdf", "ros/*/config/*.yaml", "ros/*/config/*.rviz",

@@ -3,6 +3,6 @@
 from thingc.targets.target import Target
 
 TARGET = Target(
-    position=4, says="the whole robot", emitters=("thingc.targets.step.emit:emit",), writes=("step/*.step",),
+    position=4, says="the whole robot", emitter="thingc.targets.step.emit:emit", writes=("step/*.step",),
     files={"step/NAME.step": "the robot at q = 0"}, numbers_in_text=True,
 )

@@ -3,6 +3,6 @@
 from thingc.targets.target import Target
 
 TARGET = Target(
-    position=3, says="print files", emitters=("thingc.targets.stl.emit:emit",), writes=("stl/*.stl",),
+    position=3, says="print files", emitter="thingc.targets.stl.emit:emit", writes=("stl/*.stl",),
     files={"stl/DEFINITION.stl": "print files in millimetres"}, numbers_in_text=True,
 )
