@@ -33,7 +33,18 @@ class Page(FrozenStruct):
         template that opens a file in an editor. The template contains `{file}` (the path in the workspace) and `{line}`. `against` is the
         page of another robot with which this robot is compared.
         """
-        return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
+        own = resources.files("thingc.targets.html") / "page"
+        texts = {
+            "@STYLE@": (own / "viewer.css").read_text(encoding="utf-8"), "@SCRIPT@": (own / "viewer.js").read_text(encoding="utf-8"),
+            "@TITLE@": html.escape(escape_control(self.name)), "@LIVE@": "\n".join(
+                f'<meta name="thingc-{name}" content="{html.escape(content)}">'
+                for name, content in (("live", live), ("editor", editor)) if content is not None
+            ),
+            "@CONNECT@": "'none'" if live is None else "'self'", "@ROBOT@": self.data, "@GEOMETRY@": base64.b64encode(self.glb).decode(),
+            "@AGAINST@": "" if against is None else _AGAINST.format(data=against.data, glb=base64.b64encode(against.glb).decode()),
+        }
+        frame = pieces((own / "viewer.html").read_text(encoding="utf-8"))
+        return "".join(texts.get(piece, piece) for piece in frame).encode()
 
     def news(self) -> bytes:
         """Return the data and meshes of the page as a JSON message that updates a live page.
@@ -47,22 +58,7 @@ def waiting(name: str, editor: str | None = None) -> bytes:
     """Return a live page that waits for the first successful build, and then shows the robot. Until then, the title of the page is
     `name`.
     """
-    return _framed(name, "null", b"", live="", editor=editor, against=None)
-
-
-def _framed(name: str, data: str, glb: bytes, *, live: str | None, editor: str | None, against: Page | None) -> bytes:
-    own = resources.files("thingc.targets.html") / "page"
-    texts = {
-        "@STYLE@": (own / "viewer.css").read_text(encoding="utf-8"), "@SCRIPT@": (own / "viewer.js").read_text(encoding="utf-8"),
-        "@TITLE@": html.escape(escape_control(name)), "@LIVE@": "\n".join(
-            f'<meta name="thingc-{name}" content="{html.escape(content)}">'
-            for name, content in (("live", live), ("editor", editor)) if content is not None
-        ),
-        "@CONNECT@": "'none'" if live is None else "'self'", "@ROBOT@": data, "@GEOMETRY@": base64.b64encode(glb).decode(),
-        "@AGAINST@": "" if against is None else _AGAINST.format(data=against.data, glb=base64.b64encode(against.glb).decode()),
-    }
-    frame = pieces((own / "viewer.html").read_text(encoding="utf-8"))
-    return "".join(texts.get(piece, piece) for piece in frame).encode()
+    return Page(name=name, data="null", glb=b"").html(live="", editor=editor)
 
 
 def page_of(request: EmitRequest) -> Page:

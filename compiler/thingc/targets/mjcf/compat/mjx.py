@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import adhesion_contacts
@@ -103,27 +102,18 @@ def _condim(one: ContactPairs, other: ContactPairs) -> int:
     return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
 
 
-class _Kind(FrozenStruct, kw_only=False):
-    """The properties of a geom that determine whether MJX rejects its contacts."""
-
-    values: tuple[str, ...]
-    raw: bool
-
-
 def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
     """Yield one pair of geoms for each reason why MJX rejects contacts."""
-    seen: set[tuple[_Kind, _Kind]] = set()
+    kinds: dict[object, tuple[ContactPairs, ContactPairs]] = {}
     for pair in meeting:
-        one, other = (
-            _Kind(
-                (geom.type, str(geom.margin), geom.values.get("condim", ""), geom.values.get("priority", "")),
-                bool(geom.element and geom.element.raw),
-            )
-            for geom in pair
-        )
-        if (one, other) not in seen:
-            seen.add((one, other))
-            yield pair
+        kinds.setdefault(tuple(map(_kind, pair)), pair)
+    yield from kinds.values()
+
+
+def _kind(geom: ContactPairs) -> tuple[object, ...]:
+    """Return the properties of a geom that determine whether MJX rejects its contacts."""
+    raw = bool(geom.element and geom.element.raw)
+    return geom.type, geom.margin, geom.values.get("condim"), geom.values.get("priority"), raw
 
 
 # --- harmless changes ------------------------------------------------------------------------------------------------------
