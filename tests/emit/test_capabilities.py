@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import pytest
 
 import thingc
 from loops.robots import compiled
 from thingc.base.diagnostics import Report
-from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Cell, Supported, losses
+from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Cell, Supported, losses
 from thingc.targets.geometry import collect_geometry
 from thingc.targets.mjcf import body_tree as mjcf
 from thingc.targets.mjcf.capabilities import CAPABILITIES as MJCF
+from thingc.targets.registry import TARGETS
 from thingc.targets.sdf import model_element as sdf
 from thingc.targets.sdf.capabilities import CAPABILITIES as SDF
 from thingc.targets.sdf.chain import zero_state
@@ -82,6 +84,14 @@ modes:
 def every(cell: Cell[None]) -> Any:
     """A format of which every cell is this."""
     return {group: dict.fromkeys(cells, cell) for group, cells in MJCF.items()}
+
+
+@pytest.mark.parametrize("name", [name for name, target in TARGETS.items() if target.capabilities is not None])
+def test_the_table_of_a_target_is_complete(name: str) -> None:
+    table = import_module(str(TARGETS[name].capabilities)).CAPABILITIES
+    features = {group: set(get_args(get_args(hint)[0])) for group, hint in get_type_hints(Capabilities).items()}
+    assert {group: set(cells) for group, cells in table.items()} == features
+    assert {"ball", "hold"} <= features["loops"] and {"box", "hull"} <= features["shapes"]  # literals within literals are resolved
 
 
 @pytest.fixture(scope="module")

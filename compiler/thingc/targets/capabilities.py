@@ -2,16 +2,16 @@
 
 Each table determines what the emitter writes, which export losses it reports, and the column of the target in `docs/formats.md`.
 
-The types of the tables ensure that they are complete, because mypy reports a missing feature. If a feature can be written in several ways,
-its table cell contains a keyword of the target (`by`). The emitter selects the way with a `match` statement on this keyword (`written`).
-mypy reports an unknown keyword or a missing case. The export losses of a build depend on the robot. The function `losses` checks which
-features the robot uses, in the same way for all targets.
+The keys of the tables are the literals below. mypy reports an unknown feature, and a test reports a missing feature. If a feature can be
+written in several ways, its table cell contains a keyword of the target (`by`). The emitter selects the way with a `match` statement on
+this keyword (`written`). mypy reports an unknown keyword or a missing case. The export losses of a build depend on the robot. The function
+`losses` checks which features the robot uses, in the same way for all targets.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never, cast, get_args
+from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never, get_args, get_type_hints
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, physical_fault
@@ -20,8 +20,9 @@ from thingc.base.pose import NO_POSE, Vector
 from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.base.sensor_kinds import SensorType
 from thingc.base.source import Origin
+from thingc.geometry.record import DriveType
 from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge, LinkedSensor, LinkedTendon
-from thingc.model.robot.types import Robot, TreeJoint
+from thingc.model.robot.types import ClosureKind, Robot, TreeJoint
 from thingc.targets.artifact import Loss
 
 GRAVITY: Vector = (0.0, 0.0, -9.81)
@@ -97,133 +98,41 @@ def written(cell: Cell[By]) -> By | None:
     return cell.by if isinstance(cell, (Supported, Lossy)) else None
 
 
-class Joints(TypedDict, Generic[By]):
-    """The joints that a format supports, by type of motion (see `joint_cell`).
+JointCell = Literal["single", "several", "universal", "screw", "ball", "free"]
+"""The types of motion of joints (see `joint_cell`). The same cells apply to a planar or ball base and to a joint that cuts a loop."""
 
-    The same cells apply to a planar or ball base and to a joint that cuts a loop.
-    """
+JointFeature = Literal[
+    "cone", "velocity", "damping", "friction", "armature", "stiffness", "mimic", "polynomial", "tendon", "differential", "backlash",
+    "delay", "effects",
+]
+"""The properties of joints and their drives."""
 
-    single: Written[By]
-    several: Written[By]
-    universal: Written[By]
-    screw: Written[By]
-    ball: Written[By]
-    free: Written[By]
+DriveCell = Literal[DriveType, "universal", "ball"]
+"""The kinds of drives. Each drive of a `ball` has its own axis. A `universal` joint has two drives."""
 
+LoopCell = Literal["hold", ClosureKind]
+"""The loops, by the motion that remains free at the cut. `hold` applies to mounts that are held at their positions in the world."""
 
-class OfJoints(TypedDict):
-    """The properties of joints that a format supports."""
+BaseFeature = Literal["held", "free", "start", "planar", "ball"]
+"""The moving bases. `start` is the initial pose of a free base."""
 
-    cone: Plain
-    velocity: Plain
-    damping: Plain
-    friction: Plain
-    armature: Plain
-    stiffness: Plain
-    mimic: Plain
-    polynomial: Plain
-    tendon: Plain
-    differential: Plain
-    backlash: Plain
-    delay: Plain
-    effects: Plain
+ModeFeature = Literal["gravity", "poses", "exclude", "pairs", "groups", "timestep", "simulation"]
+"""The properties of modes. `simulation` covers all simulation settings except `timestep`."""
 
+LinkFeature = Literal["frames", "colours", "friction", "rolling", "adhesion", "weightless", "weightless_base", "point", "line"]
+"""The properties of links.
 
-class Drives(TypedDict, Generic[By]):
-    """The drives that a format supports, by kind.
+`rolling` is for rolling friction. `weightless` is for a massless link that a joint moves, and `weightless_base` is for a massless base.
+`point` and `line` are for masses at a point or on a line, because no solid can have such an inertia.
+"""
 
-    Each drive of a `ball` has its own axis. A `universal` joint has two drives.
-    """
+ShapeCell = Literal[PrimitiveShape, "hull", "mesh"]
+"""The collision shapes. `mesh` is for a non-convex mesh that is not replaced by its convex hull. The same cells also apply to visual
+primitives.
+"""
 
-    position: Cell[By]
-    velocity: Cell[By]
-    motor: Cell[By]
-    universal: Cell[By]
-    ball: Cell[By]
-
-
-class LoopKinds(TypedDict, Generic[By]):
-    """The loops that a format supports, by the motion that remains free at the cut.
-
-    The cell `hold` applies to mounts that are held at their positions in the world.
-    """
-
-    hold: Cell[By]
-    weld: Cell[By]
-    ball: Cell[By]
-    hinge: Cell[By]
-    slide: Cell[By]
-    screw: Cell[By]
-    universal: Cell[By]
-    several: Cell[By]
-
-
-class Bases(TypedDict):
-    """The moving bases that a format supports. `start` is the initial pose of a free base."""
-
-    held: Plain
-    free: Plain
-    start: Plain
-    planar: Plain
-    ball: Plain
-
-
-class Modes(TypedDict):
-    """The properties of modes that a format supports. `simulation` covers all simulation settings except `timestep`."""
-
-    gravity: Plain
-    poses: Plain
-    exclude: Plain
-    pairs: Plain
-    groups: Plain
-    timestep: Plain
-    simulation: Plain
-
-
-class Links(TypedDict):
-    """The properties of links that a format supports.
-
-    The cell `rolling` is for rolling friction. `weightless` is for a massless link that a joint moves, and `weightless_base` is for a
-    massless base. `point` and `line` are for masses at a point or on a line, because no solid can have such an inertia.
-    """
-
-    frames: Plain
-    colours: Plain
-    friction: Plain
-    rolling: Plain
-    adhesion: Plain
-    weightless: Plain
-    weightless_base: Plain
-    point: Plain
-    line: Plain
-
-
-class ContactShapes(TypedDict, Generic[By]):
-    """The collision shapes that a format supports.
-
-    The cell `mesh` is for a non-convex mesh that is not replaced by its convex hull. The same cells also apply to visual primitives.
-    """
-
-    box: Cell[By]
-    cylinder: Cell[By]
-    capsule: Cell[By]
-    sphere: Cell[By]
-    ellipsoid: Cell[By]
-    plane: Cell[By]
-    hull: Cell[By]
-    mesh: Cell[By]
-
-
-def all_sensors(cell: Cell[By]) -> dict[SensorType, Cell[By]]:
-    """Create a table in which every kind of sensor has the same support."""
-    return dict.fromkeys(get_args(SensorType), cell)
-
-
-class OfSensors(TypedDict):
-    """The properties of sensors that a format supports."""
-
-    noise: Plain
-    cutoff: Plain
+SensorFeature = Literal["noise", "cutoff"]
+"""The properties of sensors."""
 
 
 class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
@@ -233,30 +142,25 @@ class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
     `Never` if the emitter does not write the feature.
     """
 
-    joints: Joints[Joint]
-    of_joints: OfJoints
-    drives: Drives[Drive]
-    loops: LoopKinds[Loop]
-    bases: Bases
-    modes: Modes
-    links: Links
-    shapes: ContactShapes[Shape]
+    joints: Mapping[JointCell, Written[Joint]]
+    of_joints: Mapping[JointFeature, Plain]
+    drives: Mapping[DriveCell, Cell[Drive]]
+    loops: Mapping[LoopCell, Cell[Loop]]
+    bases: Mapping[BaseFeature, Plain]
+    modes: Mapping[ModeFeature, Plain]
+    links: Mapping[LinkFeature, Plain]
+    shapes: Mapping[ShapeCell, Cell[Shape]]
     sensors: Mapping[SensorType, Cell[Sensor]]
-    of_sensors: OfSensors
+    of_sensors: Mapping[SensorFeature, Plain]
+
+
+def all_of(group: str, cell: Cell[By]) -> dict[Any, Cell[By]]:
+    """Create the table of a group of features, such as `loops`, in which all features have the same support."""
+    return dict.fromkeys(get_args(get_args(get_type_hints(Capabilities)[group])[0]), cell)
 
 
 AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
 """Type of the capabilities of an arbitrary target."""
-
-
-def uniform(cell: Cell[Any]) -> AnyCapabilities:
-    """Create the tables of a target in which all features have the same support. Only the table of joints is missing."""
-    tables = {
-        "of_joints": OfJoints, "drives": Drives, "loops": LoopKinds, "bases": Bases, "modes": Modes, "links": Links,
-        "shapes": ContactShapes, "of_sensors": OfSensors,
-    }
-    cells = {name: dict.fromkeys(table.__annotations__, cell) for name, table in tables.items()}
-    return cast("AnyCapabilities", {**cells, "sensors": all_sensors(cell)})
 
 
 def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
@@ -480,12 +384,12 @@ def _drive_words(drive: ActuatorModel) -> str:
     return f"the drive: {drive.kind}{about}{''.join(gains)}"
 
 
-def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:
+def drive_cell(joint: TreeJoint | JointEdge, drive: ActuatorModel) -> DriveCell:
     """Return the name of the table cell for the drive of a joint, such as `position` or `ball`."""
     return joint.kind.name if joint.kind.name in ("ball", "universal") else drive.kind
 
 
-def joint_cell(kind: JointKind) -> Literal["single", "several", "universal", "screw", "ball", "free"]:
+def joint_cell(kind: JointKind) -> JointCell:
     """Return the name of the table cell for a joint, from its coordinates and its motion. Raises `ValueError` if the joint is fixed."""
     if not kind.moves:
         raise ValueError("a fixed joint does not move")

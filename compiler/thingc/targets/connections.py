@@ -5,7 +5,7 @@ The connections are the joints of the tree and the joints that close loops.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -15,7 +15,7 @@ from thingc.base.source import Origin
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, TreeJoint
-from thingc.targets.capabilities import LoopKinds, written
+from thingc.targets.capabilities import Cell, LoopCell, written
 
 HOLD = "_hold"
 """Suffix of the name of a joint that holds a mount."""
@@ -44,7 +44,7 @@ class Connection(FrozenStruct):
     in_tree: bool = True
 
 
-def connections(robot: Robot, loops: LoopKinds[Literal["joint"]], *, closed: bool = True) -> Iterator[Connection]:
+def connections(robot: Robot, loops: Mapping[LoopCell, Cell[Literal["joint"]]], *, closed: bool = True) -> Iterator[Connection]:
     """Yield the connections between the bodies of a mode. The joints of the tree come first, in the order of the bodies. The closed loops
     and holds that the format supports come last. Free joints are omitted.
     """

@@ -27,7 +27,7 @@ from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Surface
 from thingc.model.robot.types import Body, Robot
 from thingc.targets.artifact import Artifacts, Loss
-from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Lossy, Omitted, Supported, joint_cell, losses, uniform
+from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Lossy, Omitted, Supported, all_of, joint_cell, losses
 from thingc.targets.geometry import ENDLESS, channels, linear, material_name, numbered
 from thingc.targets.request import EmitRequest
 
@@ -43,22 +43,21 @@ JointForm = Literal["nodes", "node"]
 _NODE: Supported[JointForm] = Supported("nodes")
 _CHAIN: Supported[JointForm] = Supported("nodes", "a node for each coordinate")
 
-_BESIDE = uniform(BESIDE)
-
 CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
-    **_BESIDE,
     "joints": {
         "single": _NODE, "several": _CHAIN, "universal": _CHAIN, "ball": Supported("node"), "free": Supported("node"),
         "screw": Lossy("nodes", "omitted", ": glTF cannot couple the rotation and the translation of a node"),
     },
-    "of_joints": {**_BESIDE["of_joints"], "mimic": Omitted(": the node of the joint does not follow the other joint")},
+    "of_joints": {**all_of("of_joints", BESIDE), "mimic": Omitted(": the node of the joint does not follow the other joint")},
+    "drives": all_of("drives", BESIDE),
     "loops": {
-        **uniform(Omitted(": rotating the nodes of joints opens the loop"))["loops"],
+        **all_of("loops", Omitted(": rotating the nodes of joints opens the loop")),
         "hold": Omitted(": rotating the nodes of joints moves the held mount"),
     },
-    "bases": {**_BESIDE["bases"], "start": SAYS},
-    "modes": {**_BESIDE["modes"], "poses": Supported(None, "only the start pose of the mode")},
-    "links": {**_BESIDE["links"], "colours": SAYS},
+    "bases": {**all_of("bases", BESIDE), "start": SAYS},
+    "modes": {**all_of("modes", BESIDE), "poses": Supported(None, "only the start pose of the mode")},
+    "links": {**all_of("links", BESIDE), "colours": SAYS},
+    "shapes": all_of("shapes", BESIDE), "sensors": all_of("sensors", BESIDE), "of_sensors": all_of("of_sensors", BESIDE),
 }
 """The features of a robot that glTF can express. Masses, drives and similar properties are not reported as export losses, because users do
 not expect them in glTF files.

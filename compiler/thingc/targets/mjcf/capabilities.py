@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from thingc.targets.capabilities import SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
+from thingc.targets.capabilities import SAYS, Capabilities, Lossy, Omitted, Supported, all_of
 
 JointForm = Literal["each", "threaded", "ball", "free"]
 """How a joint is written: as a hinge or a slide for each coordinate, as a coupled hinge and slide, as a ball, or as a free joint."""
@@ -60,6 +60,6 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS,
         "mesh": Lossy(None, "approximated", ": MuJoCo uses the convex hull of a mesh"),
     },
-    "sensors": {**all_sensors(_ELEMENTS), "camera": Supported("camera")},
+    "sensors": {**all_of("sensors", _ELEMENTS), "camera": Supported("camera")},
     "of_sensors": {"noise": SAYS, "cutoff": SAYS},
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from thingc.targets.capabilities import OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
+from thingc.targets.capabilities import OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_of
 
 JointForm = Literal["each", "universal", "ball", "free"]
 """How a joint is written: as one SDF joint for each coordinate, as an SDF joint with two axes, or as an SDF joint without axes."""
@@ -40,10 +40,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "velocity": Lossy("velocity controller", "carried as custom data", _PLUGIN),
         "motor": Lossy("force", "carried as custom data", _PLUGIN), "universal": OMITTED, "ball": OMITTED,
     },
-    "loops": {
-        "hold": Supported("joint", "a fixed joint to the world"), "weld": _LOOP, "ball": _LOOP, "hinge": _LOOP, "slide": _LOOP,
-        "screw": _LOOP, "universal": _LOOP, "several": _LOOP,
-    },
+    "loops": {**all_of("loops", _LOOP), "hold": Supported("joint", "a fixed joint to the world")},
     "bases": {
         "held": Lossy(None, "approximated", ": the base is fixed in the file"), "free": SAYS, "start": SAYS,
         "planar": Lossy(None, _CHAIN.how, _CHAIN.words), "ball": SAYS,
@@ -57,15 +54,13 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "frames": Supported(None, "`<frame>`"), "colours": SAYS, "friction": SAYS, "rolling": OMITTED, "adhesion": OMITTED,
         "weightless": _LIGHT, "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
-    "shapes": {
-        "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS, "mesh": SAYS,
-    },
+    "shapes": all_of("shapes", SAYS),
     "sensors": {
-        **all_sensors(OMITTED),
+        **all_of("sensors", OMITTED),
         "imu": Supported("imu"), "force": Supported("force_torque"), "camera": Supported("camera"),
         "joint": Omitted(": SDF has no joint sensor"),
         "accelerometer": Supported("imu", "an `imu`"), "gyro": Supported("imu", "an `imu`"), "magnetometer": Supported("magnetometer"),
         "rangefinder": Supported("gpu_lidar", "a `gpu_lidar` with one ray"), "contact": Supported("contact"),
     },
-    "of_sensors": {"noise": OMITTED, "cutoff": OMITTED},
+    "of_sensors": all_of("of_sensors", OMITTED),
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Never
 
-from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
+from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_of
 
 JointForm = Literal["each", "threaded", "floating"]
 """How a joint is written. A coordinate becomes a rotation or a slide, and a screw becomes a rotation and a slide that mimics the
@@ -40,10 +40,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
         "position": _GAINS, "velocity": _GAINS, "motor": Supported("transmission", "`<transmission>`"), "universal": _GAINS,
         "ball": BALL_DRIVE,
     },
-    "loops": {
-        "hold": OMITTED, "weld": _LOOP, "ball": _LOOP, "hinge": _LOOP, "slide": _LOOP, "screw": _LOOP,
-        "universal": _LOOP, "several": _LOOP,
-    },
+    "loops": {**all_of("loops", _LOOP), "hold": OMITTED},
     "bases": {
         "held": Lossy(None, "approximated", ": the base is fixed in the file"),
         "free": Supported(None, "no link `world`, and `<static>` is false"),
@@ -60,10 +57,9 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
         "point": SAYS, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point mass"),
     },
     "shapes": {
-        "box": _ITSELF, "cylinder": _ITSELF,
-        "capsule": Supported("cylinder and balls", "a cylinder between two spheres"), "sphere": _ITSELF,
-        "ellipsoid": Omitted(": not supported by URDF"), "plane": Omitted(": not supported by URDF"), "hull": _ITSELF, "mesh": _ITSELF,
+        **all_of("shapes", _ITSELF), "capsule": Supported("cylinder and balls", "a cylinder between two spheres"), "ellipsoid": _NONE,
+        "plane": _NONE,
     },
-    "sensors": all_sensors(_NONE),
-    "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
+    "sensors": all_of("sensors", _NONE),
+    "of_sensors": all_of("of_sensors", BESIDE),
 }

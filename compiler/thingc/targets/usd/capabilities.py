@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Never
 
-from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_sensors
+from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_of
 
 JointForm = Literal["single", "generic", "spherical", "free"]
 """How a joint is written: as `PhysicsRevoluteJoint` or `PhysicsPrismaticJoint`, as `PhysicsJoint`, or as `PhysicsSphericalJoint`."""
@@ -42,9 +42,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
     },
     "drives": {"position": _DRIVE, "velocity": _DRIVE, "motor": _DRIVE, "universal": _DRIVE, "ball": OMITTED},
     "loops": {
-        "hold": _EXCLUDED, "weld": _EXCLUDED, "ball": _EXCLUDED, "hinge": _EXCLUDED, "slide": _EXCLUDED,
-        "screw": Lossy("joint", "approximated", ": rotation and translation are independent"),
-        "universal": _EXCLUDED, "several": _EXCLUDED,
+        **all_of("loops", _EXCLUDED), "screw": Lossy("joint", "approximated", ": rotation and translation are independent"),
     },
     "bases": {
         "held": Lossy(None, "approximated", ": the base is fixed in the file"),
@@ -65,6 +63,6 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
         "ellipsoid": Supported("Sphere", "a scaled sphere"), "plane": Supported("Plane"), "hull": Supported("Mesh"),
         "mesh": Lossy("Mesh", "approximated", ": the convex hull of the mesh is used"),
     },
-    "sensors": all_sensors(_NONE),
-    "of_sensors": {"noise": BESIDE, "cutoff": BESIDE},
+    "sensors": all_of("sensors", _NONE),
+    "of_sensors": all_of("of_sensors", BESIDE),
 }
