@@ -240,7 +240,7 @@ def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFa
     assert zipped == {"manifest.json", "joint_order.json", *(f"everything_{mode}.mjz" for mode in many.modes)}
     with pytest.raises(UnknownChoice, match="there is no target `mjzz`") as fault:
         many.write(variant, tmp_path / "wrong", emit=["mjzz"])
-    assert str(fault.value.hint) == "did you mean `mjz`?"
+    assert fault.value.diagnostic.help == "did you mean `mjz`?"
     for place in ("/", "a\0b"):
         with pytest.raises(OutputError, match="cannot be a build folder"):
             many.write(variant, place)

@@ -205,7 +205,7 @@ class TestStrangers:
         report = Report()
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
-        raised.value.diagnose(report)
+        report.say(raised.value.diagnostic)
         (said,) = report.diagnostics
         assert said.code is Code.UNEXPECTED
         assert said.span is None
@@ -254,12 +254,12 @@ class TestStrangers:
         before = content(folder)
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
-        assert raised.value.message == "`arm` contains files that have changed since the build (`bom.csv`); nothing was written"
+        assert str(raised.value) == "`arm` contains files that have changed since the build (`bom.csv`); nothing was written"
         assert raised.value.names == ("bom.csv",) and content(folder) == before
         (folder / "notes.txt").touch()
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
-        assert raised.value.message == (
+        assert str(raised.value) == (
             "`arm` contains files that no build of `arm.yaml` wrote (`notes.txt`) and files that have changed since the build "
             "(`bom.csv`); nothing was written"
         )
@@ -334,7 +334,7 @@ class TestStrangers:
         before = content(tmp_path / "arm")
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, FIRST, store, force=True)
-        assert "--force" not in raised.value.hint and content(tmp_path / "arm") == before
+        assert "--force" not in raised.value.diagnostic.help and content(tmp_path / "arm") == before
 
     def test_force_gives_up_only_what_was_there(self, tmp_path: Path) -> None:
         class Meddler(Store):
@@ -369,7 +369,7 @@ class TestStrangers:
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, {**SECOND, "late.stl": StoredArtifact(sha256=sha256, size=4)}, store)
         assert raised.value.names == ("thesis.txt",)
-        assert ".thingc-" not in raised.value.message
+        assert ".thingc-" not in str(raised.value)
         assert content(folder) == {**FIRST, "thesis.txt": b"mine"}
         assert sorted(os.listdir(tmp_path)) == ["arm", "store"]
 
@@ -426,15 +426,15 @@ class TestRefused:
         (tmp_path / "build").write_text("mine")
         with pytest.raises(OutputError) as raised:
             build(tmp_path / "build", FIRST, store)
-        assert raised.value.message == "cannot write the build to `build/arm`: File exists"
-        assert raised.value.hint == "move the existing file, or build into another folder with -o"
+        assert str(raised.value) == "cannot write the build to `build/arm`: File exists"
+        assert raised.value.diagnostic.help == "move the existing file, or build into another folder with -o"
 
     def test_a_name_that_is_too_long(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         with pytest.raises(OutputError) as raised:
             build(tmp_path, with_manifest({f"{'a' * 300}.stl": b"x"}), store)
-        assert raised.value.message == "cannot write the build to `arm`: File name too long"
-        assert raised.value.hint == (
+        assert str(raised.value) == "cannot write the build to `arm`: File name too long"
+        assert raised.value.diagnostic.help == (
             "use shorter names in the document, or build into another folder with -o"
         )
 
@@ -443,7 +443,7 @@ class TestRefused:
         report = Report()
         with pytest.raises(OutputError) as raised:
             write_build("/proc/self", "arm", FIRST, store, "arm.yaml")
-        raised.value.diagnose(report)
+        report.say(raised.value.diagnostic)
         (said,) = report.diagnostics
         assert said.code is Code.OUTPUT
         assert said.message.startswith("cannot write the build to `proc/self/arm`: ")
@@ -461,7 +461,7 @@ class TestRefused:
             try:
                 build(tmp_path, big, store)
             except OutputError as fault:
-                os._exit(7 if fault.message.startswith("there is not enough space for the build in `") else 8)
+                os._exit(7 if str(fault).startswith("there is not enough space for the build in `") else 8)
             os._exit(9)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
         assert content(folder) == FIRST

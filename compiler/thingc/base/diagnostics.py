@@ -336,6 +336,16 @@ class Diagnostic(OneLineRepr, FrozenStruct):
             force_setattr(self, "help", shortened(self.help))
 
 
+class UserError(Exception):
+    """Raised for an error that the user can fix, such as a wrong command line. `diagnostic` describes the error, without a location."""
+
+    code: Code = Code.COMMAND_LINE
+
+    def __init__(self, message: str, hint: Hint | None = None, code: Code | None = None) -> None:
+        super().__init__(message)
+        self.diagnostic = Diagnostic(code=code or self.code, severity=Severity.ERROR, message=message, help=text_of(hint))
+
+
 class Allowance(FrozenStruct, eq=False):
     """An entry of `allow:` in a document, which suppresses the warnings with one diagnostic code in a part of the document.
 

@@ -7,9 +7,8 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 
-from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.base.diagnostics import Code, UserError, shown_path
 from thingc.base.filesystem import NO_ROOM, lock, opened, write_whole
-from thingc.base.suggestions import Hint, text_of
 
 Change = tuple[bytes | None, bytes | None]
 """The content of a file when it was read, and its new content. None means that the file does not exist."""
@@ -20,12 +19,10 @@ The total time is longer than any command holds the lock.
 """
 
 
-class ReplacementRefused(Exception):
-    """Raised if files could not be replaced, for example because one of them has changed. `diagnostic` contains the reason."""
+class ReplacementRefused(UserError):
+    """Raised if files could not be replaced, for example because one of them has changed."""
 
-    def __init__(self, message: str, help: Hint | None = None) -> None:
-        super().__init__(message)
-        self.diagnostic = Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message, help=text_of(help))
+    code = Code.OUTPUT
 
 
 def replace_files(changes: Mapping[str, Change]) -> None:

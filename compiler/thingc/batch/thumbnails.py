@@ -53,7 +53,7 @@ def main() -> None:
     try:
         ready()
     except NoGraphics as fault:
-        answer({"fault": fault.message, "hint": fault.hint})
+        answer({"fault": str(fault), "hint": fault.diagnostic.help})
         return
     for path, picture in asked["draw"]:
         data = small_picture(*load_pictures(path), asked["pose"], asked["points"], asked["gravity"])

@@ -22,7 +22,7 @@ import stat
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol
 
-from thingc.base.diagnostics import Code, Report, shown_path
+from thingc.base.diagnostics import Code, UserError, shown_path
 from thingc.base.filesystem import check_tree, exchange, lock
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import quoted
@@ -48,19 +48,10 @@ class Blobs(Protocol):
         ...
 
 
-class OutputError(Exception):
-    """Raised if a build folder cannot be written. `message` is the reason, and `hint` is the help text."""
+class OutputError(UserError):
+    """Raised if a build folder cannot be written."""
 
     code = Code.OUTPUT
-
-    def __init__(self, message: str, hint: str) -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
-
-    def diagnose(self, report: Report) -> None:
-        """Add this error to `report`, as a diagnostic without a location in a document."""
-        report.add(self.code, self.message, None, help=self.hint)
 
 
 class UnexpectedFilesError(OutputError):

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Report, Stage, shown_path
+from thingc.base.diagnostics import Code, Report, Stage, UserError, shown_path
 from thingc.base.filesystem import beginning
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.safe_text import shortened
-from thingc.base.suggestions import Hint, did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Environment, Options
 
 if TYPE_CHECKING:
@@ -52,13 +52,11 @@ _NAMES_PART = re.compile(rb"\b(?:part|file)[\"']?\s*[:=]")
 _NAMES_ASSEMBLY = re.compile(rb"\bassembly[\"']?\s*[:=]\s*[\"']?([^\s\"',}]+)")
 
 
-class UnknownChoice(Exception):
-    """Raised if the user requests a mode, a target or a program that does not exist."""
+class UnknownChoice(UserError):
+    """Raised if the user requests a mode, a target or a program that does not exist. The string also contains the help text."""
 
-    def __init__(self, message: str, hint: Hint) -> None:
-        super().__init__(f"{message}: {hint}")
-        self.message = message
-        self.hint = str(hint)
+    def __str__(self) -> str:
+        return f"{super().__str__()}: {self.diagnostic.help}"
 
 
 def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from thingc.base.diagnostics import Code, UserError
 from thingc.base.frozen_struct import FrozenStruct
 
 if TYPE_CHECKING:
@@ -29,13 +30,10 @@ ceiling, the camera looks up at the ceiling.
 """
 
 
-class NoGraphics(Exception):
-    """Raised if this machine cannot render pictures. `message` is the reason, and `hint` is the help text."""
+class NoGraphics(UserError):
+    """Raised if this machine cannot render pictures."""
 
-    def __init__(self, message: str, hint: str) -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
+    code = Code.NO_GRAPHICS
 
 
 class Shot(FrozenStruct):

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from pprint import pformat
 
+from thingc.base.diagnostics import UserError
 from thingc.model.robot.types import Robot
 from thingc.targets.name_mangling import safe
 from thingc.targets.ros.control import ros2_control
@@ -16,12 +17,8 @@ from thingc.tools.calibration.calibration import CalibratedJoint
 Calibration = Sequence[CalibratedJoint]
 
 
-class ExportRefused(Exception):
-    """Raised if a format cannot express a calibration. `hint` is an instruction for the user."""
-
-    def __init__(self, message: str, hint: str) -> None:
-        super().__init__(message)
-        self.hint = hint
+class ExportRefused(UserError):
+    """Raised if a format cannot express a calibration."""
 
 
 def lerobot(calibration: Calibration, robot: Robot) -> str:

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 
 from msgspec.structs import replace
 
@@ -35,19 +36,19 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
             raise console.WrongCommandLine("--fix cannot be combined with --no-code", "use --fix only for documents that you trust")
     except console.WrongCommandLine as fault:
         return _say(arguments, [fault.diagnostic], [])
-    disk = _Disk()
+    read = cache(_read)  # each file is read only once
     texts: dict[str, bytes] = {}
     mended: list[TextEdit] = []
     diagnostics: list[Diagnostic] = []
     for document in console.present(documents, diagnostics):
-        done, texts, left = _autofix(document, replace(options, lock=True), texts, disk, report_of, strict=arguments.strict)
+        done, texts, left = _autofix(document, replace(options, lock=True), texts, read, report_of, strict=arguments.strict)
         mended += done
         diagnostics.extend(d for d in left if d not in diagnostics)
     if not arguments.diff:
-        replace_files({file: (disk.known[file], data) for file, data in sorted(texts.items())})
+        replace_files({file: (read(file), data) for file, data in sorted(texts.items())})
     elif arguments.format == "text":
         for file, data in sorted(texts.items()):
-            console.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (disk.read(file) or b"", data)))
+            console.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (read(file) or b"", data)))
         places = counted(len(mended), "place")
         console.say(f"would fix {places}, {counted(len(diagnostics), 'diagnostic')} would remain")
         return console.exit_code(diagnostics)
@@ -55,7 +56,7 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
 
 
 def _autofix(
-    document: str, options: Options, texts: Mapping[str, bytes], disk: _Disk, report_of: ReportOf, *, strict: bool
+    document: str, options: Options, texts: Mapping[str, bytes], read: Callable[[str], bytes | None], report_of: ReportOf, *, strict: bool,
 ) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
     spaces: list[Workspace] = []
 
@@ -65,28 +66,20 @@ def _autofix(
             report = report_of(environment, compilation)
         if environment.workspace is not None:
             spaces.append(environment.workspace)
-        read = () if compilation.documents is None else tuple(compilation.documents.by_path.values())
-        return CheckResult(found=console.final(report, strict=strict), documents=read)
+        documents = () if compilation.documents is None else tuple(compilation.documents.by_path.values())
+        return CheckResult(found=console.final(report, strict=strict), documents=documents)
 
     def allowed(file: str) -> bool:
         return file.lower().endswith(DOCUMENT_SUFFIXES) and bool(spaces) and spaces[-1].contains(file)
 
-    return autofix(look, texts, allowed, disk.read)
+    return autofix(look, texts, allowed, read)
 
 
-class _Disk:
-    """Caches the contents of files, so that each file is read only once."""
-
-    def __init__(self) -> None:
-        self.known: dict[str, bytes | None] = {}
-
-    def read(self, file: str) -> bytes | None:
-        """Return the bytes of a file, or None if the file cannot be read."""
-        if file not in self.known:
-            self.known[file] = None
-            with contextlib.suppress(OSError), open(file, "rb") as stream:
-                self.known[file] = stream.read()
-        return self.known[file]
+def _read(file: str) -> bytes | None:
+    """Return the bytes of a file, or None if the file cannot be read."""
+    with contextlib.suppress(OSError), open(file, "rb") as stream:
+        return stream.read()
+    return None
 
 
 def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mended: Sequence[TextEdit]) -> int:

@@ -18,15 +18,14 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, UserError, shown_path
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import quoted
 from thingc.documents.workspace import CONSUMERS, Workspace
 from thingc.driver import build_document, pipeline, up_to_date
 from thingc.driver.build_document import BuildRequest, BuildResult
 from thingc.driver.environment import Environment, Options, attempted, store_of
-from thingc.driver.output import OutputError, build_folder, listed, unswept, verify
-from thingc.driver.pipeline import UnknownChoice
+from thingc.driver.output import build_folder, listed, unswept, verify
 from thingc.geometry.store.local import Store
 from thingc.targets.artifact import CARRIED
 from thingc.targets.registry import TARGETS, chosen, unknown
@@ -69,8 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
                 with contextlib.suppress(NoGraphics):  # the target reports the loss
                     ready()
             diagnostics, answer = _build(arguments, options, targets)
-    except (UnknownChoice, OutputError, console.WrongCommandLine) as fault:
-        diagnostics, answer = [console.of_exception(fault)], None
+    except UserError as fault:
+        diagnostics, answer = [fault.diagnostic], None
     said = answer or {"folder": "", "artifacts": [], "modelled": [], "reused": []}
     artifacts = [shown_path(os.path.join(said["folder"], path)) for path in said["artifacts"]]
     console.print_found(

@@ -73,7 +73,7 @@ def _convert(arguments: argparse.Namespace, environment: Environment) -> list[Di
         else:
             write_whole(os.path.abspath(arguments.output), text.encode())
     except ExportRefused as fault:
-        raise console.WrongCommandLine(f"--emit {arguments.emit}: {fault}", fault.hint) from fault
+        raise console.WrongCommandLine(f"--emit {arguments.emit}: {fault}", fault.diagnostic.help) from fault
     except OSError as fault:
         message = f"cannot write `{arguments.output}`: {(fault.strerror or str(fault)).lower()}"
         raise console.WrongCommandLine(message, "choose another file with -o", Code.OUTPUT) from fault

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from msgspec.structs import replace
@@ -16,7 +16,6 @@ from thingc.driver import pipeline, up_to_date
 from thingc.driver.environment import Environment, Options, attempted, store_of
 from thingc.driver.pipeline import Compilation
 from thingc.tools.cli import console, robot_files
-from thingc.tools.importing.import_request import ImportRequest
 
 EPILOG = """\
 Checks every key, name, unit, reference, limit and mass of a document and of the documents that it uses, in every mode.
@@ -55,66 +54,50 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc check`, and return the exit code, which is 0 if no document has errors."""
-    diagnostics: list[Diagnostic] = []
-    try:
-        options, source = console.options_of(arguments), robot_files.import_request(arguments)
-        if not arguments.document and arguments.touched:
-            raise console.WrongCommandLine("missing: files that have changed", "pass the output of `git diff --name-only main...`")
-        arguments.document = arguments.document or ["."]
-        trusted = arguments.touched and not arguments.no_code
-        robots = (robot_files.changed_robots if arguments.touched else robot_files.select_robot_files)(arguments.document)
-        documents = [word for word in arguments.document if word not in robots]
-        if trusted:
-            from thingc.tools.cli.touched import documents as touched
+    options, source, strict = console.options_of(arguments), robot_files.import_request(arguments), arguments.strict
+    if not arguments.document and arguments.touched:
+        raise console.WrongCommandLine("missing: files that have changed", "pass the output of `git diff --name-only main...`")
+    words = arguments.document or ["."]
+    robots = (robot_files.changed_robots if arguments.touched else robot_files.select_robot_files)(words)
+    documents = [word for word in words if word not in robots]
+    if arguments.touched and not arguments.no_code:
+        from thingc.tools.cli.touched import documents as touched
 
-            documents = [shown_path(path) for path in touched(arguments.document, store=arguments.store)]
-        folders = not arguments.touched and any(os.path.isdir(word) for word in arguments.document)
-        if folders:
-            documents = console.expanded(documents)
-    except console.WrongCommandLine as fault:
-        return _answer(arguments, [fault.diagnostic], [])
+        documents = [shown_path(path) for path in touched(words, store=arguments.store)]
+    folders = not arguments.touched and any(os.path.isdir(word) for word in words)
+    if folders:
+        documents = console.expanded(documents)
     if arguments.fix or arguments.diff:
         from thingc.tools.cli.autofix import run_fix
 
         return run_fix(arguments, documents if arguments.touched else [*documents, *robots], options, report_of)
     of = len(documents) + len(robots) if folders else None
-    remarks: list[str] = []
-    if arguments.no_code:
-        return _answer(arguments, *_untrusted(arguments, documents, robots, options, source, remarks), of=of, remarks=remarks)
-    found = {document: check(document, options, strict=arguments.strict) for document in console.present(documents, diagnostics)}
-    work = partial(robot_files.check_robot, options=options, source=source, strict=arguments.strict)
-    found |= robot_files.check_robots(robots, work, remarks)
+    check_document: Callable[[str], list[Diagnostic]] = partial(check, options=options, strict=strict)
+    check_robot = partial(robot_files.check_robot, options=options, source=source, strict=strict)
+    if arguments.no_code:  # check each file of the untrusted workspace in a sandboxed process
+        from thingc.tools.cli.sandboxed_check import confined
+
+        console.refuse_modules_of_others()
+        seconds = console.time_of("--time-limit", arguments.time_limit)
+        if arguments.touched:
+            names = confined(partial(_concerned_without_code, words), seconds)
+            if isinstance(names, Diagnostic):
+                return _answer(arguments, [names], [])
+            documents = names
+        check_document = partial(_check_confined, options=options, strict=strict, seconds=seconds)
+        check_robot = partial(robot_files.check_confined, options=options, source=source, strict=strict, seconds=seconds)
+    diagnostics, remarks = list[Diagnostic](), list[str]()
+    found = {document: check_document(document) for document in console.present(documents, diagnostics)}
+    found |= robot_files.check_robots(robots, check_robot, remarks)
     return _answer(arguments, *_merged(found, diagnostics), of=of, remarks=remarks)
 
 
-def _untrusted(
-    arguments: argparse.Namespace, documents: Sequence[str], robots: Sequence[str], options: Options, source: ImportRequest,
-    remarks: list[str],
-) -> tuple[list[Diagnostic], list[str]]:
-    """Check each document and each robot file of an untrusted workspace in a sandboxed process.
-
-    Return the diagnostics, and the paths of the documents and robot files without diagnostics. Remarks are added to `remarks`.
-    """
+def _check_confined(document: str, options: Options, *, strict: bool, seconds: float) -> list[Diagnostic]:
+    """Check a document of an untrusted workspace in a sandboxed process."""
     from thingc.tools.cli.sandboxed_check import confined
 
-    diagnostics: list[Diagnostic] = []
-    found: dict[str, list[Diagnostic]] = {}
-    try:
-        console.refuse_modules_of_others()
-        seconds = console.time_of("--time-limit", arguments.time_limit)
-    except console.WrongCommandLine as fault:
-        return [fault.diagnostic], []
-    if arguments.touched:
-        names = confined(partial(_concerned_without_code, arguments.document), seconds)
-        if isinstance(names, Diagnostic):
-            return [names], []
-        documents = names
-    for document in console.present(documents, diagnostics):
-        answer = confined(partial(_packed, document, options, arguments.strict), seconds)
-        found[document] = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else list(map(up_to_date.unpacked, answer))
-    work = partial(robot_files.check_confined, options=options, source=source, strict=arguments.strict, seconds=seconds)
-    found |= robot_files.check_robots(robots, work, remarks)
-    return _merged(found, diagnostics)
+    answer = confined(lambda: [up_to_date.packed(d) for d in without_code(document, options, strict=strict)], seconds)
+    return [replace(answer, path=document)] if isinstance(answer, Diagnostic) else list(map(up_to_date.unpacked, answer))
 
 
 def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
@@ -154,10 +137,6 @@ def without_code(document: str, options: Options, *, strict: bool) -> list[Diagn
     """Check one document without running part code of its workspace. The caller must limit the time and the memory of the check."""
     with Environment(document, replace(options, lock=True, code=False)) as environment:
         return findings(environment, pipeline.check(environment), strict=strict)
-
-
-def _packed(document: str, options: Options, strict: bool) -> list[dict[str, object]]:
-    return [up_to_date.packed(d) for d in without_code(document, options, strict=strict)]
 
 
 def _answer(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from functools import partial
 
 from msgspec import to_builtins
@@ -44,14 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         diagnostics = attempted(arguments.document, options, partial(_measure, arguments, found))
     except NoGraphics as fault:
-        diagnostics = [render.no_graphics(fault)]
-    if arguments.format == "json":
-        console.print_json(diagnostics, collision=to_builtins(found))
-        return console.exit_code(diagnostics)
-    code = console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    if found:
-        console.say(*as_text(found))
-    return code
+        diagnostics = [fault.diagnostic]
+    return console.print_result(arguments, diagnostics, as_text(found) if found else (), collision=to_builtins(found))
 
 
 def _measure(arguments: argparse.Namespace, found: list[Deviation], environment: Environment) -> list[Diagnostic]:

@@ -13,10 +13,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
 from thingc.base.diagnostic_output import as_json, as_text, summary
-from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, UserError, shown_path
 from thingc.base.filesystem import NO_ROOM, listing, without_suffix, working_folder
 from thingc.base.pose import Matrix, Vector
-from thingc.base.replacement import ReplacementRefused
 from thingc.base.safe_text import escape_control, json_text, shown_line
 from thingc.base.suggestions import Hint, did_you_mean, file_meant, nearest, text_of
 from thingc.driver.environment import Options
@@ -31,12 +30,8 @@ def error(message: str, help: Hint | None, code: Code, detail: str | None = None
     return Diagnostic(code=code, severity=Severity.ERROR, message=message, help=text_of(help), detail=detail)
 
 
-class WrongCommandLine(Exception):
-    """Raised if the command line is invalid (exit code 2). `diagnostic` describes the error."""
-
-    def __init__(self, message: str, hint: Hint | None = None, code: Code = Code.COMMAND_LINE) -> None:
-        super().__init__(message)
-        self.diagnostic = error(message, hint, code)
+class WrongCommandLine(UserError):
+    """Raised if the command line is invalid (exit code 2)."""
 
 
 def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly document (YAML or TOML)", metavar: str = "DOC") -> None:
@@ -217,26 +212,19 @@ def time_of(option: str, text: str) -> float:
 
 
 def options_of(arguments: argparse.Namespace) -> Options:
-    """Convert the command-line arguments to compile options. Raises `WrongCommandLine` for an invalid value."""
+    """Convert the command-line arguments to compile options. Raises `WrongCommandLine` or `UnknownChoice` for an invalid value."""
+    from thingc.driver.pipeline import chosen_consumers
+
     timeout = None if arguments.part_timeout is None else time_of("--part-timeout", arguments.part_timeout)
     choices, example = getattr(arguments, "choice", []), "--set components.foot.part=feet:Wide"
     return Options(
         parameters=parameters(getattr(arguments, "parameter", [])),
         choices=paths(choices, "--set PATH=TEXT", example, "--set sets `{}` twice"),
-        store=arguments.store, jobs=arguments.jobs, part_timeout=timeout, compat=chosen_compat(getattr(arguments, "compat", [])),
+        store=arguments.store, jobs=arguments.jobs, part_timeout=timeout,
+        compat=chosen_consumers(",".join(getattr(arguments, "compat", []))) or None,
         progress=ProgressLine() if getattr(arguments, "format", "text") == "text" else None,
         printed=show_printed if getattr(arguments, "format", "text") == "text" else None,
     )
-
-
-def chosen_compat(words: Sequence[str]) -> tuple[str, ...] | None:
-    """Return the programs in the option `--compat`, or None without this option. Raises `WrongCommandLine` for an unknown program."""
-    from thingc.driver.pipeline import UnknownChoice, chosen_consumers
-
-    try:
-        return chosen_consumers(",".join(words)) or None
-    except UnknownChoice as fault:
-        raise WrongCommandLine(fault.message, fault.hint) from fault
 
 
 def require_document(path: str) -> None:
@@ -432,6 +420,17 @@ def print_found(
     return exit_code(diagnostics)
 
 
+def print_result(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], lines: Iterable[str], **more: object) -> int:
+    """Print the result of a command: lines of text, or JSON with the keys in `more`. Return the exit code.
+
+    In the text format, diagnostics are printed to standard error.
+    """
+    code = print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, texts=None, **more)
+    if arguments.format == "text":
+        say(*lines)
+    return code
+
+
 def _documentation() -> str | None:
     """Return the documentation URL in the metadata of the installed package, or None if the metadata does not contain a URL."""
     from importlib.metadata import PackageNotFoundError, metadata
@@ -457,20 +456,13 @@ def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
 
 def of_exception(fault: Exception) -> Diagnostic:
     """Convert an exception to an error diagnostic. Unexpected exceptions become internal errors."""
-    if isinstance(fault, WrongCommandLine | ReplacementRefused):
+    if isinstance(fault, UserError):
         return fault.diagnostic
-    from thingc.driver.output import OutputError
-    from thingc.driver.pipeline import UnknownChoice
     from thingc.geometry.store.local import StoreUnusable
     from thingc.tools.affected.dependents import NotARepository
-    from thingc.tools.diff.arguments import UnknownComparison
 
-    if isinstance(fault, UnknownComparison):
-        return error(str(fault), fault.hint, Code.COMMAND_LINE)
     if isinstance(fault, NotARepository):
         return error(f"git failed: {fault}", "run this in a repository, or compare two files", Code.COMMAND_LINE)
-    if isinstance(fault, UnknownChoice | OutputError):
-        return error(fault.message, fault.hint, fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE)
     if isinstance(fault, FileNotFoundError) and working_folder() is None:
         help = "the folder was deleted or recreated: `cd` to an existing folder"
         return error("the working folder no longer exists", help, Code.WORKING_FOLDER)

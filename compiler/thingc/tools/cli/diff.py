@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Diagnostic
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
-from thingc.targets.render.picture import NoGraphics, ready
+from thingc.targets.render.picture import ready
 from thingc.tools.cli import console, robot_files
 from thingc.tools.cli.sandboxed_check import confined
 from thingc.tools.diff.arguments import ComparisonRequest, asked
@@ -68,14 +68,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc diff`. Return the exit code 1 if a kind of element in `--fail-on` changed or one side cannot be compiled, else 0."""
-    try:
-        watched = fail_on(arguments.fail_on)
-        options = console.options_of(arguments)
-        wanted = asked(arguments.side, arguments.behind, ENDINGS)
-        with ExitStack() as stack:
-            answer = _answer(arguments, wanted, options, stack)
-    except NoGraphics as fault:
-        raise console.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS) from fault
+    watched = fail_on(arguments.fail_on)
+    options = console.options_of(arguments)
+    wanted = asked(arguments.side, arguments.behind, ENDINGS)
+    with ExitStack() as stack:
+        answer = _answer(arguments, wanted, options, stack)
     if isinstance(answer, BrokenSide):
         form = "json" if arguments.format == "json" else "text"
         console.print_found(answer.diagnostics, form, stream=sys.stdout, debug=arguments.debug, texts=answer.texts)

@@ -44,18 +44,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.document == [STANDARD_INPUT]:
         return _standard_input(arguments)
     report = Report()
-    changed = count = 0
-    try:
-        paths = list(_documents(arguments))
-    except console.WrongCommandLine as fault:
-        return console.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
-    for path in paths:
-        count += 1
-        changed += _one(path, arguments, report)
+    paths = list(_documents(arguments))
+    changed = sum(_one(path, arguments, report) for path in paths)
     code = console.print_text(report.ordered(), stream=sys.stdout, debug=False)
     if not arguments.diff:
         would = " would be" if arguments.check else ""
-        console.say(f"{changed} of {counted(count, 'document')}{would} changed")
+        console.say(f"{changed} of {counted(len(paths), 'document')}{would} changed")
     return code or int(arguments.check and changed > 0)
 
 

@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
                     folder = write_new(arguments.output or imported.name, imported.files)
                 console.say(*_told(arguments, imported, folder, []))
         except OutputError as fault:
-            fault.diagnose(report)
+            report.say(fault.diagnostic)
     return console.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
 
 
@@ -96,7 +96,7 @@ def _import_step(arguments: argparse.Namespace, report: Report) -> int:
             folder = "" if arguments.check else write_new(arguments.output or imported.name, imported.files)
             console.say(*_assembly_lines(arguments, imported, folder))
         except OutputError as fault:
-            fault.diagnose(report)
+            report.say(fault.diagnostic)
     return console.print_text(report.ordered(), stream=sys.stderr, debug=False)
 
 

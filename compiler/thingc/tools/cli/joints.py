@@ -35,13 +35,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc joints`, and return the exit code, which is 0 if the document has no errors."""
-    try:
-        console.require_document(arguments.document)
-        if arguments.name and not (arguments.write or arguments.diff):
-            raise console.WrongCommandLine("names of proposals require --write", "add --write, or remove the names")
-        options = console.options_of(arguments)
-    except console.WrongCommandLine as fault:
-        return console.print_found([fault.diagnostic], arguments.format, stream=sys.stdout, debug=False)
+    console.require_document(arguments.document)
+    if arguments.name and not (arguments.write or arguments.diff):
+        raise console.WrongCommandLine("names of proposals require --write", "add --write, or remove the names")
+    options = console.options_of(arguments)
     proposed = propose_joints(arguments.document, options, strict=arguments.strict)
     if proposed.document is not None and (arguments.write or arguments.diff):
         outcome = write_joints(proposed, arguments.name, options, strict=arguments.strict, dry=not arguments.write or arguments.diff)

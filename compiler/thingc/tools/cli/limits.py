@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         diagnostics, found, pairs = attempted(arguments.document, options, partial(_search, arguments, widths))
     except UnknownChoice as fault:
-        diagnostics, found, pairs = [console.of_exception(fault)], [], []
+        diagnostics, found, pairs = [fault.diagnostic], [], []
     if arguments.format == "json" and not (arguments.write and found):
         console.print_json(diagnostics, joints=list(map(_as_data, found)), pairs=[asdict(one) for one in pairs])
         return console.exit_code(diagnostics)

@@ -52,19 +52,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc lock`, and return the exit code, which is 0 if the lock file was written (with `--check`: is up to date)."""
     report = Report()
-    written = None
-    try:
-        options = console.options_of(arguments)
-        if not os.path.isdir(arguments.folder):
-            raise console.WrongCommandLine(f"`{arguments.folder}` is not a folder", "use the folder of a workspace")
-        written = _lock(arguments.folder, options, report, check=arguments.check)
-        diagnostics = report.ordered()
-    except console.WrongCommandLine as fault:
-        diagnostics = [fault.diagnostic]
-    console.print_found(diagnostics, arguments.format, stream=sys.stdout if arguments.check else sys.stderr, debug=arguments.debug)
+    options = console.options_of(arguments)
+    if not os.path.isdir(arguments.folder):
+        raise console.WrongCommandLine(f"`{arguments.folder}` is not a folder", "use the folder of a workspace")
+    written = _lock(arguments.folder, options, report, check=arguments.check)
+    stream = sys.stdout if arguments.check else sys.stderr
+    code = console.print_found(report.ordered(), arguments.format, stream=stream, debug=arguments.debug)
     if written is not None and arguments.format == "text":
         console.say(written)
-    return console.exit_code(diagnostics)
+    return code
 
 
 def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:

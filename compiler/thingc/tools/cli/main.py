@@ -48,6 +48,9 @@ COMMANDS = {
     "why": "show why a part was built or reused, or list the export losses of each target",
 }
 
+TO_STDOUT = frozenset({"check", "joints", "rezero", "set", "rename", "fmt"})
+"""Commands whose text output consists of diagnostics. They also print errors about the command line to standard output."""
+
 EPILOG = """\
 Examples:
   thingc check assemblies/arm.yaml           report errors and warnings
@@ -59,24 +62,13 @@ Run `thingc COMMAND --help` for the arguments and options of a command.
 """
 
 
-class WrongUsage(Exception):
-    """Raised if argparse rejects the command line. `hint` is the help text of the diagnostic."""
-
-    def __init__(self, message: str, hint: str) -> None:
-        super().__init__(message)
-        self.hint = hint
-
-
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises `WrongUsage` instead of exiting if the command line is invalid.
-
-    `main` converts the exception to a diagnostic.
-    """
+    """An argument parser that raises `WrongCommandLine` instead of exiting if the command line is invalid."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise `WrongUsage` with the error message from argparse."""
+        """Raise `WrongCommandLine` with the error message from argparse."""
         message = re.sub(r"^argument (\{.*?\}: )?", "", message).replace("the following arguments are required: ", "missing: ")
-        raise WrongUsage(message, f"run `{self.prog} --help` for usage")
+        raise _wrong(message, f"run `{self.prog} --help` for usage")
 
 
 def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Parser | None]:
@@ -108,17 +100,17 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
 def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     """Parse the command line. Return None after printing the help or the version.
 
-    Raises `WrongUsage`, or `SystemExit` if no command is given.
+    Raises `WrongCommandLine`, or `SystemExit` if no command is given.
     """
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
         from thingc.base.suggestions import near_hint
 
         hint = near_hint(command, COMMANDS) or "run `thingc --help` for a list of commands"
-        raise WrongUsage(f"there is no command `{command}`", str(hint))
+        raise _wrong(f"there is no command `{command}`", str(hint))
     empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
     if empty is not None:  # for such a word, argparse returns a list
-        raise WrongUsage(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
+        raise _wrong(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
     parser, own = parser_for(command, alone=command is not None and words[0] == command)
     behind: Sequence[str] | None = None
     if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would add these words to other arguments
@@ -139,10 +131,10 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         of = f" of `thingc {command}`" if command is not None else ""
         known = {name.lstrip("-"): name for action in (own or parser)._actions for name in action.option_strings}
         if command is not None and word in known.values() and words.index(unknown[0]) < words.index(command):
-            raise WrongUsage(f"`{word}` is an option of `thingc {command}`, not of `thingc`", f"write the option after `{command}`")
+            raise _wrong(f"`{word}` is an option of `thingc {command}`, not of `thingc`", f"write the option after `{command}`")
         close = nearest(word.lstrip("-"), known) if what == "option" else None
         help = f"did you mean `{known[close]}`?" if close else f"run `{(own or parser).prog} --help` for usage"
-        raise WrongUsage(f"there is no {what} `{word}`{of}" if what == "option" else f"unexpected argument `{word}`", help)
+        raise _wrong(f"there is no {what} `{word}`{of}" if what == "option" else f"unexpected argument `{word}`", help)
     if options.version:
         from thingc import __version__
         from thingc.tools.cli import console
@@ -174,8 +166,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options is not None:
             raise
         return int(leaving.code or 0)
-    except WrongUsage as fault:
-        return _refuse(fault, words)
     except BrokenPipeError:
         # without this, `thingc info ... | head` prints an error when Python flushes standard output at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -183,16 +173,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _interrupted()
     except Exception as fault:
-        from thingc.tools.cli import console
-
-        if has_come():
-            return _interrupted()
-        diagnostic, debug = console.of_exception(fault), getattr(options, "debug", False)
-        try:
-            code = console.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
-            sys.stdout.flush()
-        except OSError:  # standard output is closed
-            code = console.print_text([diagnostic], stream=sys.stderr, debug=debug)
+        return _interrupted() if has_come() else _report(fault, options, words)
     return code
 
 
@@ -204,20 +185,26 @@ def _interrupted() -> int:
     return INTERRUPTED
 
 
-def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
-    """Print an error about the command line in the requested output format, and return the exit code."""
+def _wrong(message: str, hint: str) -> Exception:
     from thingc.tools.cli import console
 
-    diagnostics = [console.WrongCommandLine(str(fault), fault.hint).diagnostic]
+    return console.WrongCommandLine(message, hint)
+
+
+def _report(fault: Exception, options: argparse.Namespace | None, words: Sequence[str]) -> int:
+    """Print an exception as a diagnostic in the requested output format, and return the exit code."""
+    from thingc.tools.cli import console
+
+    diagnostic, debug = console.of_exception(fault), getattr(options, "debug", False)
     asked = [after for word, after in zip(words, words[1:]) if word == "--format"]
     asked += [word.removeprefix("--format=") for word in words if word.startswith("--format=")]
-    # an unsupported format is reported as text
-    form = _form(asked[-1]) if asked and not str(fault).startswith("--format") else "text"
-    return console.print_found(diagnostics, form, stream=sys.stderr, debug=False)
-
-
-def _form(asked: str) -> str:
-    """Return the output format for diagnostics: `asked` if it is a valid format, otherwise text."""
-    from thingc.tools.cli import console
-
-    return asked if asked in console.FINDINGS else "text"
+    form = getattr(options, "format", "text") if options is not None else asked[-1] if asked else "text"
+    if form not in console.FINDINGS or str(fault).startswith("--format"):  # an unsupported format is reported as text
+        form = "text"
+    wrong = isinstance(fault, console.WrongCommandLine) and getattr(options, "command", None) in TO_STDOUT
+    try:
+        code = console.print_found([diagnostic], form, stream=sys.stdout if wrong else sys.stderr, debug=debug)
+        sys.stdout.flush()
+    except OSError:  # standard output is closed
+        code = console.print_text([diagnostic], stream=sys.stderr, debug=debug)
+    return code

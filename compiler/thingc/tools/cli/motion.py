@@ -46,16 +46,11 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         diagnostics = attempted(arguments.document, console.options_of(arguments), partial(_replay, arguments, errors))
     except UnknownChoice as fault:
-        diagnostics = [console.of_exception(fault)]
-    if arguments.format == "json":
-        found = [{"joint": joint.name, "error": error, "time": round(time, 9)} for joint, error, time in errors]
-        console.print_json(diagnostics, joints=found)
-        return console.exit_code(diagnostics)
-    code = console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    if errors:
-        rows = [(joint.name, joint.twist.shown(error), f"{time:.3f} s") for joint, error, time in errors]
-        console.say(*console.table([("joint", "largest error", "at"), *rows]))
-    return code
+        diagnostics = [fault.diagnostic]
+    found = [{"joint": joint.name, "error": error, "time": round(time, 9)} for joint, error, time in errors]
+    rows = [(joint.name, joint.twist.shown(error), f"{time:.3f} s") for joint, error, time in errors]
+    lines = console.table([("joint", "largest error", "at"), *rows]) if rows else ()
+    return console.print_result(arguments, diagnostics, lines, joints=found)
 
 
 def _replay(arguments: argparse.Namespace, errors: list[tuple[JointEdge, float, float]], environment: Environment) -> list[Diagnostic]:

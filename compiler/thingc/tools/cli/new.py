@@ -6,12 +6,11 @@ import argparse
 import os
 import re
 import shlex
-import sys
 
-from thingc.base.diagnostics import Report, shown_path
+from thingc.base.diagnostics import shown_path
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.documents.load.yaml_scalars import core_value
-from thingc.driver.output import OutputError, write_new
+from thingc.driver.output import write_new
 from thingc.tools.cli import console, signals
 from thingc.tools.templates import TEMPLATES, files_of
 
@@ -41,7 +40,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc new`, and return the exit code, which is 0 if the workspace was created."""
-    report = Report()
     try:
         name = robot_name(arguments.place)
         files = files_of(arguments.template, name)
@@ -50,9 +48,6 @@ def run(arguments: argparse.Namespace) -> int:
     except ValueError as fault:
         hint = f"write, for example, `thingc new {name}_robot`"
         raise console.WrongCommandLine(f"invalid robot name: {fault}", hint) from fault
-    except OutputError as fault:
-        fault.diagnose(report)
-        return console.print_text(report.diagnostics, stream=sys.stderr, debug=False)
     console.say(*_next_steps(arguments, folder, name))
     return 0
 

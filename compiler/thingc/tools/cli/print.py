@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from typing import TYPE_CHECKING
 
 from msgspec.structs import asdict
@@ -56,10 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
         return console.final(report, strict=arguments.strict)
 
     found = attempted(arguments.document, console.options_of(arguments), measured)
-    code = console.print_found(found, arguments.format, stream=sys.stderr, debug=arguments.debug, prints=[asdict(one) for one in rows])
-    if arguments.format == "text" and (rows or code == 0):
-        console.say(*_table(rows) if rows else ["no parts are printed"])
-    return code
+    lines = _table(rows) if rows else () if console.exit_code(found) else ["no parts are printed"]
+    return console.print_result(arguments, found, lines, prints=[asdict(one) for one in rows])
 
 
 class PrintMeasurements(FrozenStruct):

@@ -39,18 +39,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc rename`, and return the exit code, which is 0 if the element was renamed (with `--diff`: can be renamed)."""
     report = Report()
+    console.require_document(arguments.document)
+    workspace = Workspace.find(os.path.abspath(arguments.document), report)
+    if workspace is None:
+        return console.print_text(report.ordered(), stream=sys.stdout, debug=False)
+    sight = index_workspace(workspace, {}, disk=cache(on_disk))  # read each file only once
+    declared = _named(sight, arguments.document, arguments.path)
     try:
-        console.require_document(arguments.document)
-        workspace = Workspace.find(os.path.abspath(arguments.document), report)
-        if workspace is None:
-            return console.print_text(report.ordered(), stream=sys.stdout, debug=False)
-        sight = index_workspace(workspace, {}, disk=cache(on_disk))  # read each file only once
-        declared = _named(sight, arguments.document, arguments.path)
         done = rename_edits(sight, declared, arguments.name)
-    except console.WrongCommandLine as fault:
-        return console.print_text([fault.diagnostic], stream=sys.stdout, debug=False)
     except RenameRefused as fault:
-        return console.print_text([console.WrongCommandLine(str(fault)).diagnostic], stream=sys.stdout, debug=False)
+        raise console.WrongCommandLine(str(fault)) from fault
     before = {file: sight.read(file) or "" for file in done.texts}
     for file, text in done.texts.items():
         if arguments.diff:

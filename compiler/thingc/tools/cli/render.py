@@ -21,7 +21,7 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, attempted
 from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.model.robot.types import Robot
-from thingc.targets.render.picture import NoGraphics, Shot, picture, ready
+from thingc.targets.render.picture import Shot, picture, ready
 from thingc.tools.cli import console
 
 if TYPE_CHECKING:
@@ -76,16 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
     console.require_document(arguments.document)
     options = replace(console.options_of(arguments), compat=())  # pictures need only the model for MuJoCo
     check_output(arguments.output)
-    try:
-        diagnostics = attempted(arguments.document, options, partial(_render, arguments))
-    except NoGraphics as fault:
-        diagnostics = [no_graphics(fault)]
+    diagnostics = attempted(arguments.document, options, partial(_render, arguments))
     return console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
-
-
-def no_graphics(fault: NoGraphics) -> Diagnostic:
-    """Return the error for a machine that cannot render pictures."""
-    return console.error(fault.message, fault.hint, Code.NO_GRAPHICS)
 
 
 def check_output(path: str | None) -> None:
@@ -130,10 +122,7 @@ def draw(
     artifacts = pipeline.build(environment, replace(compilation, robots=(robot,)), ["mjcf"])["mjcf"]
     if compilation.report.failed:
         return
-    read = {
-        path: content if isinstance(content, bytes) else environment.store.read(content.sha256)
-        for path, content in artifacts.files.items()
-    }
+    read = artifacts.contents(environment.store)
     prefix, assembly = "mjcf/assets/", robot.assembly
     model = read[f"mjcf/{robot.name}_{robot.mode.name}.xml"].decode()
     png = picture(

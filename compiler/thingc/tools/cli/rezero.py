@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from thingc.base.primitives import FARTHEST
 from thingc.base.units import UnitError
@@ -34,11 +33,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc rezero`, and return the exit code, which is 0 if the document was changed (with `--diff`: can be changed)."""
-    try:
-        console.require_document(arguments.document)
-        options, shifts = console.options_of(arguments), _shifts(arguments)
-    except console.WrongCommandLine as fault:
-        return console.print_found([fault.diagnostic], arguments.format, stream=sys.stdout, debug=False)
+    console.require_document(arguments.document)
+    options, shifts = console.options_of(arguments), _shifts(arguments)
     outcome = rezero(arguments.document, shifts, options, strict=arguments.strict, dry=arguments.diff)
     return report_edit(outcome, arguments, diff=arguments.diff)
 

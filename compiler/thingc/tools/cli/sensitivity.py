@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
@@ -81,13 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
     except FamilyError as fault:
         raise console.WrongCommandLine(fault.reason, fault.help) from fault
     diagnostics = console.final(report, strict=arguments.strict)
-    if arguments.format == "json":
-        console.print_json(diagnostics, sensitivities=list(map(_as_data, found)))
-        return console.exit_code(diagnostics)
-    code = console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    if found:
-        console.say(*as_text(found))
-    return code
+    lines = as_text(found) if found else ()
+    return console.print_result(arguments, diagnostics, lines, sensitivities=list(map(_as_data, found)))
 
 
 def _problem(one: Sensitivity, missing: NotDifferentiable) -> Diagnostic:

@@ -35,13 +35,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc set`, and return the exit code, which is 0 if the values were written (with `--diff`: can be written)."""
-    try:
-        console.require_document(arguments.document)
-        options = replace(console.options_of(arguments), code=not arguments.no_code)
-        given = settings(arguments.value)
-    except console.WrongCommandLine as fault:
-        return console.print_found([fault.diagnostic], arguments.format, stream=sys.stdout, debug=False)
-    return write(arguments.document, given, options, arguments, diff=arguments.diff)
+    console.require_document(arguments.document)
+    options = replace(console.options_of(arguments), code=not arguments.no_code)
+    return write(arguments.document, settings(arguments.value), options, arguments, diff=arguments.diff)
 
 
 def settings(words: Sequence[str]) -> dict[str, str]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from thingc.base.diagnostics import Diagnostic, Severity, Stage, shown_path
+from thingc.base.diagnostics import Diagnostic, Severity, Stage, UserError, shown_path
 from thingc.base.one_line_repr import counted
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
@@ -54,8 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         console.require_document(arguments.document)
         diagnostics, name = attempted(arguments.document, console.options_of(arguments), partial(_run, arguments, results))
-    except (UnknownChoice, console.WrongCommandLine) as fault:
-        diagnostics = [console.of_exception(fault)]
+    except UserError as fault:
+        diagnostics = [fault.diagnostic]
     _tell(arguments, name, results, diagnostics)
     return console.exit_code(diagnostics)
 

@@ -6,9 +6,10 @@ import os
 from collections.abc import Sequence
 from typing import Literal
 
+from thingc.base.diagnostics import UserError
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.suggestions import Hint, did_you_mean
+from thingc.base.suggestions import did_you_mean
 from thingc.tools.affected.dependents import NotARepository
 from thingc.tools.diff.revisions import DOCUMENTS, LOCK_FILE, Repository, UnknownRevision
 
@@ -18,15 +19,8 @@ CHECKOUT = "working tree"
 _FILES = frozenset({"document", "model"})
 
 
-class UnknownComparison(Exception):
-    """Raised if an argument of `thingc diff` is neither a git revision nor a path that can be compared.
-
-    `hint` is an instruction for the user.
-    """
-
-    def __init__(self, message: str, hint: Hint) -> None:
-        super().__init__(message)
-        self.hint = str(hint)
+class UnknownComparison(UserError):
+    """Raised if an argument of `thingc diff` is neither a git revision nor a path that can be compared."""
 
 
 class Side(FrozenStruct):
