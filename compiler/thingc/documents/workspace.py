@@ -114,7 +114,7 @@ class Workspace:
         If the workspace file is invalid, report the error and return None. `texts` maps absolute paths to file contents that replace the
         contents on disk.
         """
-        start = folder = os.path.dirname(os.path.abspath(document))
+        start = os.path.dirname(os.path.abspath(document))
         if not is_text(start):
             report.add(
                 Code.FILE_NAME, f"the folder `{start}` has bytes in its name that are not UTF-8", None,
@@ -122,21 +122,17 @@ class Workspace:
             )
             return None
         inputs: dict[str, str | None] = {}
-        while True:
-            for name in (OWN_FILE, SHARED_FILE):
-                path = os.path.join(folder, name)
-                try:
-                    data = texts[path] if texts and path in texts else _bytes(path)
-                except OSError as error:
-                    report.add(Code.UNREADABLE, f"cannot read `{name}`: {(error.strerror or 'an error').lower()}", None)
-                    return None
-                inputs[path] = None if data is None else hashlib.sha256(data).hexdigest()
-                if data is not None and (name == OWN_FILE or _has_table(data)):
-                    return _parse_workspace(path, data, folder, inputs, report)
-            above = os.path.dirname(folder)
-            if above == folder:
-                return _workspace({}, start, None, inputs)
-            folder = above
+        for path in settings_files(document):
+            folder, name = os.path.split(path)
+            try:
+                data = texts[path] if texts and path in texts else _bytes(path)
+            except OSError as error:
+                report.add(Code.UNREADABLE, f"cannot read `{name}`: {(error.strerror or 'an error').lower()}", None)
+                return None
+            inputs[path] = None if data is None else hashlib.sha256(data).hexdigest()
+            if data is not None and (name == OWN_FILE or _has_table(data)):
+                return _parse_workspace(path, data, folder, inputs, report)
+        return _workspace({}, start, None, inputs)
 
     def relative(self, path: str) -> str:
         """Convert a path to a path relative to the workspace, with `/` as separator and with symbolic links resolved.

@@ -11,7 +11,7 @@ from thingc.base.joints.kinds import JointType
 from thingc.base.suggestions import Suggestion
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
 from thingc.documents.spec.allowances import Allow, allow
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, given, require_with, rule
 from thingc.documents.spec.catalog import QuantityText
 from thingc.documents.spec.drives import DriveSpec, DynamicsSpec
 from thingc.documents.spec.fields import (
@@ -300,7 +300,7 @@ class ComponentSpec(ComponentDefaults):
 
     @model_validator(mode="after")
     def _one_kind(self) -> ComponentSpec:
-        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
+        kinds = given(self, KINDS)
         if not kinds:
             raise rule("a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
                         "add `link: true` next to `shapes`" if self.shapes else "write, for example, `part: arm:BasePlate`")
@@ -314,14 +314,11 @@ class ComponentSpec(ComponentDefaults):
             if getattr(self, key) and getattr(self, kind) is None:
                 help = Suggestion(f"with `{other}`, use `{its}`", (key, its)) if getattr(self, other) else f"remove `{key}`"
                 raise rule(f"`{key}` can only be used with `{kind}`", help, key)
-        if self.unit is not None and self.file is None:
-            raise rule("`unit` can only be used with `file`", "remove `unit`: only files without a unit need it", "unit")
+        require_with(self, "unit", "file", "remove `unit`: only files without a unit need it")
         if self.unit is not None and self.file is not None and self.file.lower().endswith(SUFFIXES_WITH_UNIT):
             raise rule(f"`{self.file}` specifies its unit: {UNIT_OF_ITS_OWN}", "remove `unit`", "unit")
-        if self.faces is not None and self.file is None:
-            raise rule("`faces` can only be used with `file`", "remove `faces`, and set `mesh` in `thingc.toml` instead", "faces")
-        if self.shapes and self.link is None:
-            raise rule("`shapes` can only be used with `link`", "move `shapes` to a separate component with `link: true`", "shapes")
+        require_with(self, "faces", "file", "remove `faces`, and set `mesh` in `thingc.toml` instead")
+        require_with(self, "shapes", "link", "move `shapes` to a separate component with `link: true`")
         for key in OF_PARTS:
             if self.link is not None and getattr(self, key) is not None:
                 help = "set `for` of each shape: `visual`, `collision` or `both`" if key in ("collision", "visual") else f"remove `{key}`"
@@ -335,8 +332,7 @@ class ComponentSpec(ComponentDefaults):
             raise rule("`mirror` cannot be used with `frame`: a frame is its own mirror image", "remove `mirror`", "mirror")
         if self.attach is not None and self.at is not None:
             raise rule("a component cannot have both `attach` and `at`", "remove `attach` or `at`", "at")
-        if self.mode is not None and self.assembly is None:
-            raise rule("`mode` can only be used with `assembly`", "remove `mode`", "mode")
+        require_with(self, "mode", "assembly", "remove `mode`")
         if self.keep and self.attach is None and self.at is None:
             raise rule("`keep` can only be used with `attach` or `at`", "set `keep: true` of a `fixed` joint, or remove `keep`", "keep")
         if isinstance(self.attach, dict) and len(self.attach) != 1:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pydantic import BaseModel, ConfigDict
 from pydantic_core import PydanticCustomError
 
@@ -21,3 +23,29 @@ class Model(BaseModel):
 def rule(message: str, help: Hint = "", key: str | None = None) -> PydanticCustomError:
     """Create the validation error for a mapping whose fields violate a common rule. `key` is the key that causes the error."""
     return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})
+
+
+def given(spec: BaseModel, keys: Sequence[str]) -> list[str]:
+    """Return the keys in `keys` that a mapping contains."""
+    return [key for key in keys if getattr(spec, key) is not None]
+
+
+def require_one(spec: BaseModel, keys: Sequence[str], what: str, help: Hint) -> None:
+    """Raise a validation error unless a mapping contains exactly one of the keys. `what` describes the mapping: `a volume`."""
+    found = given(spec, keys)
+    if len(found) != 1:
+        known, named = (", ".join(f"`{key}`" for key in keys), " and ".join(f"`{key}`" for key in found))
+        raise rule(f"{what} must have exactly one of {known}, found {named or 'none'}", help)
+
+
+def require_either(spec: BaseModel, one: str, other: str, what: str, help: Hint) -> None:
+    """Raise a validation error unless a mapping contains exactly one of two keys."""
+    found = given(spec, (one, other))
+    if len(found) != 1:
+        raise rule(f"{what} needs exactly one of `{one}` and `{other}`, found {'both' if found else 'none'}", help)
+
+
+def require_with(spec: BaseModel, key: str, other: str, help: Hint) -> None:
+    """Raise a validation error if a mapping contains a key, but not another key with which this key must be used."""
+    if getattr(spec, key) not in (None, [], {}) and getattr(spec, other) is None:
+        raise rule(f"`{key}` can only be used with `{other}`", help, key)

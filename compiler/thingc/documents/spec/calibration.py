@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field, model_validator
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.documents.expressions.evaluation import evaluate
 from thingc.documents.expressions.terms import Expression, ExpressionError
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, require_either, rule
 from thingc.documents.spec.fields import FieldValidator, fault, found, quantity, raise_all, read_value, within
 from thingc.documents.spec.name_types import JointPattern
 
@@ -75,10 +75,7 @@ class MotorSpec(Model):
 
     @model_validator(mode="after")
     def _one_scale(self) -> MotorSpec:
-        if (self.ticks_per_turn is None) == (self.resolution is None):
-            here = "found none" if self.resolution is None else "found both"
-            help = "write, for example, `ticks_per_turn: 4096`"
-            raise rule(f"a motor needs exactly one of `ticks_per_turn` and `resolution`, {here}", help)
+        require_either(self, "ticks_per_turn", "resolution", "a motor", "write, for example, `ticks_per_turn: 4096`")
         return self
 
     @model_validator(mode="after")

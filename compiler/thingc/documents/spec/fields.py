@@ -131,16 +131,13 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
         return checked(value, dimensions, f"{value.value}")
     if is_expression(value):
         return read_expression(value)
-    if isinstance(value, str):
-        try:
+    try:
+        if isinstance(value, str):
             return checked(_quantity_in(value, dimensions, words, example), dimensions, value)
-        except UnitError as error:
-            raise _of_unit(error) from None
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        try:
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
             return checked(_bare(value), dimensions, repr(value))
-        except UnitError as error:
-            raise _of_unit(error) from None
+    except UnitError as error:
+        raise _of_unit(error) from None
     raise fault("type", f"expected {words} (such as `{example}`), found {found(value)}")
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, require_with, rule
 from thingc.documents.spec.fields import AngleField, CountField, LengthField
 
 PairField = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
@@ -91,6 +91,5 @@ class InterfaceSpec(Model):
         if not self.model_fields_set:
             raise rule("an interface must have at least one feature", "write, for example, `bolts: {thread: M3, count: 4, circle: 20 mm}`")
         for key in ("side", "counterpart"):
-            if getattr(self, key) is not None and self.connector is None:
-                raise rule(f"`{key}` can only be used with `connector`", "add `connector` with the name of the connector", key)
+            require_with(self, key, "connector", "add `connector` with the name of the connector")
         return self

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, given, require_one, require_with, rule
 from thingc.documents.spec.fields import ColorField, CountField, LengthField, NumberField, Vector3Length
 from thingc.documents.spec.materials import FrictionSpec
 from thingc.documents.spec.name_types import MaterialField
@@ -20,6 +20,9 @@ Collision = Literal["hull", "box", "cylinder", "capsule", "sphere", "decompose",
 
 KINDS: tuple[ShapeKind, ...] = get_args(ShapeKind)
 """Keys that determine the kind of a shape. Each shape must have exactly one of the keys."""
+
+OF_MESHES = ("unit", "scale", "decompose")
+"""Keys that can only be used with `mesh`."""
 
 
 class RoundSpec(Model):
@@ -41,7 +44,7 @@ class LongSpec(Model):
 def _shape_rules(schema: dict[str, Any]) -> None:
     """Add the cross-field rules of `ShapeSpec` to its schema, so that editors can check them."""
     schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
-    schema["dependentSchemas"] = {key: {"required": ["mesh"]} for key in ("unit", "scale", "decompose")}
+    schema["dependentSchemas"] = {key: {"required": ["mesh"]} for key in OF_MESHES}
 
 
 class DecomposeSpec(Model):
@@ -94,17 +97,11 @@ class ContactShapeSpec(Model):
 
     @model_validator(mode="after")
     def _one_kind(self) -> ContactShapeSpec:
-        kinds = [f"`{kind}`" for kind in KINDS if getattr(self, kind) is not None]
-        if len(kinds) != 1:
-            these = "found " + " and ".join(kinds) if kinds else "found none"
-            raise rule(
-                f"a shape must have exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}, {these}",
-                "write each shape as a separate item: `- {...}`" if kinds else "write, for example, `box: 40 40 20 mm`",
-            )
-        for key in ("unit", "scale", "decompose"):
-            if getattr(self, key) is not None and self.mesh is None:
-                why = "other shapes are convex" if key == "decompose" else "lengths of other shapes include their units"
-                raise rule(f"`{key}` can only be used with `mesh`", f"remove `{key}`: {why}", key)
+        help = "write each shape as a separate item: `- {...}`" if given(self, KINDS) else "write, for example, `box: 40 40 20 mm`"
+        require_one(self, KINDS, "a shape", help)
+        for key in OF_MESHES:
+            why = "other shapes are convex" if key == "decompose" else "lengths of other shapes include their units"
+            require_with(self, key, "mesh", f"remove `{key}`: {why}")
         if self.unit is not None and self.mesh is not None and self.mesh.lower().endswith(SUFFIXES_WITH_UNIT):
             raise rule(f"`{self.mesh}` specifies its unit, as all COLLADA and glTF files do", "remove `unit`; `scale` is allowed", "unit")
         return self
@@ -139,12 +136,8 @@ class ChoiceSpec(Model):
     @model_validator(mode="after")
     def _one_form(self) -> ChoiceSpec:
         known = [key for key in ("kind", "shapes", "decompose") if key in type(self).model_fields]
-        keys = [f"`{key}`" for key in known if getattr(self, key) is not None]
-        if len(keys) > 1 or not keys and not getattr(self, "targets", None):
-            raise rule(
-                f"collision shapes must have exactly one of {', '.join(f'`{key}`' for key in known)}, found {' and '.join(keys) or 'none'}",
-                "write, for example, `collision: {shapes: [{box: 40 20 10 mm}]}`",
-            )
+        if given(self, known) or not getattr(self, "targets", None):
+            require_one(self, known, "collision shapes", "write, for example, `collision: {shapes: [{box: 40 20 10 mm}]}`")
         return self
 
 

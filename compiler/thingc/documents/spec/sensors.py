@@ -10,7 +10,7 @@ from thingc.base.primitives import PrimitiveShape
 from thingc.base.sensor_kinds import SENSORS, ReadingName, SensorKey, SensorType
 from thingc.base.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY
 from thingc.documents.spec.annotation_types import one_of
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, require_one, rule
 from thingc.documents.spec.fields import AngleField, LengthField, Value, Vector3Length, quantity
 from thingc.documents.spec.link_shapes import LongSpec, RoundSpec
 from thingc.documents.spec.name_types import ComponentField, JointField, ShownMountField, TendonField
@@ -50,11 +50,7 @@ class VolumeSpec(Model):
 
     @model_validator(mode="after")
     def _one_kind(self) -> VolumeSpec:
-        kinds = [f"`{kind}`" for kind in VOLUMES if getattr(self, kind) is not None]
-        if len(kinds) != 1:
-            these = "found " + " and ".join(kinds) if kinds else "found none"
-            known = ", ".join(f"`{kind}`" for kind in VOLUMES)
-            raise rule(f"a volume must have exactly one of {known}, {these}", "write only one of these keys")
+        require_one(self, VOLUMES, "a volume", "write only one of these keys")
         return self
 
 

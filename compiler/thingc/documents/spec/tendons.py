@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, require_either, require_with
 from thingc.documents.spec.drives import DriveSpec, DynamicsSpec
 from thingc.documents.spec.fields import JointValueField, LengthField, MultiplierField, NumberField
 from thingc.documents.spec.name_types import CoordinateKey, ShownMountField
@@ -37,10 +37,7 @@ class AroundSpec(Model):
 
     @model_validator(mode="after")
     def _one_shape(self) -> AroundSpec:
-        if (self.sphere is None) == (self.cylinder is None):
-            here = "found none" if self.sphere is None else "found both"
-            help = "write, for example, `cylinder: 12 mm`, its radius"
-            raise rule(f"`around` needs exactly one of `sphere` and `cylinder`, {here}", help)
+        require_either(self, "sphere", "cylinder", "`around`", "write, for example, `cylinder: 12 mm`, its radius")
         return self
 
 
@@ -51,19 +48,15 @@ class PulleySpec(Model):
     """The divisor of the lengths after the pulley."""
 
 
-def _rules(schema: dict[str, Any]) -> None:
-    """Add the cross-field rules of `TendonSpec` to its schema, so that editors can check them."""
-    schema["oneOf"] = [{"required": ["joints"]}, {"required": ["path"]}]
-    schema["dependentSchemas"] = {"width": {"required": ["path"]}}
-
-
 class TendonSpec(Model):
     """A tendon, whose length is a sum of joint coordinates or the length of a path.
 
     Springs, dampers, limits and a drive act on this length.
     """
 
-    model_config = ConfigDict(json_schema_extra=_rules)
+    model_config = ConfigDict(json_schema_extra={
+        "oneOf": [{"required": ["joints"]}, {"required": ["path"]}], "dependentSchemas": {"width": {"required": ["path"]}},
+    })
 
     joints: Annotated[dict[CoordinateKey, MultiplierField], Field(min_length=1)] | None = Field(
         default=None, examples=[{"left": "12 mm/rad", "right": "-8 mm/rad"}],
@@ -84,9 +77,6 @@ class TendonSpec(Model):
 
     @model_validator(mode="after")
     def _one_way(self) -> TendonSpec:
-        if (self.joints is None) == (self.path is None):
-            here = "found none" if self.joints is None else "found both"
-            raise rule(f"a tendon needs exactly one of `joints` and `path`, {here}", "write, for example, `path: [arm.hook, hand.hook]`")
-        if self.width is not None and self.path is None:
-            raise rule("`width` can only be used with `path`", "remove `width`: a tendon over joints has no path in space", "width")
+        require_either(self, "joints", "path", "a tendon", "write, for example, `path: [arm.hook, hand.hook]`")
+        require_with(self, "width", "path", "remove `width`: a tendon over joints has no path in space")
         return self

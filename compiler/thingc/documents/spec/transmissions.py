@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, given, rule
 from thingc.documents.spec.drives import DriveSpec
 from thingc.documents.spec.fields import ArmatureField, JointValueField, MultiplierField, RatioField
 from thingc.documents.spec.name_types import ComponentField, CoordinateField
@@ -81,12 +81,10 @@ class TransmissionSpec(Model):
 
     @model_validator(mode="after")
     def _one_way(self) -> TransmissionSpec:
-        given = [key for key in SIMPLE if getattr(self, key) is not None]
+        missing = [f"`{key}`" for key in SIMPLE if getattr(self, key) is None]
         if self.differential is not None:
-            if given or self.backlash is not None:
-                key = (*given, "backlash")[0]
+            for key in given(self, (*SIMPLE, "backlash")):
                 raise rule(f"a transmission with `differential` cannot have `{key}`", f"remove `{key}`", key)
-        elif len(given) < len(SIMPLE):
-            missing = " and ".join(f"`{key}`" for key in SIMPLE if key not in given)
-            raise rule(f"a transmission needs {missing}", "write, for example, `{actuator: motor, joint: knee, ratio: 9}`")
+        elif missing:
+            raise rule(f"a transmission needs {' and '.join(missing)}", "write, for example, `{actuator: motor, joint: knee, ratio: 9}`")
         return self

@@ -6,6 +6,7 @@ The module `validation_errors.py`, which explains errors, is only imported if a 
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from types import ModuleType
 
 from pydantic_core import ValidationError
@@ -22,33 +23,17 @@ from thingc.documents.spec.invalid_entries import InvalidEntries, Specs
 from thingc.documents.spec.materials import MaterialsSpec
 
 KINDS = ("assembly", "calibration", "materials", "variants", "workspace")
-"""Kinds of documents that have a pydantic model."""
+"""Kinds of documents that have a pydantic model. The model of the kind `assembly` is the class `AssemblySpec` in `spec.assembly`."""
 
 
 def model_of(kind: str) -> type[Model] | None:
-    """Return the pydantic model of a kind of document, such as `assembly`. Return None for an unknown kind."""
-    match kind:
-        case "assembly":
-            return AssemblySpec
-        case "materials":
-            return MaterialsSpec
-        case "workspace":
-            from thingc.documents.spec.workspace import WorkspaceSpec
-
-            return WorkspaceSpec
-        case "catalog":
-            return CatalogSpec
-        case "motion":
-            return Model
-        case "variants":
-            from thingc.documents.spec.variants import VariantsSpec
-
-            return VariantsSpec
-        case "calibration":
-            from thingc.documents.spec.calibration import CalibrationSpec
-
-            return CalibrationSpec
-    return None
+    """Return the pydantic model of a kind of document or table, such as `assembly`. Return None for an unknown kind."""
+    if kind == "motion":
+        return Model
+    if kind not in (*KINDS, "catalog"):
+        return None
+    model: type[Model] = getattr(import_module(f"{__package__}.{kind}"), f"{kind.capitalize()}Spec")
+    return model
 
 
 def validate(documents: Documents, report: Report, memo: Memo | None = None) -> Specs:
