@@ -21,7 +21,7 @@ from thingc.driver import build_document
 from thingc.driver.build_document import BuildRequest
 from thingc.driver.environment import Options, attempted
 from thingc.geometry.build_reasons import BuildReason
-from thingc.geometry.client import EndingWorkers
+from thingc.geometry.client import Workers
 from thingc.tools.cli.console import of_exception
 from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 
@@ -75,7 +75,7 @@ class Working:
 @pytest.fixture
 def without_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing of `DOCUMENTS` is modelled: the kernel need not be ready for what may come."""
-    monkeypatch.setattr(EndingWorkers, "warm", lambda _: None)
+    monkeypatch.setattr(Workers, "warm", lambda _: None)
 
 
 @pytest.fixture

@@ -31,6 +31,8 @@ SPANS = 1000
 
 CAN_FORK = hasattr(os, "fork")
 
+_ENDED = "the workers have been shut down"
+
 ABSENT = "absent"
 """Failure kind of a part that is not in the store."""
 
@@ -69,6 +71,7 @@ class Workers:
         self.jobs = max(1, jobs)
         self.forking = forking
         self.seed = seed
+        self.ended = False
         self._owner = os.getpid()
         self._processes: list[_Process] = []
         self._lines: Lines = queue.SimpleQueue()
@@ -111,7 +114,9 @@ class Workers:
             self._begun, self._early = {}, {}
 
     def ensure(self) -> None:
-        """Start worker processes that are not running yet. Raises `WorkerBroken` if no worker can be started."""
+        """Start worker processes that are not running yet. Raises `WorkerBroken` if no worker can be started, and after a call of `end`."""
+        if self.ended:
+            raise WorkerBroken(_ENDED)
         self._leave_others()
         wanted = 1 if self.forking else self.jobs
         while len(self._processes) < wanted:
@@ -216,7 +221,7 @@ class Workers:
             self._end(worker)
             return worker, {"failed": "hung", "words": "", "detail": ""}, False
         if not self._processes:  # closed by another thread
-            raise WorkerBroken("the workers have been shut down")
+            raise WorkerBroken(_ENDED)
         known = next((one for one in self._processes if one.process is process), None)
         if known is None:
             return None
@@ -261,6 +266,11 @@ class Workers:
             if not worker.ready or not self.forking and worker.asked:  # such a worker does not read its input
                 worker.process.kill()
             worker.process.close()
+
+    def end(self) -> None:
+        """End all worker processes and do not restart them. All waiting callers get failures."""
+        self.ended = True
+        self.close()
 
     def _end(self, worker: _Process) -> None:
         self._processes.remove(worker)
@@ -309,23 +319,6 @@ class NoWorkers(Workers):
         """Yield a failure of the kind `ABSENT` for every request."""
         for request in requests:
             yield request, {"failed": ABSENT, "words": "the cache does not contain the part", "detail": ""}
-
-
-class EndingWorkers(Workers):
-    """Workers that cannot be restarted. After a call of `end`, all waiting callers get failures."""
-
-    ended = False
-
-    def ensure(self) -> None:
-        """Start worker processes that are not running yet. Raises `WorkerBroken` if no worker can be started, and after a call of `end`."""
-        if self.ended:
-            raise WorkerBroken("the workers have been shut down")
-        super().ensure()
-
-    def end(self) -> None:
-        """End all worker processes and do not restart them."""
-        self.ended = True
-        self.close()
 
 
 def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:

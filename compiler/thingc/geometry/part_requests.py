@@ -25,13 +25,17 @@ built.
 
 
 class PartRequest(FrozenStruct):
-    """A request to build a part. The request contains the cache key of the result and the code of the part (None for a file or an installed
-    package).
+    """A request to describe or build a part.
+
+    `subject` is the reference or the definition text of the part, and `build_key` is the cache key of the result. `code` is None for a file
+    or an installed package. `reason` is the reason for building the part.
     """
 
+    subject: str
     build_key: BuildKey
     code: CodeIngredients | None
     request: dict[str, Any]
+    reason: str = ""
 
 
 class PartRequests:
@@ -109,4 +113,4 @@ class PartRequests:
             "tessellations": {"fine": asdict(workspace.mesh), "simulation": asdict(workspace.simulation)},
             **self.around(code),
         }
-        return PartRequest(build_key=build_key, code=code, request=request)
+        return PartRequest(subject=definition.text, build_key=build_key, code=code, request=request)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from msgspec import convert, to_builtins
 from msgspec.structs import replace
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
 from thingc.geometry.features import Features
@@ -60,15 +59,6 @@ to load the CAD kernel.
 Progress = Callable[[str, int, int], None]
 Result = TypeVar("Result")
 Printed = Callable[[str, Sequence[str]], None]
-
-
-class _Task(FrozenStruct):
-    """A request to a worker process, with the part or mesh that the request concerns."""
-
-    subject: str
-    build_key: BuildKey
-    request: dict[str, Any]
-    reason: str = ""
 
 
 class GeometryService:
@@ -219,7 +209,7 @@ class GeometryService:
         The method calls `meanwhile` after the requests to the workers are sent and before their answers are read.
         """
         answers: dict[str, PartSchema | PartFailure] = {}
-        tasks: dict[str, list[_Task]] = {}
+        tasks: dict[str, list[PartRequest]] = {}
         for reference in dict.fromkeys(references):
             code = self.part_code.code(reference)
             if isinstance(code, PartFailure):
@@ -236,7 +226,8 @@ class GeometryService:
                 answers[reference] = locked
                 continue
             request = {"op": "describe", "references": [reference], **self._requests.around(code)}
-            tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, build_key=build_key, request=request))
+            task = PartRequest(subject=reference, build_key=build_key, code=code, request=request)
+            tasks.setdefault(reference.partition(":")[0], []).append(task)
         groups = list(tasks.values())  # one child process per module, so that shared code of the classes in a file is loaded once
         if meanwhile is not None:
             self._worker_pool().begin(self._describing(groups))
@@ -244,16 +235,16 @@ class GeometryService:
         self._describe_in_workers(groups, answers)
         return answers
 
-    def _describing(self, groups: list[list[_Task]]) -> Iterator[dict[str, Any]]:
+    def _describing(self, groups: list[list[PartRequest]]) -> Iterator[dict[str, Any]]:
         for index, group in enumerate(groups):
             references = [task.subject for task in group]
             placed = [one for one in references if (code := self.code(one)) is not None and code.place is not None]
             yield {**group[0].request, "references": references, "placed": placed, "group": index}
 
-    def _describe_in_workers(self, groups: list[list[_Task]], described: dict[str, PartSchema | PartFailure]) -> None:
+    def _describe_in_workers(self, groups: list[list[PartRequest]], described: dict[str, PartSchema | PartFailure]) -> None:
         if not groups:
             return
-        alone: list[list[_Task]] = []
+        alone: list[list[PartRequest]] = []
         for request, answer in self._run(list(self._describing(groups))):
             group = groups[request["group"]]
             if "failed" in answer:
@@ -344,15 +335,15 @@ class GeometryService:
         """Decompose meshes in the store into convex pieces, and return the pieces or the failure of each mesh."""
         return self._convex.pieces(meshes)
 
-    def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[_Task]:
+    def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[PartRequest]:
         """Return the requests that build parts, in the order in which workers process them.
 
         Parts that will be sliced come first, because they take longest.
         """
         self._requests.suppose([definition for definition, _ in parts], likely)
         tasks = [
-            _Task(
-                subject=definition.text, build_key=prepared.build_key, request=self._requests.modelling(definition, prepared),
+            replace(
+                prepared, request=self._requests.modelling(definition, prepared),
                 reason=why(definition, prepared.build_key, self._results),
             )
             for definition, prepared in parts
@@ -360,22 +351,22 @@ class GeometryService:
         return sorted(tasks, key=lambda task: not task.request["slicings"])
 
     def _model(
-        self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], answers: dict[str, PartRecord | PartFailure],
+        self, tasks: Sequence[PartRequest], definitions: Mapping[str, PartDefinition], answers: dict[str, PartRecord | PartFailure],
     ) -> None:
         """Build the parts of these tasks in worker processes, and add their records or failures to `answers`.
 
         If another process is building a part, wait for its result.
         """
         by_text = {task.subject: task for task in tasks}
-        elsewhere: list[_Task] = []
+        elsewhere: list[PartRequest] = []
 
-        def reuse(task: _Task) -> bool:
+        def reuse(task: PartRequest) -> bool:
             """Return whether another process has built the part since the request was created."""
             kept = self._kept.under(task.build_key.key)
             if kept is not None:
                 self._decide(task.subject, True, unchanged(kept.reason))
                 self.reads[task.subject] = dict(kept.reads)
-                answers[task.subject] = self._record(kept.value, self._code_of_definition(definitions[task.subject]))
+                answers[task.subject] = self._record(kept.value, task.code)
                 self._build_locks.give_back(task.build_key.key)
             return kept is not None
 
@@ -401,7 +392,7 @@ class GeometryService:
                 if not reuse(task):
                     take_in(self._run([task.request]))
 
-    def _modelled(self, task: _Task, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
+    def _modelled(self, task: PartRequest, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
         """Store the record or failure that a worker created for a part definition, and return it."""
         self._decide(task.subject, False, task.reason)
         self._printed(definition.label, answer)
@@ -412,12 +403,11 @@ class GeometryService:
             return broken
         given = with_left(answer["answer"], answer.get("left", ()))
         reads, ran, slices = given.pop("reads"), given.pop("ran", None), given.pop("slices", ())
-        code = self._code_of_definition(definition)
         self._results.keep("record", task.build_key, given, reads, task.reason)
         if not answer.get("left"):
-            self._kept.note_ran(definition, task.build_key, code, ran, reads)
+            self._kept.note_ran(definition, task.build_key, task.code, ran, reads)
         self.reads[task.subject] = dict(reads)
-        record = self._record(given, code)
+        record = self._record(given, task.code)
         self._slices.keep(record, slices)
         return record
 
@@ -506,9 +496,6 @@ class GeometryService:
         return answer["answer"]  # type: ignore[no-any-return]
 
     # --- workers -----------------------------------------------------------------------------------
-
-    def _code_of_definition(self, definition: PartDefinition) -> CodeIngredients | None:
-        return self.code(definition.reference) if definition.kind != "file" else None
 
     def _worker_pool(self) -> Workers:
         if self._workers is None:

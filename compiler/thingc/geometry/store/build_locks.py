@@ -11,15 +11,9 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from types import ModuleType
 
+from thingc.base.filesystem import fcntl
 from thingc.geometry.store.local import Store
-
-fcntl: ModuleType | None
-try:
-    import fcntl
-except ImportError:
-    fcntl = None
 
 FILE = "build_locks"
 SHORTEST, LONGEST = 0.002, 0.05

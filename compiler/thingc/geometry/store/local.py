@@ -20,7 +20,6 @@ import json
 import os
 import stat
 import sys
-from collections.abc import Iterator
 from typing import Any
 
 from thingc.base.filesystem import hash_name
@@ -76,11 +75,10 @@ class Store:
     counts as absent.
     """
 
-    __slots__ = ("_noted", "root")
+    __slots__ = ("root",)
 
     def __init__(self, root: str | None = None) -> None:
         self.root = os.path.abspath(root) if root else default_root()
-        self._noted: dict[str, bytes] | None = None
 
     # --- blobs ---------------------------------------------------------------------------------------------------
 
@@ -147,14 +145,11 @@ class Store:
 
     def get_json(self, kind: str, key: str) -> Any | None:
         """Return the value stored under `kind` (the name of a folder) and `key` (any string), or None."""
-        path = self._document(kind, key)
-        data = self._noted.get(path) if self._noted else None
-        if data is None:
-            try:
-                with open(path, "rb") as stream:
-                    data = stream.read()
-            except OSError:
-                return None
+        try:
+            with open(self._document(kind, key), "rb") as stream:
+                data = stream.read()
+        except OSError:
+            return None
         checksum, _, payload = data.partition(b"\n")
         if _checksum(kind, _name(key), payload) != checksum:
             return None
@@ -169,23 +164,8 @@ class Store:
 
     def note_json(self, kind: str, key: str, value: Any) -> None:
         """Store a JSON value that is only used to save time. Write errors are ignored."""
-        path, data = self._document(kind, key), _sealed(kind, key, value)
-        if self._noted is not None:
-            self._noted[path] = data
-        else:
-            self._write_noted(path, data)
-
-    @contextlib.contextmanager
-    def hurried(self) -> Iterator[None]:
-        """Return a context manager that delays the writes of `note_json` until exit, so that a command completes its result first."""
-        noted: dict[str, bytes] = {}
-        self._noted = noted
-        try:
-            yield
-        finally:
-            self._noted = None
-            for path, data in noted.items():
-                self._write_noted(path, data)
+        with contextlib.suppress(StoreUnusable):
+            self._write(self._document(kind, key), _sealed(kind, key, value))
 
     # --- files ---------------------------------------------------------------------------------------------------
 
@@ -202,10 +182,6 @@ class Store:
     def _document(self, kind: str, key: str) -> str:
         name = _name(key)
         return os.path.join(self.root, kind, name[:2], name[2:])
-
-    def _write_noted(self, path: str, data: bytes) -> None:
-        with contextlib.suppress(StoreUnusable):
-            self._write(path, data)
 
     def _write(self, path: str, data: bytes, *, seal: bool = False) -> None:
         aside = f"{path}.{os.getpid()}-{os.urandom(6).hex()}"

@@ -4,11 +4,14 @@ one hook, which calls all handlers.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from typing import Any
 
 Handler = Callable[[str, tuple[Any, ...]], None]
+
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 _handlers: dict[str, tuple[Handler, ...]] = {}
 _hooked = False
@@ -31,3 +34,8 @@ def listen(events: tuple[str, ...], handler: Handler) -> None:
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
     for handler in _handlers.get(event, ()):
         handler(event, arguments)
+
+
+def writes(mode: Any, flags: Any) -> bool:
+    """Return whether an `open` event with these arguments opens a file for writing."""
+    return any(letter in mode for letter in "wax+") if isinstance(mode, str) else bool((flags or 0) & _WRITING)

@@ -33,7 +33,6 @@ from thingc.geometry.worker import audit
 _PYTHONS_OWN = ("<", os.path.join(os.path.dirname(os.__file__), ""))
 _ON_THE_WAY = (__name__, audit.__name__)
 _NOT_FILES = ("/dev/", "/proc/", "/sys/")
-_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class FileReadRecorder:
@@ -51,26 +50,25 @@ class FileReadRecorder:
         self._around = (self.workspace, os.path.join(os.path.realpath(workspace), ""), *self._excluded)
         self._written: set[str] = set()
         self._busy = False
-        self._on = False
 
     def start(self) -> None:
         """Begin to record which files are read."""
+        global _current
         _install_hook()
-        _listening.append(self)
-        self._on = True
+        _current = self
 
     def stop(self) -> None:
         """Stop all recording."""
-        self._on = False
-        with contextlib.suppress(ValueError):
-            _listening.remove(self)
+        global _current
+        if _current is self:
+            _current = None
 
     def note(self, path: Any, *, listed: bool = False, opened: bool = True) -> None:
         """Record that the part read a file. If `opened` is False, the part only checked whether the file exists.
 
         If `listed` is True, the part listed the names in a folder.
         """
-        if not self._on or self._busy:
+        if _current is not self or self._busy:
             return
         full = _absolute(path)
         if full is None or full.startswith(_NOT_FILES):
@@ -180,7 +178,7 @@ def _loaded_since() -> set[str]:
     return {file for file in files if not (file + os.sep).startswith(folders)}
 
 
-_listening: list[FileReadRecorder] = []
+_current: FileReadRecorder | None = None
 _hooked = False
 
 
@@ -193,24 +191,16 @@ def _install_hook() -> None:
 
 
 def _heard(event: str, arguments: tuple[Any, ...]) -> None:
-    if not _listening:
+    if _current is None:
         return
-    if event == "open":
-        path, mode, flags = arguments
-        writes = any(letter in mode for letter in "wax+") if isinstance(mode, str) else bool((flags or 0) & _WRITING)
-        for recorder in _listening:
-            recorder.note_written(path) if writes else recorder.note(path)
-    elif event in ("os.listdir", "os.scandir"):
-        if _looks_for_modules():
-            return
-        for recorder in _listening:
-            recorder.note(arguments[0] if arguments[0] is not None else ".", listed=True)
-    elif event == "os.mkdir":
-        for recorder in _listening:
-            recorder.note_written(arguments[0])
+    path = arguments[0]
+    if event in ("os.listdir", "os.scandir"):
+        if not _looks_for_modules():
+            _current.note(path if path is not None else ".", listed=True)
+    elif event == "os.mkdir" or event == "open" and audit.writes(*arguments[1:]):
+        _current.note_written(path)
     else:
-        for recorder in _listening:
-            recorder.note(arguments[0])
+        _current.note(path)
 
 
 def _wrap_looking() -> None:
@@ -224,9 +214,8 @@ def _wrap_looking() -> None:
 def _looking(function: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(function)
     def wrapped(path: Any, *arguments: Any, **options: Any) -> Any:
-        if _listening and options.get("dir_fd") is None and not _looks_for_modules():
-            for recorder in _listening:
-                recorder.note(path, opened=False)
+        if _current is not None and options.get("dir_fd") is None and not _looks_for_modules():
+            _current.note(path, opened=False)
         return function(path, *arguments, **options)
 
     return wrapped
@@ -322,9 +311,8 @@ def _telling(function: Callable[..., Any], position: int | None) -> Callable[...
     def telling(*arguments: Any, **options: Any) -> Any:
         given = (*arguments, *options.values()) if position is None else (*arguments[position : position + 1], *options.values())
         for value in given:
-            if isinstance(value, (str, bytes, os.PathLike)):
-                for recorder in _listening:
-                    recorder.note(value)
+            if isinstance(value, (str, bytes, os.PathLike)) and _current is not None:
+                _current.note(value)
         return function(*arguments, **options)
 
     return telling

@@ -15,6 +15,7 @@ import datetime
 import functools
 import importlib.abc
 import importlib.machinery
+import math
 import os
 import random
 import sys
@@ -181,15 +182,16 @@ A call with more arguments converts a given time.
 def _wrap_clock() -> None:
     for name, count in _CLOCKS.items():
         if hasattr(time, name):
-            setattr(time, name, _asking_clock(getattr(time, name), count))
+            setattr(time, name, _asking(getattr(time, name), ImpureInputs.CLOCK, _CLOCK, count))
 
 
-def _asking_clock(function: Callable[..., Any], count: int) -> Callable[..., Any]:
+def _asking(function: Callable[..., Any], what: ImpureInputs, message: str, most: float = math.inf) -> Callable[..., Any]:
+    """Wrap a function so that calls with at most `most` positional arguments are recorded as the use of an impure input."""
     @functools.wraps(function)
-    def asking(*arguments: Any) -> Any:
-        if len(arguments) <= count:
-            _ask(ImpureInputs.CLOCK, _CLOCK)
-        return function(*arguments)
+    def asking(*arguments: Any, **options: Any) -> Any:
+        if len(arguments) <= most:
+            _ask(what, message)
+        return function(*arguments, **options)
 
     return asking
 
@@ -277,21 +279,12 @@ def _wrap_chance() -> None:
     generator = random._inst
     _wrap_global(random, lambda function: getattr(function, "__self__", None) is generator)
     # SystemRandom, `secrets` and numpy's generators without a seed call this function
-    urandom = _drawing(os.urandom)
+    urandom = _asking(os.urandom, ImpureInputs.CHANCE, _CHANCE)
     for owner, name in ((os, "urandom"), (random, "_urandom")):
         setattr(owner, name, urandom)
     for owner, name in ((os, "getrandom"), (uuid, "uuid1"), (uuid, "getnode")):
         if hasattr(owner, name):
-            setattr(owner, name, _drawing(getattr(owner, name)))
-
-
-def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
-    @functools.wraps(function)
-    def drawing(*arguments: Any, **options: Any) -> Any:
-        _ask(ImpureInputs.CHANCE, _CHANCE)
-        return function(*arguments, **options)
-
-    return drawing
+            setattr(owner, name, _asking(getattr(owner, name), ImpureInputs.CHANCE, _CHANCE))
 
 
 def _wrap_global(module: types.ModuleType, of_global: Callable[[Any], bool]) -> None:

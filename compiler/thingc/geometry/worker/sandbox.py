@@ -25,7 +25,6 @@ PROCESSES = 256
 """Maximum number of processes of one part that are alive at the same time."""
 
 DEVICES = "/dev"
-_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
 
 class ForbiddenWrite(PermissionError):
@@ -87,7 +86,7 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
         return
     if event == "open":
         path, mode, flags = arguments
-        if any(letter in mode for letter in "wax+") if isinstance(mode, str) else bool((flags or 0) & _WRITING):
+        if audit.writes(mode, flags):
             _check(path, itself=True)
         elif _readable is not None and not isinstance(path, int):
             real = os.path.realpath(os.fsdecode(path))

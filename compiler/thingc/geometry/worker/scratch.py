@@ -13,15 +13,9 @@ import contextlib
 import os
 import shutil
 import tempfile
-from types import ModuleType
 
+from thingc.base.filesystem import fcntl
 from thingc.geometry.key.environment_variables import HOMES, TEMPORARY
-
-fcntl: ModuleType | None
-try:
-    import fcntl
-except ImportError:
-    fcntl = None
 
 PREFIX = "thingc-worker-"
 

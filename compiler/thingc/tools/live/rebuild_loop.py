@@ -26,7 +26,7 @@ from thingc.driver.build_document import BuildRequest, BuildResult
 from thingc.driver.environment import Environment, Options, geometry_of
 from thingc.driver.output import Waiting
 from thingc.driver.up_to_date import state_of
-from thingc.geometry.client import EndingWorkers
+from thingc.geometry.client import Workers
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import BlobMissing, Store
 from thingc.targets.artifact import MANIFEST, Content
@@ -109,8 +109,8 @@ class RebuildLoop:
         self._failed = False
         self._modelled: dict[str, str] = {}
 
-    def _fresh_workers(self) -> EndingWorkers:
-        return EndingWorkers(self.options.jobs or os.cpu_count() or 1)
+    def _fresh_workers(self) -> Workers:
+        return Workers(self.options.jobs or os.cpu_count() or 1)
 
     def __enter__(self) -> RebuildLoop:
         return self
@@ -181,17 +181,16 @@ class RebuildLoop:
         more: tuple[str, ...] = ()
         try:
             wish = self._wish()
-            with self.environment.store.hurried():
-                if isinstance(wish, BuildRequest):
-                    built = self._built(wish)
-                    said = built.diagnostics
-                else:
-                    said = wish
-                time.sleep(_unquiet(saved))
-                more = self._look(clock, built) or self._abandoned
-                if not more and built is not None and built.files is not None and isinstance(wish, BuildRequest):
-                    folder = build_document.write(self.environment, built, wish, self._on_wait) if self._writes else None
-                    good = True
+            if isinstance(wish, BuildRequest):
+                built = self._built(wish)
+                said = built.diagnostics
+            else:
+                said = wish
+            time.sleep(_unquiet(saved))
+            more = self._look(clock, built) or self._abandoned
+            if not more and built is not None and built.files is not None and isinstance(wish, BuildRequest):
+                folder = build_document.write(self.environment, built, wish, self._on_wait) if self._writes else None
+                good = True
         except Exception as fault:  # the next save may fix the error
             said = [self._refused(fault)]
             more = self._look(clock, built) or self._abandoned

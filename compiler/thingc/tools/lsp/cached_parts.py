@@ -18,7 +18,7 @@ from thingc.base.source import Path
 from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Options, geometry_of
 from thingc.geometry.build_reasons import BuildReason
-from thingc.geometry.client import ABSENT, EndingWorkers
+from thingc.geometry.client import ABSENT, Workers
 from thingc.geometry.key.modules import Module
 from thingc.geometry.lock.json_format import BadLock
 from thingc.geometry.print_slices import Slicing
@@ -217,7 +217,7 @@ class BackgroundWorkers:
     def __init__(self, workspace: Workspace, store: Store, options: Options, answered: Answered) -> None:
         self.workspace = workspace
         self._store, self._options, self._answered = store, options, answered
-        self._workers = EndingWorkers(options.jobs or 1)
+        self._workers = Workers(options.jobs or 1)
         self._changed = threading.Condition()
         self._wanted = PendingRequests()
         self._at_work: PendingRequests | None = None
@@ -264,7 +264,7 @@ class BackgroundWorkers:
         with self._changed:
             if self._at_work is not work or self._wanted is work or self._ended:
                 return
-            ended, self._workers, self._at_work = self._workers, EndingWorkers(self._options.jobs or 1), None
+            ended, self._workers, self._at_work = self._workers, Workers(self._options.jobs or 1), None
         ended.end()
 
     def _run(self) -> None:
@@ -290,7 +290,7 @@ class BackgroundWorkers:
                     self._asked.add(work)
             self._answered(self.workspace, undescribed, failed)
 
-    def _found_out(self, work: PendingRequests, workers: EndingWorkers) -> tuple[dict[str, PartFailure], dict[str, PartFailure]]:
+    def _found_out(self, work: PendingRequests, workers: Workers) -> tuple[dict[str, PartFailure], dict[str, PartFailure]]:
         """Compute the results of all requests in workers, and cache the results.
 
         Return the failures, keyed by part reference and by definition text.
