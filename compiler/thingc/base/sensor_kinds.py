@@ -67,10 +67,6 @@ class SensorKind(FrozenStruct):
             own |= {"noise"} if "range" in own else {"noise", "cutoff"}
         return frozenset(own)
 
-    def reading(self, name: str) -> SensorReading | None:
-        """Return the reading of this sensor kind with the given name, or None if the sensor kind does not have this reading."""
-        return next((one for one in self.readings if one.name == name), None)
-
 
 class Measurement(OneLineRepr, FrozenStruct):
     """The settings of a sensor, which depend on its kind.

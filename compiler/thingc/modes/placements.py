@@ -20,11 +20,6 @@ SLIDE = 2
 """The number of the type `slide` in MuJoCo's `mjtJoint`."""
 
 
-def _motions(mode: Mode) -> Array:
-    """Return the Jacobian (links, 6, joints) of all links at q = 0, in the axes of the root link."""
-    return np.array(mode.jacobians(mode.state(base_pose=np.eye(4))))[:, :, 6:]
-
-
 def find_displaced(mode: Mode, model: Any, body_of: Mapping[str, int]) -> tuple[str, float] | None:
     """Compare the poses of all links, joints and mounts in a MuJoCo model with a mode.
 
@@ -46,7 +41,7 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
     for number in sorted(own):
         link = mode.links[number]
         yield f"link `{link.name}`", _apart(link.X_root_link, X[body_of[link.name]])
-    motions = _motions(mode)
+    motions = np.array(mode.jacobians(mode.state(base_pose=np.eye(4))))[:, :, 6:]  # at q = 0, in the axes of the root link
     for column, joint in enumerate(mode.joints):
         if joint.kind == "free":
             continue

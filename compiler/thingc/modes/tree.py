@@ -250,8 +250,10 @@ class Mode(OneLineRepr):
         if named is not None and named not in self.named:
             raise ModesError(f"mode `{self.name}` has no pose `{named}`: {did_you_mean(named, self.named, what='poses')}")
         start = self.named[named] if named is not None else {}
+        names = [joint.name for joint in self.joints]
         for path in {**(q or {}), **(v or {})}:
-            self._index(path)
+            if path not in names:
+                raise ModesError(f"the robot has no joint `{path}`: {did_you_mean(path, names, what='joints')}")
         return RobotState(
             mode=self.name,
             base_pose=np.asarray(self.bases.get(named or "", self.X_world_root) if base_pose is None else base_pose, dtype=float),
@@ -327,13 +329,6 @@ class Mode(OneLineRepr):
             mode=self.name, base_pose=np.asarray(state.base), base_twist=np.asarray(state.twist),
             q={joint.name: q[joint.name] for joint in self.joints}, v={joint.name: v[joint.name] for joint in self.joints},
         )
-
-    def _index(self, path: str) -> int:
-        for index, joint in enumerate(self.joints):
-            if joint.name == path:
-                return index
-        names = [joint.name for joint in self.joints]
-        raise ModesError(f"the robot has no joint `{path}`: {did_you_mean(path, names, what='joints')}")
 
     def _moving(self, state: RobotState) -> tuple[Kinematics, Array, Array]:
         """Return the kinematics of this mode, the poses of all frames, and the generalized velocity of the robot."""

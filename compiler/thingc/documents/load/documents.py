@@ -213,8 +213,9 @@ class _Reader:
         """Return all documents that this reader has read, as `Documents` with the root document `root`."""
         return Documents(root=root, by_path=self.by_path, links=self.links, broken=frozenset(self.broken), files=frozenset(self.files))
 
-    def find(self, text: str, document: Document, where: Span | None, suffixes: tuple[str, ...], what: str) -> str | None:
-        """Return the absolute path of the file that a document references (see `find_file`)."""
+    def find(self, text: str, document: Document, where: Span | None, kind: str) -> str | None:
+        """Return the absolute path of a file of a kind in `_REFERENCED` that a document references (see `find_file`)."""
+        what, suffixes = _REFERENCED[kind]
         wanted = named(text, document.path)
         if wanted is not None and self.workspace.contains(wanted):
             self.files.add(wanted)
@@ -284,21 +285,16 @@ class _Reader:
         for key, text, where in _FILES[document.kind](document.tree):
             if self.enough(where):
                 return
-            if key == "materials":
-                self.named(document, text, where, "materials")
-            elif key in ("catalog", "motion"):
-                if (table := self.named(document, text, where, key)) is not None:
-                    self.follow(table, chain)
-            elif key == "picture":
-                self.find(text, document, where, PICTURE_SUFFIXES, "a picture")
-            elif key == "file":
-                self.find(text, document, where, PART_SUFFIXES, "a part file")
-            elif key == "mesh":
-                path = self.find(text, document, where, MESH_SUFFIXES, "a mesh file")
-                if path is not None:
+            if key in ("file", "mesh", "picture"):
+                path = self.find(text, document, where, key)
+                if key == "mesh" and path is not None:
                     self.files.update(os.path.join(os.path.dirname(path), name) for name in libraries(path))
-            elif (nested := self.named(document, text, where, "assembly")) is not None:
-                self.nest(nested, [*chain, (document, where)])
+            elif (named := self.named(document, text, where, key)) is None:
+                continue
+            elif key == "assembly":
+                self.nest(named, [*chain, (document, where)])
+            else:
+                self.follow(named, chain)
 
     def nest(self, nested: Document, hops: list[tuple[Document, Span]]) -> None:
         """Read the document of a nested assembly and the documents that it references.
@@ -325,17 +321,16 @@ class _Reader:
         )
 
     def named(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
-        what, suffixes = _REFERENCED[kind]
         if kind == "materials" and is_packaged(text):
             path = find_packaged(text, where=where, workspace=self.workspace, looked_at=self.files, report=self.report)
         else:
-            path = self.find(text, document, where, suffixes, what)
+            path = self.find(text, document, where, kind)
         target = None if path is None else self.read(path)
         if target is None:
             return None
         if target.kind != kind:
             self.report.add(
-                Code.WRONG_KIND, f"expected {what}, found `{shortened(text)}` of kind `{target.kind}`", where,
+                Code.WRONG_KIND, f"expected {_REFERENCED[kind][0]}, found `{shortened(text)}` of kind `{target.kind}`", where,
                 notes=[Note(message=f"the kind of `{shortened(text)}` is set here", span=target.span(("thingc",)))],
             )
             return None
@@ -433,5 +428,6 @@ _FILES = {"assembly": _named_files, "catalog": _pictures}
 _REFERENCED = {
     "assembly": ("an assembly document", DOCUMENT_SUFFIXES), "materials": ("a materials document", DOCUMENT_SUFFIXES),
     "catalog": ("a catalogue", CATALOG_SUFFIXES), "motion": ("a CSV file of a motion", CATALOG_SUFFIXES),
+    "file": ("a part file", PART_SUFFIXES), "mesh": ("a mesh file", MESH_SUFFIXES), "picture": ("a picture", PICTURE_SUFFIXES),
 }
-"""The kinds of documents that an assembly can reference, with a description and the possible file extensions."""
+"""The kinds of documents and files that a document can reference, with a description and the possible file extensions."""

@@ -6,6 +6,7 @@ For each error, the smallest entry that contains the error and can be removed is
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Any
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -106,14 +107,10 @@ def take_out(plain: dict[str, Any], path: Path, *, name: bool = False) -> Path |
     mapping = _at(plain, path[:-1])
     if isinstance(mapping, dict) and path[-1] in mapping:
         if len(path) == 2 and path[0] in _STAND_INS and not name:
-            mapping[path[-1]] = _copied(_STAND_INS[str(path[0])])
+            mapping[path[-1]] = copy(_STAND_INS[str(path[0])])
         else:
             del mapping[path[-1]]
     return path
-
-
-def _copied(value: Any) -> Any:
-    return dict(value) if isinstance(value, dict) else value
 
 
 def _at(value: Any, path: Path) -> Any:
