@@ -81,8 +81,8 @@ def test_a_tracked_file_is_a_motion_again(tmp_path: Path) -> None:
     text = ARM.replace("SHOULDER", STIFF).replace("ELBOW", STIFF)
     assert run(tmp_path, text, "--csv", str(tmp_path / "tracked.csv"))[0] == 0
     text = text.replace("motions: {", "motions: {again: {file: tracked.csv}, ")
-    code, out = run(tmp_path, text, "again", "--csv", str(tmp_path / "next.csv"))
-    assert code == 0, out
+    code, out = run(tmp_path, text, "--csv", str(tmp_path / "next.csv"), "again")  # an argument can follow the options
+    assert code == 0 and (tmp_path / "next.csv").exists(), out
 
 
 def test_the_loop_of_a_mode_stays_closed(tmp_path: Path) -> None:

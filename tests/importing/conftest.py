@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from thingc.geometry.worker.lazy_build123d import import_cheaply
 from thingc.tools.cli.main import main
+
+import_cheaply("build123d")  # modules of tests use it; of all tests, those in this folder import it first
 
 
 @pytest.fixture

@@ -116,7 +116,10 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would add these words to other arguments
         words, behind = words[: words.index("--")], words[words.index("--") + 1 :]
     try:
-        options, unknown = parser.parse_known_args(words)
+        if own is not None and words[0] == command:  # `intermixed` allows options between arguments: `thingc motion DOC --mode M NAME`
+            options, unknown = own.parse_known_intermixed_args(words[1:], argparse.Namespace(command=command, version=False))
+        else:
+            options, unknown = parser.parse_known_args(words)
     except SystemExit as leaving:
         if leaving.code:
             raise
