@@ -21,7 +21,8 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Diagnostic, shown_path
 from thingc.batch import folder_layout
 from thingc.batch.build_records import lengths_in, losses, outcomes
-from thingc.batch.cluster.protocol import Cluster, FileTransferExecutor
+from thingc.batch.cluster.dask_executor import DaskCluster
+from thingc.batch.cluster.protocol import Cluster
 from thingc.batch.cluster.remote_workers import RemoteExecutor
 from thingc.batch.cluster.workspace_archive import WorkspaceArchive, pack
 from thingc.batch.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
@@ -278,7 +279,7 @@ class _Batch:
 
         Return None if the option `ship` is not set.
         """
-        if self.transfer is None or not isinstance(cluster, FileTransferExecutor):
+        if self.transfer is None or not isinstance(cluster, DaskCluster):
             return contextlib.nullcontext()
         return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.asked.options))
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 from msgspec.structs import asdict
@@ -186,13 +186,12 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
     return rows
 
 
-class LocalExecutor(Executor):
+class LocalExecutor(ThreadPoolExecutor):
     """An executor for this machine with `jobs` threads, each of which uses a runner process."""
 
     def __init__(self, jobs: int) -> None:
-        self.jobs = jobs
+        super().__init__(max_workers=jobs, thread_name_prefix="thingc-runner")
         self.runners = Runners()
-        self._threads = ThreadPoolExecutor(max_workers=jobs, thread_name_prefix="thingc-runner")
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
         """Run a function call in a thread, and return a future of its result.
@@ -201,7 +200,7 @@ class LocalExecutor(Executor):
         """
         if fn is evaluate:
             named.setdefault("runners", self.runners)
-        return self._threads.submit(fn, *arguments, **named)
+        return super().submit(fn, *arguments, **named)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End all runner processes.
@@ -210,5 +209,5 @@ class LocalExecutor(Executor):
         """
         if cancel_futures:
             self.runners.cancel()
-        self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)
+        super().shutdown(wait=wait, cancel_futures=cancel_futures)
         self.runners.close()

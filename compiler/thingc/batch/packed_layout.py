@@ -24,6 +24,7 @@ from array import array
 from bisect import bisect_right
 from collections import Counter, OrderedDict
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
@@ -205,8 +206,8 @@ def seal(folder: str, number: int) -> None:
         parquet.ParquetWriter(fresh[".run.parquet"], run, compression="zstd", write_statistics=False) as runs,
     ):
         for group in _groups(chunk, ("run", *told.names)):
-            rows.write_table(_table(told, [cells[1:] for cells in group]))
-            runs.write_table(_table(run, [(index, own) for own, index, *_ in group]))
+            rows.write_table(arrow_table(told, [cells[1:] for cells in group]))
+            runs.write_table(arrow_table(run, [(index, own) for own, index, *_ in group]))
     for end, path in fresh.items():  # write the run file first, because a chunk requires it
         with open(path, "rb") as stream:
             os.fsync(stream.fileno())
@@ -242,13 +243,6 @@ def _schemas(paths: Sequence[str], lengths: Sequence[str]) -> tuple[Any, Any]:
     return told, pyarrow.schema([pyarrow.field("index", pyarrow.int64()), pyarrow.field("run", pyarrow.string())])
 
 
-def _table(schema: Any, rows: Sequence[tuple[Any, ...]]) -> Any:
-    import pyarrow
-
-    columns = [column(cells, field.type) for cells, field in zip(zip(*rows, strict=True), schema, strict=True)]
-    return pyarrow.Table.from_arrays(columns, schema=schema)
-
-
 def _json(value: Any) -> str:
     return json.dumps(value, separators=(",", ":"), ensure_ascii=False)
 
@@ -268,8 +262,7 @@ class Chunk:
         self.number = number
         self._journal: Any = None
         self._begins: dict[int, int] = {}
-        self._entry: tuple[int, Line] = (-1, {})
-        self._columns: OrderedDict[tuple[int, str], Any] = OrderedDict()
+        self._noted = lru_cache(1)(self._read_line)
         own: set[str] = set()
         lengths: set[str] = set()
         path = _chunk_path(folder, number, ".jsonl") if packed(folder) else os.path.join(folder, folder_layout.JOURNAL)
@@ -294,10 +287,12 @@ class Chunk:
             lengths.update(json.loads(self._sealed.schema_arrow.metadata[b"lengths"]))
         self.indices = sorted(self._rows.keys() | self._begins.keys())
         self.paths = sorted(own)
+        self._cells = lru_cache(max(COLUMNS_MOST, 2 * len(own)))(self._read_cells)
         self.lengths = sorted(lengths)
 
     def close(self) -> None:
-        """Close the files of the chunk."""
+        """Close the files of the chunk, and clear its caches, which refer to the chunk."""
+        self._cells.cache_clear()
         for one in (self._journal, self._sealed, self._run):
             if one is not None:
                 one.close()
@@ -354,26 +349,22 @@ class Chunk:
         with _reading(self._path):
             return self._sealed.read(columns)
 
-    def _noted(self, index: int) -> Line:
-        """Return the journal line of a variant, read from the journal of the chunk. The line that was read last is cached."""
-        if self._entry[0] != index:
-            self._journal.seek(self._begins[index])
-            self._entry = index, json.loads(self._journal.readline())
-        return self._entry[1]
+    def _read_line(self, index: int) -> Line:
+        """Read the line of a variant in the journal of the chunk."""
+        self._journal.seek(self._begins[index])
+        line: Line = json.loads(self._journal.readline())
+        return line
 
     def _sealed_cell(self, row: int, column: str) -> Any:
         group = bisect_right(self._starts, row) - 1
-        cells = self._columns.get((group, column))
-        if cells is None:
-            file = self._run if column == "run" else self._sealed
-            assert file is not None
-            with _reading(self._path):
-                cells = self._columns[group, column] = file.read_row_group(group, columns=[column]).column(0)
-            while len(self._columns) > max(COLUMNS_MOST, 2 * len(self.paths)):
-                self._columns.popitem(last=False)
-        else:
-            self._columns.move_to_end((group, column))
-        return cells[row - self._starts[group]].as_py()
+        return self._cells(group, column)[row - self._starts[group]].as_py()
+
+    def _read_cells(self, group: int, column: str) -> Any:
+        """Read one column of a group of rows."""
+        file = self._run if column == "run" else self._sealed
+        assert file is not None
+        with _reading(self._path):
+            return file.read_row_group(group, columns=[column]).column(0)
 
 
 def _cell_of(line: Line, column: str) -> Any:
@@ -433,7 +424,15 @@ class Chunks:
         return self.of(index // self._variants)
 
 
-def column(values: Sequence[Any], type: Any) -> Any:
+def arrow_table(schema: Any, rows: Sequence[Sequence[Any]]) -> Any:
+    """Create an Arrow table with the given rows, of which there must be at least one."""
+    import pyarrow
+
+    columns = [_column(cells, field.type) for cells, field in zip(zip(*rows, strict=True), schema, strict=True)]
+    return pyarrow.Table.from_arrays(columns, schema=schema)
+
+
+def _column(values: Sequence[Any], type: Any) -> Any:
     """Create an Arrow array from a list of values, in which None is a missing value.
 
     The function returns the same array and raises the same errors as `pyarrow.array(values, type)`, for the types `int64`, `float64`,

@@ -11,10 +11,9 @@ import os
 import re
 import xml.etree.ElementTree as ElementTree
 from bisect import bisect_left
-from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import islice
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, overload
@@ -118,7 +117,7 @@ class BuiltVariant(OneLineRepr):
         """Return the XML text that the method `model` compiles with MuJoCo. Raises the same errors as `model`."""
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
-            text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes.of(meshes),
+            text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: _contents(meshes),
             compiled=lambda: self._compiled(text, meshes),
         )
 
@@ -139,7 +138,9 @@ class BuiltVariant(OneLineRepr):
         # MuJoCo has cached most meshes, so starting threads would take longer
         text = text.replace("<compiler ", '<compiler usethread="false" ', 1)
         try:
-            with self.family.meshes.mounted(meshes) as files:
+            with self.family.meshes.lock:
+                wanted = {name: file for name, (file, _) in meshes.items()}  # by identity: variants have links to the same files
+                files = self.family.meshes.mount(wanted, lambda name: _content(meshes[name][1]))
                 return mujoco.MjModel.from_xml_string(text, vfs=files)
         except ValueError as fault:
             raise FamilyError(f"MuJoCo rejects the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
@@ -153,7 +154,7 @@ class BuiltVariant(OneLineRepr):
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
-        files = self.family.meshes.of(self._files.meshes())
+        files = _contents(self._files.meshes())
         return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
 
     def sizes(self, mode: str | None = None) -> Sizes:
@@ -225,7 +226,7 @@ class BatchResults(Sequence[BuiltVariant]):
         self._batch = folder, described, mode, robot, records, meshes
         self.meshes = meshes
         self._indices = records.built if indices is None else indices
-        self._made: OrderedDict[int, BuiltVariant] = OrderedDict()
+        self._variant = lru_cache(VARIANTS)(self._read_variant)
         self._models: dict[tuple[str, bool, bool], TextModels] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -235,18 +236,13 @@ class BatchResults(Sequence[BuiltVariant]):
     def _of(self, indices: Sequence[int]) -> BatchResults:
         return BatchResults(*self._batch, indices)
 
-    def _variant(self, index: int) -> BuiltVariant:
-        """Return the variant with this index in the plan. The most recently used variants are cached."""
-        made = self._made.get(index)
-        if made is None:
-            line = self.records.line(index)
-            made = self._made.setdefault(index, BuiltVariant(
-                id=line["id"], name=line["name"], index=index, settings={**line["parameters"], **line["choices"]},
-                results=_row(line), folder=folder_layout.variant_folder(self.folder, line["id"]), family=self,
-            ))
-            if len(self._made) > VARIANTS:
-                self._made.popitem(last=False)
-        return made
+    def _read_variant(self, index: int) -> BuiltVariant:
+        """Return the variant with this index in the plan."""
+        line = self.records.line(index)
+        return BuiltVariant(
+            id=line["id"], name=line["name"], index=index, settings={**line["parameters"], **line["choices"]}, results=_row(line),
+            folder=folder_layout.variant_folder(self.folder, line["id"]), family=self,
+        )
 
     @property
     def rows(self) -> Sequence[Mapping[str, Any]]:
@@ -408,6 +404,16 @@ def _row(line: Line) -> dict[str, Any]:
         if isinstance(value, int) and not isinstance(value, bool):
             numbers[PARAMETERS + name] = float(value)
     return {name: numbers.get(name, value) for name, value in flat(line).items() if value is not None}
+
+
+def _content(path: str) -> bytes:
+    with open(path, "rb") as stream:
+        return stream.read()
+
+
+def _contents(meshes: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
+    """Return the contents of mesh files by name. `meshes` contains the identity and the path of each file."""
+    return {name: _content(path) for name, (_, path) in meshes.items()}
 
 
 def _variant(one: Any) -> BuiltVariant:

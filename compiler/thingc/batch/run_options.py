@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import variants_document
-from thingc.batch.cluster.protocol import FileTransferExecutor
+from thingc.batch.cluster.dask_executor import DaskCluster
 from thingc.batch.folder import FOLDERS, PACKED, BatchFault
 from thingc.batch.planning import Plan
 from thingc.batch.results import FamilyError
@@ -85,7 +85,7 @@ def check_engine(executor: Executor | None, ship: bool) -> None:
     """Raise `BatchFault` if `executor` lacks the methods of an executor, or if `ship` is set and the executor cannot transfer files."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be an executor of `concurrent.futures`, found `{executor}`")
-    if ship and not isinstance(executor, FileTransferExecutor):
+    if ship and not isinstance(executor, DaskCluster):
         raise BatchFault(
             Code.COMMAND_LINE, "--ship can only be used with Dask workers",
             "remove --ship: SLURM jobs share the folder from which they are submitted, and local runners use it directly",

@@ -5,10 +5,10 @@ Rows are read and written one at a time, so that even a table with many rows nee
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
+from itertools import islice
 from typing import Any
 
 from msgspec.structs import replace
@@ -18,7 +18,7 @@ from thingc.base.safe_text import format_cell
 from thingc.batch import folder_layout
 from thingc.batch.build_records import in_order, lengths_in
 from thingc.batch.folder_layout import Line
-from thingc.batch.packed_layout import column
+from thingc.batch.packed_layout import arrow_table
 from thingc.batch.rules import PARAMETERS, RESULTS, dimension_of
 
 BLOCK = 1024
@@ -95,49 +95,27 @@ def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
 
 def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
     """Write the files `results.csv` and `results.parquet` of a batch again, each in one atomic step. Return the columns of the table."""
+    from pyarrow.parquet import ParquetWriter
+
     wanted = columns(parameters, choices, lengths_in(folder))
     written = os.path.join(folder, folder_layout.TABLE_CSV), os.path.join(folder, folder_layout.TABLE_PARQUET)
-    with _csv(f"{written[0]}.new", wanted) as to_csv, _parquet(f"{written[1]}.new", wanted) as to_parquet:
-        for line in in_order(folder):
-            row = cells(line, wanted)
-            to_csv(row)
-            to_parquet(row)
+    schema, lines = _schema(wanted), in_order(folder)
+    with open(f"{written[0]}.new", "w", encoding="utf-8", newline="") as stream, ParquetWriter(f"{written[1]}.new", schema) as parquet:
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow([format_cell(column.name) for column in wanted])
+        while block := [cells(line, wanted) for line in islice(lines, BLOCK)]:
+            rows.writerows([format_cell(value) for value in row] for row in block)
+            parquet.write_table(arrow_table(schema, block))
     for path in written:
         os.replace(f"{path}.new", path)
     return wanted
 
 
-@contextlib.contextmanager
-def _csv(path: str, wanted: Sequence[Column]) -> Iterator[Callable[[list[Any]], None]]:
-    with open(path, "w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([format_cell(column.name) for column in wanted])
-        yield lambda row: writer.writerow([format_cell(value) for value in row])
-
-
-@contextlib.contextmanager
-def _parquet(path: str, wanted: Sequence[Column]) -> Iterator[Callable[[list[Any]], None]]:
+def _schema(wanted: Sequence[Column]) -> Any:
+    """Return the Arrow schema of the table. The metadata of a column contains its unit."""
     import pyarrow
-    from pyarrow import parquet
 
     types = {"integer": pyarrow.int64(), "number": pyarrow.float64(), "text": pyarrow.string(), "flag": pyarrow.bool_()}
-    schema = pyarrow.schema([
+    return pyarrow.schema([
         pyarrow.field(column.name, types[column.kind], metadata={"unit": column.unit} if column.unit else None) for column in wanted
     ])
-    block: list[list[Any]] = []
-    with parquet.ParquetWriter(path, schema) as writer:
-
-        def write(row: list[Any]) -> None:
-            block.append(row)
-            if len(block) == BLOCK:
-                writer.write_table(_table(pyarrow, schema, block))
-                block.clear()
-
-        yield write
-        if block:
-            writer.write_table(_table(pyarrow, schema, block))
-
-
-def _table(pyarrow: Any, schema: Any, block: Sequence[Sequence[Any]]) -> Any:
-    arrays = [column([row[k] for row in block], field.type) for k, field in enumerate(schema)]
-    return pyarrow.Table.from_arrays(arrays, schema=schema)

@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import Any, TypeVar
 
 from thingc.base.diagnostics import Code
-from thingc.batch.cluster.protocol import PATIENCE, FileTransferExecutor, WorkerLost, missing
+from thingc.batch.cluster.protocol import PATIENCE, Cluster, WorkerLost, missing
 from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 from thingc.batch.folder import BatchFault
 from thingc.driver.up_to_date import state_of
@@ -37,8 +37,10 @@ def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
     return dict(versions()), {path: state_of(path) for path in paths}
 
 
-class DaskCluster(FileTransferExecutor):
+class DaskCluster(Cluster):
     """An executor that runs calls on the workers of the dask scheduler at `address`.
+
+    It can also copy files to and from its workers, so that a shared file system is not required.
 
     Raises `BatchFault` if the scheduler does not respond or does not have any workers.
     """
@@ -143,7 +145,8 @@ class DaskCluster(FileTransferExecutor):
     def ship(self, name: str, transfer: WorkspaceArchive) -> None:
         """Send a workspace to all workers, including workers that connect later.
 
-        Before sending the workspace, remove the workspaces of batches that have ended.
+        Before sending the workspace, remove the workspaces of batches that have ended. Raises `BatchFault` if a worker cannot unpack the
+        workspace.
         """
         from thingc.batch.cluster.dask_plugin import UnpackedWorkspace
 

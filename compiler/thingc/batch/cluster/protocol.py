@@ -1,17 +1,13 @@
-"""The interfaces of executors that build variants on other machines, with or without a shared file system."""
+"""The interface of executors that build variants on other machines."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Executor
-from typing import Any, TypeVar
 
 from thingc.base.diagnostics import Code
-from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 from thingc.batch.folder import BatchFault
-
-T = TypeVar("T")
 
 PATIENCE = 60.0
 """Time [s] after which a batch ends with an error if its cluster does not have any workers."""
@@ -46,28 +42,6 @@ class Cluster(Executor):
     @abstractmethod
     def fault(self) -> BatchFault | None:
         """Return an error if the cluster can no longer return results. Return None if the cluster can still return results."""
-
-
-class FileTransferExecutor(Cluster):
-    """An executor that copies files to and from its workers, so that a shared file system is not required."""
-
-    @abstractmethod
-    def ship(self, name: str, transfer: WorkspaceArchive) -> None:
-        """Send a workspace to every worker, including workers that connect later.
-
-        Raises `BatchFault` if a worker cannot unpack the workspace.
-        """
-
-    @abstractmethod
-    def unship(self, name: str) -> None:
-        """Remove the workspace with this name from all workers that can be reached."""
-
-    @abstractmethod
-    def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
-        """Call `fn` immediately on the worker with this address, even if the worker is busy.
-
-        Raises `WorkerLost` if the worker has ended.
-        """
 
 
 def missing(package: str) -> BatchFault:

@@ -22,14 +22,14 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from functools import cached_property, lru_cache
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, shown_path
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import folder_layout
-from thingc.batch.cluster.protocol import Cluster, FileTransferExecutor, WorkerLost
+from thingc.batch.cluster.protocol import Cluster, WorkerLost
 from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 from thingc.batch.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
 from thingc.batch.folder import BatchFault
@@ -39,6 +39,9 @@ from thingc.batch.packed_layout import FILES, SHARED, packed
 from thingc.batch.planning import Variant
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
 from thingc.targets.artifact import Content, StoredArtifact
+
+if TYPE_CHECKING:
+    from thingc.batch.cluster.dask_executor import DaskCluster
 
 T = TypeVar("T")
 
@@ -180,7 +183,7 @@ class RemoteExecutor(Cluster):
 
     chunk_seconds = CHUNK_SECONDS
 
-    def __init__(self, cluster: FileTransferExecutor, transfer: WorkspaceArchive, folder: str, store: Store) -> None:
+    def __init__(self, cluster: DaskCluster, transfer: WorkspaceArchive, folder: str, store: Store) -> None:
         self.cluster = cluster
         self.transfer = transfer
         self.folder = folder

@@ -6,7 +6,7 @@ An `MjSpec` is faster, because MuJoCo does not need to parse the XML again.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
@@ -17,6 +17,8 @@ from thingc.batch.plans.trace_compilation import TraceResult
 if TYPE_CHECKING:
     import mujoco
 
+    from thingc.targets.artifact import StoredArtifact
+
 
 class ModelTemplate:
     """The XML of a MuJoCo model with slots, into which numbers and names of meshes can be inserted.
@@ -24,12 +26,14 @@ class ModelTemplate:
     `outputs` contains the numbers for the slots, in the order in which the method `text` expects their values. `why` is the reason why the
     faster `Arrays` cannot be used. If parts depend on numbers, the XML also has the slots `meshes` for the names of meshes of these parts.
     `slotted` is the XML text with slots. `places` maps each slot to the index of its value. `plain` is the XML text with the numbers of the
-    traced compilation.
+    traced compilation, and `assets` contains the meshes of this compilation.
     """
 
     def __init__(self, rehearsal: TraceResult, why: str = "", meshes: Sequence[str] = ()) -> None:
         self.why = why
-        self.slotted: str = rehearsal.made[0]
+        self.slotted: str
+        self.assets: Mapping[str, StoredArtifact]
+        self.slotted, self.assets = rehearsal.made
         self._meshes = {name: f"mesh:{place}" for place, name in enumerate(meshes)}
         if meshes:
             named = rf'(?<=")({"|".join(map(re.escape, meshes))})(?=(?:\.obj)?")'

@@ -13,6 +13,7 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.batch.families.merged_mesh_model import ModelSource
 from thingc.batch.families.mjspec_recompile import ModelTemplate, NotInMjSpec, RecompiledSpec
 from thingc.batch.families.results import NoModel
+from thingc.batch.mesh_files import MeshFiles
 from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays
 from thingc.batch.mujoco_arrays.entries import NotAnArrayEntry
 from thingc.batch.mujoco_arrays.equality import different_fields
@@ -31,9 +32,6 @@ if TYPE_CHECKING:
 
     from thingc.driver.session import Session
     from thingc.targets.artifact import StoredArtifact
-
-MESH_BYTES = 256_000_000
-"""Maximum total size [bytes] of the meshes in MuJoCo's virtual file system. If the meshes are larger, the file system is cleared."""
 
 KEPT = 32
 """Maximum number of cached compiled models. The cache is useful for training, which uses the same morphologies repeatedly."""
@@ -58,8 +56,8 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         self.mode = mode
         self.visual = visual
         self.floor = floor
+        self._meshes = MeshFiles()
         self._files: mujoco.MjVfs | None = None
-        self._held: dict[str, StoredArtifact] = {}
         self._specs: WeakKeyDictionary[ModelTemplate, RecompiledSpec | None] = WeakKeyDictionary()
         self._kept: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
 
@@ -164,8 +162,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
     def _by_text(self, plan: NumericPlan[Any], template: ModelTemplate, read: ParsedSettings, outputs: tuple[float, ...]) -> mujoco.MjModel:
         exchanged = plan.exchanged(read.values)
         meshes = () if exchanged is None else exchanged.names
-        if exchanged is not None:
-            self._mount(exchanged.assets)
+        self._mount(template.assets if exchanged is None else exchanged.assets)
         spec = self._specs.get(template)
         if spec is not None:
             try:
@@ -273,16 +270,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         return ModelSource(text=texts[self.mode], assets={file: self._bytes(stored) for file, stored in assets.items()})
 
     def _mount(self, assets: Mapping[str, StoredArtifact]) -> None:
-        import mujoco
-
-        if self._files is None or sum(stored.size for stored in self._held.values()) > MESH_BYTES:
-            self._files, self._held = mujoco.MjVfs(), {}
-        for file, stored in assets.items():
-            if self._held.get(file) != stored:
-                if file in self._held:
-                    del self._files[file]
-                self._files[file] = self._bytes(stored)
-                self._held[file] = stored
+        self._files = self._meshes.mount(assets, lambda file: self._bytes(assets[file]))
 
     def _bytes(self, stored: StoredArtifact) -> bytes:
         """Return the content of a mesh file in the store. Raises `StoreUnusable` if the store no longer contains the mesh file."""
