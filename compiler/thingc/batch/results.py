@@ -117,7 +117,7 @@ class BuiltVariant(OneLineRepr):
         """Return the XML text that the method `model` compiles with MuJoCo. Raises the same errors as `model`."""
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
-            text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: _contents(meshes),
+            text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes.of(meshes),
             compiled=lambda: self._compiled(text, meshes),
         )
 
@@ -138,9 +138,7 @@ class BuiltVariant(OneLineRepr):
         # MuJoCo has cached most meshes, so starting threads would take longer
         text = text.replace("<compiler ", '<compiler usethread="false" ', 1)
         try:
-            with self.family.meshes.lock:
-                wanted = {name: file for name, (file, _) in meshes.items()}  # by identity: variants have links to the same files
-                files = self.family.meshes.mount(wanted, lambda name: _content(meshes[name][1]))
+            with self.family.meshes.mounted(meshes) as files:
                 return mujoco.MjModel.from_xml_string(text, vfs=files)
         except ValueError as fault:
             raise FamilyError(f"MuJoCo rejects the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
@@ -154,7 +152,7 @@ class BuiltVariant(OneLineRepr):
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
-        files = _contents(self._files.meshes())
+        files = self.family.meshes.of(self._files.meshes())
         return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
 
     def sizes(self, mode: str | None = None) -> Sizes:
@@ -404,16 +402,6 @@ def _row(line: Line) -> dict[str, Any]:
         if isinstance(value, int) and not isinstance(value, bool):
             numbers[PARAMETERS + name] = float(value)
     return {name: numbers.get(name, value) for name, value in flat(line).items() if value is not None}
-
-
-def _content(path: str) -> bytes:
-    with open(path, "rb") as stream:
-        return stream.read()
-
-
-def _contents(meshes: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
-    """Return the contents of mesh files by name. `meshes` contains the identity and the path of each file."""
-    return {name: _content(path) for name, (_, path) in meshes.items()}
 
 
 def _variant(one: Any) -> BuiltVariant:

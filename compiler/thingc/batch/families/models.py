@@ -13,7 +13,7 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.batch.families.merged_mesh_model import ModelSource
 from thingc.batch.families.mjspec_recompile import ModelTemplate, NotInMjSpec, RecompiledSpec
 from thingc.batch.families.results import NoModel
-from thingc.batch.mesh_files import MeshFiles
+from thingc.batch.mesh_files import MountedFiles
 from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays
 from thingc.batch.mujoco_arrays.entries import NotAnArrayEntry
 from thingc.batch.mujoco_arrays.equality import different_fields
@@ -56,7 +56,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         self.mode = mode
         self.visual = visual
         self.floor = floor
-        self._meshes = MeshFiles()
+        self._meshes = MountedFiles()
         self._files: mujoco.MjVfs | None = None
         self._specs: WeakKeyDictionary[ModelTemplate, RecompiledSpec | None] = WeakKeyDictionary()
         self._kept: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
