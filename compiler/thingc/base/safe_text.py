@@ -34,6 +34,13 @@ def escape_control(text: str, *, most: int = LONGEST) -> str:
     return text if _is_printable(text) else "".join(map(_escaped, text))
 
 
+def html_text(text: str) -> str:
+    """Escape text for HTML and SVG, including control characters and invisible characters."""
+    from html import escape
+
+    return escape(escape_control(text))
+
+
 def shown_line(line: str) -> str:
     """Escape the control characters and invisible characters of a source line for display.
 

@@ -7,7 +7,6 @@ the same batch always has the same bytes, because columns about the run (`parts_
 
 from __future__ import annotations
 
-import html
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -15,7 +14,7 @@ from importlib import resources
 from typing import Any
 
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.safe_text import escape_control, in_script, pieces
+from thingc.base.safe_text import escape_control, html_text, in_script, pieces
 from thingc.base.units import Quantity
 from thingc.batch import folder_layout, variants_document
 from thingc.batch.build_records import lengths_in, spread
@@ -61,7 +60,7 @@ def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
     """Return two parts of the HTML page: the text before the data, and the text after the data."""
     own = resources.files("thingc.batch")
     texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
-    texts["@TITLE@"] = html.escape(escape_control(f"{described['name']}: variants of {described['assembly']}"))
+    texts["@TITLE@"] = html_text(f"{described['name']}: variants of {described['assembly']}")
     frame = pieces((own / "page.html").read_text(encoding="utf-8"))
     before, after = frame[: frame.index("@DATA@")], frame[frame.index("@DATA@") + 1 :]
     return "".join(texts.get(piece, piece) for piece in before), "".join(texts.get(piece, piece) for piece in after)

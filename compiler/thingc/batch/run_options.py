@@ -92,7 +92,7 @@ def check_engine(executor: Executor | None, ship: bool) -> None:
         )
 
 
-def _targets(emit: Sequence[str] | str) -> tuple[str, ...]:
+def chosen_targets(emit: Sequence[str] | str) -> tuple[str, ...]:
     """Convert the option `emit` to the names of targets, in the order of a build. Raises `BatchFault` for an unknown target."""
     words = tuple(map(str, emit)) if isinstance(emit, Iterable) and not isinstance(emit, str) else (str(emit),)
     for _, message, hint in unknown(words):
@@ -105,5 +105,5 @@ def planned(document: str, options: Options, emit: Sequence[str] | str, layout: 
 
     Raises `PlanError` for a document with errors, and `BatchFault` for an unknown target.
     """
-    targets, plan = _targets(emit), variants_document.plan(document, options=options)
+    targets, plan = chosen_targets(emit), variants_document.plan(document, options=options)
     return replace(plan, emit=targets or plan.emit, layout=layout or plan.layout)

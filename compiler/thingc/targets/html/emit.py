@@ -7,7 +7,7 @@ import html
 from importlib import resources
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.safe_text import escape_control, in_script, pieces
+from thingc.base.safe_text import html_text, in_script, pieces
 from thingc.targets.artifact import Artifacts
 from thingc.targets.html.mesh_packing import PackedMeshes
 from thingc.targets.html.viewer_data import describe
@@ -36,7 +36,7 @@ class Page(FrozenStruct):
         own = resources.files("thingc.targets.html") / "page"
         texts = {
             "@STYLE@": (own / "viewer.css").read_text(encoding="utf-8"), "@SCRIPT@": (own / "viewer.js").read_text(encoding="utf-8"),
-            "@TITLE@": html.escape(escape_control(self.name)), "@LIVE@": "\n".join(
+            "@TITLE@": html_text(self.name), "@LIVE@": "\n".join(
                 f'<meta name="thingc-{name}" content="{html.escape(content)}">'
                 for name, content in (("live", live), ("editor", editor)) if content is not None
             ),

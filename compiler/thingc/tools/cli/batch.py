@@ -9,7 +9,6 @@ import shlex
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
@@ -24,9 +23,9 @@ from thingc.batch.pictures import ALL, MANY, MOST
 from thingc.batch.planning import Plan, PlanError
 from thingc.batch.progress import Interrupted, Progress, Summary
 from thingc.batch.results import FamilyError, load
+from thingc.batch.run_options import chosen_targets
 from thingc.batch.variants_document import plan
 from thingc.driver.environment import Options
-from thingc.targets.registry import chosen, unknown
 from thingc.tools.cli import console
 from thingc.tools.cli.set import write
 from thingc.tools.cli.signals import INTERRUPTED
@@ -100,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
         if len(said) > 1:
             raise console.WrongCommandLine(f"{said[0]} cannot be combined with {said[1]}", "use only one of the two options")
         timeout = None if arguments.timeout is None else console.time_of("--timeout", arguments.timeout)
-        targets = _targets(arguments.emit)
+        targets = chosen_targets(arguments.emit)
         if arguments.adopt is not None:
             return _adopt(arguments, options)
         if arguments.unpack is not None:
@@ -135,13 +134,6 @@ def _again(arguments: argparse.Namespace) -> str:
     words += [str(word) for option, value in said.items() if value is not None for word in (option, value)]
     flags = {"--ship": arguments.ship, "--resume": True, "--retry": arguments.retry}
     return shlex.join([*words, *(flag for flag, said in flags.items() if said)])
-
-
-def _targets(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the targets in the option `--emit`, or an empty tuple without this option. Raises `WrongCommandLine` for an unknown target."""
-    for _, message, hint in unknown(words):
-        raise console.WrongCommandLine(message, hint)
-    return chosen(words) if words else ()
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...], timeout: float | None) -> Summary:

@@ -156,20 +156,13 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
 
     Raises `WrongCommandLine` for an invalid value.
     """
-    values: dict[str, str] = {}
+    example = "-p 'reach=120 mm'"
     for word in words:
-        name, equals, value = word.partition("=")
-        name, value = name.strip(), value.strip()
-        if not equals or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or not value:
-            by_path = "." in name and value != ""
-            raise WrongCommandLine(
-                f"expected -p NAME=VALUE, found `{word}`",
-                f"to set a value by its path, write --set '{name}={value}'" if by_path else "write, for example, -p 'reach=120 mm'",
-            )
-        if name in values:
-            raise WrongCommandLine(f"-p sets `{name}` twice", "keep only one of the two values")
-        values[name] = value
-    return values
+        name, _, value = (piece.strip() for piece in word.partition("="))
+        if name and value and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+            hint = f"to set a value by its path, write --set '{name}={value}'" if "." in name else f"write, for example, {example}"
+            raise WrongCommandLine(f"expected -p NAME=VALUE, found `{word}`", hint)
+    return paths(words, "-p NAME=VALUE", example, "-p sets `{}` twice")
 
 
 def paths(words: Sequence[str], form: str, example: str, twice: str, name: Callable[[str], str] = str) -> dict[str, str]:

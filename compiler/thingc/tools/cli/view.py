@@ -86,13 +86,12 @@ def run(arguments: argparse.Namespace) -> int:
 
         return view_robot_file(arguments, options, _server(arguments))
     console.require_document(arguments.document)
-    before, beside, turn = None, None, threading.Lock()
+    before, beside, turn = None, False, threading.Lock()
+    plain = replace(options, parameters={}, choices={})
     if arguments.against is not None:
         console.require_document(arguments.against)
-        plain = replace(options, parameters={}, choices={})
-        if not os.path.samefile(arguments.against, arguments.document):
-            beside = _Beside(arguments, plain, turn)
-        else:
+        beside = not os.path.samefile(arguments.against, arguments.document)
+        if not beside:
             before, diagnostics = attempted(arguments.against, plain, _page)
             if before is None:
                 return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
@@ -113,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
             if not arguments.no_open and not webbrowser.open(server.address):
                 console.say("cannot start a browser: open the address in your browser", stream=sys.stderr)
 
-    with server, nullcontext() if beside is None else beside.followed(server):
+    with server, _overlay(arguments, plain, turn, server) if beside else nullcontext():
         return until_interrupted(live, hear)
 
 
@@ -130,39 +129,33 @@ def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list
     return made, page, findings_of(made.diagnostics, environment.workspace)
 
 
-class _Beside:
-    """The document that `thingc view` shows as an overlay over the first document.
+@contextmanager
+def _overlay(arguments: argparse.Namespace, options: Options, turn: threading.Lock, server: Server) -> Iterator[None]:
+    """A context manager that sends the second document, which is shown over the first document, to the server after every rebuild.
 
     A thread watches this document, and acquires the lock `turn` to compile it.
     """
+    wish = BuildRequest(targets=(), strict=arguments.strict)
+    live = RebuildLoop(arguments.against, options, lambda: wish, console.of_exception, writes=False, turn=turn)
+    lines, stop = Lines(arguments, of=shown_path(arguments.against)), threading.Event()
 
-    def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
-        self._turn = turn
-        wish = BuildRequest(targets=(), strict=arguments.strict)
-        self._live = RebuildLoop(arguments.against, options, lambda: wish, console.of_exception, writes=False, turn=turn)
-        self._lines = Lines(arguments, of=shown_path(arguments.against))
-        self._stop = threading.Event()
-
-    @contextmanager
-    def followed(self, server: Server) -> Iterator[None]:
-        """A context manager that sends the result of every rebuild of the overlay to the server."""
-        thread = threading.Thread(target=self._follow, args=(server,), daemon=True)
-        with self._live:
-            thread.start()
-            try:
-                yield
-            finally:
-                self._stop.set()
-        thread.join(1.0)
-
-    def _follow(self, server: Server) -> None:
-        for made in self._live.rounds(self._stop):
-            if self._stop.is_set():
+    def follow() -> None:
+        for made in live.rounds(stop):
+            if stop.is_set():
                 return
-            with self._turn:
-                made, page, diagnostics = _shown(self._live, made)
+            with turn:
+                made, page, diagnostics = _shown(live, made)
             server.tell_against(page, diagnostics)
-            self._lines.say(made)
+            lines.say(made)
+
+    thread = threading.Thread(target=follow, daemon=True)
+    with live:
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+    thread.join(1.0)
 
 
 def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:

@@ -10,11 +10,13 @@ from thingc.base.diagnostics import UserError
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
+from thingc.documents.load.paths import DOCUMENT_SUFFIXES
+from thingc.geometry.lock.lock import LOCK_FILE
+from thingc.targets.artifact import MANIFEST
 from thingc.tools.affected.dependents import NotARepository
-from thingc.tools.diff.revisions import DOCUMENTS, LOCK_FILE, Repository, UnknownRevision
+from thingc.tools.diff.revisions import Repository, UnknownRevision
 
 SideKind = Literal["document", "build", "lock", "model", "revision", "checkout"]
-MANIFEST = "manifest.json"
 CHECKOUT = "working tree"
 _FILES = frozenset({"document", "model"})
 
@@ -97,11 +99,11 @@ def _sides(word: str, models: tuple[str, ...]) -> list[Side]:
     if os.path.isfile(word):
         if os.path.basename(word).endswith(LOCK_FILE):
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]
-        if word.lower().endswith(DOCUMENTS):
+        if word.lower().endswith(DOCUMENT_SUFFIXES):
             return [Side(kind="document", name=word, place=os.path.abspath(word))]
         if word.lower().endswith(models):
             return [Side(kind="model", name=word, place=os.path.abspath(word))]
-        message = f"`{word}` is not a document ({', '.join((*DOCUMENTS, *models))}), build folder or lock file"
+        message = f"`{word}` is not a document ({', '.join((*DOCUMENT_SUFFIXES, *models))}), build folder or lock file"
         raise UnknownComparison(message, f"the name of a lock file is `{LOCK_FILE}`")
     if os.path.isdir(word):
         if os.path.isfile(os.path.join(word, MANIFEST)):
@@ -125,9 +127,9 @@ def _revision(word: str) -> Side:
     try:
         commit = Repository.of(os.getcwd()).commit(word)
     except (NotARepository, UnknownRevision) as fault:
-        if word.lower().endswith((*DOCUMENTS, ".json")):
+        if word.lower().endswith((*DOCUMENT_SUFFIXES, ".json")):
             folder = os.path.dirname(word)
-            names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENTS)]
+            names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENT_SUFFIXES)]
             raise UnknownComparison(f"there is no document `{word}`", did_you_mean(word, names, what="documents")) from None
         if isinstance(fault, NotARepository):
             message = f"`{word}` is not a file, a folder or a revision: {fault}"

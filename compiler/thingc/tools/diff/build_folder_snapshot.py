@@ -13,7 +13,7 @@ from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.source import line_of
 from thingc.geometry.lock.lock import read_lock_file
 from thingc.geometry.record import ActuatorRecord, PartRecord
-from thingc.tools.diff.arguments import MANIFEST
+from thingc.targets.artifact import MANIFEST
 from thingc.tools.diff.assembly_facts import shape_of
 from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, Row, Snapshot, SnapshotElement, Value, field_values
 

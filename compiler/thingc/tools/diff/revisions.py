@@ -17,12 +17,12 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from thingc.base.filesystem import BadPath, check_tree, write_tree
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
+from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.documents.workspace import DEFAULT_PARTS, OWN_FILE, SHARED_FILE
+from thingc.geometry.lock.lock import LOCK_FILE
 from thingc.tools.affected.dependents import NotARepository, git, run_git
 from thingc.tools.importing.import_request import ENDINGS
 
-LOCK_FILE = "parts.lock.json"
-DOCUMENTS = (".yaml", ".yml", ".toml")
 _NAMED = re.compile(rb"[^\s\"'\[\]{},:]+\.(?:ya?ml|toml|step|stp|brep|brp|stl|3mf|obj)\b", re.IGNORECASE)
 """Regular expression that finds all file names in a document. The expression can also match other text."""
 _LINK = "120000"
@@ -103,7 +103,7 @@ class Revision:
         The paths are relative to the root folder of the repository.
         """
         above = "" if folder == "." else f"{folder}/"
-        return [path for path in self._files if path.startswith(above) and path.lower().endswith(DOCUMENTS)]
+        return [path for path in self._files if path.startswith(above) and path.lower().endswith(DOCUMENT_SUFFIXES)]
 
     def file(self, path: str) -> str:
         """Convert the path of a file in the repository to its absolute path in the temporary folder."""
@@ -129,7 +129,7 @@ class Revision:
         while waiting:
             contents = self._bring(waiting)
             waiting = [
-                named for path, data in contents.items() if path.lower().endswith(DOCUMENTS) for named in _names(path, data)
+                named for path, data in contents.items() if path.lower().endswith(DOCUMENT_SUFFIXES) for named in _names(path, data)
                 if named in self._files and named not in self._there
             ]
 

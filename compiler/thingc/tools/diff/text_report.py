@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from html import escape
 from typing import Any
 
 from msgspec.structs import replace
@@ -14,7 +13,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist, hypot
 from thingc.base.one_line_repr import counted
 from thingc.base.pose import placed, turn_of
-from thingc.base.safe_text import escape_control, some
+from thingc.base.safe_text import escape_control, html_text, some
 from thingc.base.units import ANGLE, LENGTH, MASS, Quantity
 from thingc.documents.checks import kinds
 from thingc.tools.diff.comparison import Comparison
@@ -297,7 +296,7 @@ code { background: #f1f1f4; padding: 0 .25em; border-radius: .25em } li { margin
 
 def as_html(differences: DiffResult) -> str:
     """Format the result of a comparison as a self-contained HTML page."""
-    title = f"{_escape_text(differences.old)} → {_escape_text(differences.new)}"
+    title = f"{html_text(differences.old)} → {html_text(differences.new)}"
     return "\n".join([
         "<!doctype html>", f'<html lang="en"><head><meta charset="utf-8"><title>{title}</title>',
         f"<style>{STYLE}</style></head><body>", f"<h1>{title}</h1>", *_body(differences),
@@ -307,9 +306,9 @@ def as_html(differences: DiffResult) -> str:
 
 def _body(differences: DiffResult) -> Iterator[str]:
     for words, names in (("new", differences.come), ("gone", differences.gone)):
-        yield from (f"<p><code>{_escape_text(name)}</code> is {words}</p>" for name in names)
+        yield from (f"<p><code>{html_text(name)}</code> is {words}</p>" for name in names)
     for name, comparison in differences.documents:
-        yield f"<h2><code>{_escape_text(name)}</code></h2>"
+        yield f"<h2><code>{html_text(name)}</code></h2>"
         if not comparison.changes:
             yield f"<p>{NOTHING.capitalize()}.</p>"
             continue
@@ -322,7 +321,7 @@ def _body(differences: DiffResult) -> Iterator[str]:
                 '<input type="range" min="0" max="100" value="50" aria-label="from before to after" '
                 "oninput=\"this.parentNode.style.setProperty('--at', this.value + '%')\"></div>"
             )
-        yield from (f"<p>{_escape_text(line)}</p>" for line in _mechanism(comparison))
+        yield from (f"<p>{html_text(line)}</p>" for line in _mechanism(comparison))
         yield from _list(made(comparison))
         outcomes, kinds = outcomes_and_more(comparison)
         if outcomes:
@@ -334,18 +333,14 @@ def _body(differences: DiffResult) -> Iterator[str]:
             yield f"<details><summary>{TITLES[what]} ({sum(len(one.paths) for one in sentences)})</summary>"
             yield from _list(sentences)
             yield "</details>"
-        yield from (f"<p>Not compared: {_escape_text(unknown)}.</p>" for unknown in comparison.unknown)
+        yield from (f"<p>Not compared: {html_text(unknown)}.</p>" for unknown in comparison.unknown)
 
 
 def _list(sentences: Iterable[ReportLine]) -> Iterator[str]:
     yield "<ul>"
     for one in sentences:
         causes = ", ".join(path or "robot" for path in one.because)
-        because = f' <span class="because">because of {_escape_text(causes)}</span>' if causes else ""
+        because = f' <span class="because">because of {html_text(causes)}</span>' if causes else ""
         sign = {"+": "new ", "-": "gone "}.get(one.sign, "")
-        yield f"<li>{sign}{one.what} <code>{_escape_text(one.named)}</code>{_escape_text(one.words)}{because}</li>"
+        yield f"<li>{sign}{one.what} <code>{html_text(one.named)}</code>{html_text(one.words)}{because}</li>"
     yield "</ul>"
-
-
-def _escape_text(text: str) -> str:
-    return escape(escape_control(text))

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
-from thingc.base.source import Document, MappingNode
+from thingc.base.source import Document, MappingNode, Span
 from thingc.batch.variants_document import read_plan
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
@@ -24,7 +24,7 @@ from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import AssemblyDefinition
 from thingc.model.robot.types import Robot
 from thingc.tools.lsp.cached_parts import AvailableNames
-from thingc.tools.lsp.positions import TextLines
+from thingc.tools.lsp.positions import TextLines, steady
 from thingc.tools.schemas.document_facts import DocumentFacts, facts_of
 
 T = TypeVar("T")
@@ -118,6 +118,10 @@ class Analysis(FrozenStruct, eq=False):
         """Return the lines of a file. The default is the analysed document."""
         path = self.path if file is None else file
         return self.once(f"lines {path}", lambda: TextLines(self.text_of(path)))
+
+    def now(self, span: Span) -> Span | None:
+        """Convert a span in the last well-formed text to a span in the current text. Return None if the lines of the span have changed."""
+        return span if self.known is self else steady(self.known.text, self.text)(span)
 
     def uri(self, path: str) -> str:
         """Return the URI of a file. If the file is open, return the URI that the editor uses for it."""

@@ -151,13 +151,15 @@ class AvailableNames:
     """The names of parts and of other documents that the documents of one workspace can use.
 
     `at_hand` is the source of parts, or None if part code must not run. Without a source of parts, only parts that a document uses are
-    known. The function `wake` is called when there are new requests for workers.
+    known. The function `wake` is called when there are new requests for workers. The methods for parts have the form that `AvailableParts`
+    specifies. Workers compute missing schemas, but no records.
     """
 
     def __init__(self, workspace: Workspace, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
         self.workspace = workspace
         self.at_hand = at_hand
-        self._schemas = Schemas(workspace, _Parts(at_hand, wake))
+        self._wake = wake
+        self._schemas = Schemas(workspace, self)
 
     def schema_of(self, analysis: Analysis, scalars: Mapping[Path, str]) -> dict[str, Any] | None:
         """Return the JSON Schema of a document, or None if the file is not a document.
@@ -171,32 +173,21 @@ class AvailableNames:
             "schema", lambda: self._schemas.schema_of(analysis.path, tree, analysis.model, analysis.records, analysis.schemas),
         )
 
-
-class _Parts:
-    """Provides cached schemas and records of the parts that a workspace can use.
-
-    Workers compute missing schemas. This class does not build parts.
-    """
-
-    def __init__(self, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
-        self._at_hand = at_hand
-        self._wake = wake
-
     def catalogue(self) -> list[str]:
-        """Return the references of all part classes that documents can use, as `AvailableParts.catalogue` specifies."""
-        return [] if self._at_hand is None else self._at_hand.service.catalogue()
+        """Return the references of all part classes that documents can use."""
+        return [] if self.at_hand is None else self.at_hand.service.catalogue()
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
-        """Return the cached schemas of parts, in the form that `AvailableParts` specifies. Parts without a cached schema are omitted."""
-        answers = {} if self._at_hand is None else self._at_hand.describe(references)
-        known = {name: one for name, one in answers.items() if not isinstance(one, PartFailure) or one.kind != WAITED_FOR}
+        """Return the cached schemas of parts. Parts without a cached schema are omitted."""
+        answers = {} if self.at_hand is None else self.at_hand.describe(references)
+        known = {name: one for name, one in answers.items() if not _waited_for(one)}
         if len(known) < len(answers):
             self._wake()
         return known
 
     def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
-        """Return the cached records of part definitions, in the form that `AvailableParts` specifies. This method does not build parts."""
-        return {} if self._at_hand is None else self._at_hand.service.realize(definitions)
+        """Return the cached records of part definitions."""
+        return {} if self.at_hand is None else self.at_hand.service.realize(definitions)
 
 
 QUIET = 0.3

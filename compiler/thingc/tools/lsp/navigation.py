@@ -25,9 +25,13 @@ from thingc.tools.lsp.positions import TextLines, TextPlace, steady
 _TEXT, _READ, _WRITE = 1, 2, 3
 _KINDS = {
     "component": 5, "joint": 6, "parameter": 13, "pose": 24, "mode": 10, "mount": 11, "export": 11, "sensor": 8, "test": 17, "link": 23,
-    "material": 14, "index": 13, "part": 5, "part mount": 8, "part parameter": 13,
+    "material": 14, "index": 13, "part": 5, "part mount": 8, "part parameter": 13, "tendon": 6, "transmission": 6, "motion": 24,
+    "choice": 10, "list": 18,
 }
-"""Maps kinds of names to LSP symbol kinds. For example, a component is shown as a class, a joint as a method, and a pose as an event."""
+"""Maps kinds of names to LSP symbol kinds. For example, a component is shown as a class, a joint as a method, and a pose as an event.
+
+The names in a section of a document, such as `joints`, are of the kind without the plural `s`.
+"""
 MAX_SYMBOLS = 500
 
 
@@ -37,18 +41,17 @@ class _Names:
     def __init__(self, analysis: Analysis, sight: WorkspaceIndex) -> None:
         self.analysis = analysis
         self.sight = sight
-        known = analysis.known.text if not analysis.whole else analysis.text
-        self.now, self.then = steady(known, analysis.text), steady(analysis.text, known)
 
     def at(self, place: TextPlace) -> NamePlace | None:
         """Return the name at a position of the text, or None if the position is not inside a name."""
         path = self.analysis.path
-        cursor = self.then(Span(file=path, line=place.line, column=place.column, end_line=place.line, end_column=place.column))
-        return None if cursor is None else self.sight.index.at(path, cursor.line, cursor.column)
+        cursor = Span(file=path, line=place.line, column=place.column, end_line=place.line, end_column=place.column)
+        then = steady(self.analysis.text, self.analysis.known.text)(cursor)
+        return None if then is None else self.sight.index.at(path, then.line, then.column)
 
     def range(self, span: Span) -> Any:
         """Return the LSP range of a span. Return None if the line of the span has changed since the text was parsed."""
-        where = self.now(span) if span.file == self.analysis.path else span
+        where = self.analysis.now(span) if span.file == self.analysis.path else span
         return None if where is None else TextLines(self.sight.read(span.file) or "").range(where)
 
     def locations(self, spans: Iterable[Span]) -> list[dict[str, Any]]:
@@ -170,11 +173,6 @@ TOKENS = ("parameter", "variable", "function", "number", "unit")
 
 LSP does not define a type `unit`, so units are sent as `keyword`.
 """
-_SECTIONS = {
-    "components": 5, "joints": 6, "parameters": 13, "poses": 24, "modes": 10, "mounts": 11, "sensors": 8, "tests": 17, "links": 23,
-    "tendons": 6, "transmissions": 6, "motions": 24, "materials": 14, "choices": 10, "list": 18,
-}
-"""Maps sections of a document to the LSP symbol kind of the names in the section."""
 _MODULE = 2
 
 
@@ -190,12 +188,13 @@ def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> l
     listed = []
     lines = analysis.lines()
     for key, node in mapping.entries.items():
-        name, whole = _now(analysis, mapping.keys[key]), _now(analysis, _around(mapping.keys[key], node))
+        inside = _KINDS.get(key.removesuffix("s")) if kind is None else None
+        name, whole = analysis.now(mapping.keys[key]), analysis.now(_around(mapping.keys[key], node))
         if key and name is not None and whole is not None:
             listed.append({
                 "name": key, "kind": _MODULE if kind is None else kind, "detail": _detail(node),
                 "range": lines.range(whole), "selectionRange": lines.range(name),
-                "children": _symbols_in(analysis, node, _SECTIONS[key]) if kind is None and key in _SECTIONS else [],
+                "children": _symbols_in(analysis, node, inside) if inside is not None else [],
             })
     return listed
 
@@ -207,7 +206,7 @@ def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """
     ends: dict[int, int] = {}
     for key, node in _inside(analysis.known.tree):
-        whole = _now(analysis, _around(key, node))
+        whole = analysis.now(_around(key, node))
         if whole is not None and whole.end_line > whole.line:
             ends[whole.line] = max(ends.get(whole.line, 0), whole.end_line)
     ranges: list[dict[str, Any]] = [{"startLine": line - 1, "endLine": end - 1} for line, end in sorted(ends.items())]
@@ -238,7 +237,7 @@ def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
         if mention.names in (RefersTo("expression"), RefersTo("rule")):
             for start, end, kind in _words(mention.text, mention.names == RefersTo("rule"), parameters):
                 span = written.place(written.around(mention), mention.text, start, end)
-                now = _now(analysis, span) if span is not None else None
+                now = analysis.now(span) if span is not None else None
                 if now is not None:
                     there = analysis.lines().range(now)
                     first, last = there["start"], there["end"]
@@ -278,14 +277,6 @@ def _around(key: Span, node: Node) -> Span:
     begin = min((key.line, key.column), (node.span.line, node.span.column))
     end = max((key.end_line, key.end_column), (node.span.end_line, node.span.end_column))
     return Span(file=key.file, line=begin[0], column=begin[1], end_line=end[0], end_column=end[1])
-
-
-def _now(analysis: Analysis, span: Span) -> Span | None:
-    """Convert a span in the last parsed text to a span in the current text. Return None if the lines of the span have changed."""
-    known = analysis.known
-    if known.whole and known is analysis:
-        return span
-    return steady(known.documents.root.text if known.documents is not None else "", analysis.text)(span)
 
 
 def _detail(node: Node) -> str:

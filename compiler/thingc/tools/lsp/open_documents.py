@@ -60,7 +60,8 @@ class OpenDocuments:
         self._lock = threading.RLock()
         self.texts: Mapping[str, OpenText] = {}
         """All open texts, by absolute path."""
-        self._recent = ""
+        self.recent = ""
+        """The path of the file that the user opened or changed last."""
         self._changes = 0
         self._analyses: dict[str, Analysis] = {}
         self._memos: dict[str, _SupersededMemo] = {}
@@ -79,7 +80,7 @@ class OpenDocuments:
     def put(self, path: str, text: OpenText) -> None:
         """Store the text of a file that the user opened or changed in the editor."""
         with self._lock:
-            self.texts, self._recent = {**self.texts, path: text}, path
+            self.texts, self.recent = {**self.texts, path: text}, path
             self._note(path)
 
     def take_away(self, path: str) -> None:
@@ -116,7 +117,7 @@ class OpenDocuments:
         The document that the user is editing is analysed first.
         """
         with self._lock:
-            path = self._recent if self._recent in self._outdated else next(iter(self._outdated), None)
+            path = self.recent if self.recent in self._outdated else next(iter(self._outdated), None)
             if path is not None and path not in self.texts:
                 del self._outdated[path]
                 self._forget(path)
@@ -140,7 +141,7 @@ class OpenDocuments:
             texts, changes = self.texts, self._changes
             self._outdated.pop(path, None)
         memo = self._memos.setdefault(path, _SupersededMemo())
-        patient = time.monotonic() + (IMPATIENT if path == self._recent else 0.0)
+        patient = time.monotonic() + (IMPATIENT if path == self.recent else 0.0)
         memo.until(lambda: self._changes != changes and time.monotonic() > patient)
         try:
             analysis = self._analysed(path, texts, memo, known)

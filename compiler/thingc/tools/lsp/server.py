@@ -122,26 +122,30 @@ def _notify(server: LanguageServer, answering: _Answering) -> None:
     """Register handlers for the notifications that a document was opened, changed, saved or closed."""
     from lsprotocol import types
 
+    def put(document: types.VersionedTextDocumentIdentifier | types.TextDocumentItem, text: str) -> None:
+        opened = OpenText(uri=document.uri, version=document.version, text=text)
+        answering.change([document.uri], lambda documents, path: documents.put(path, opened))
+
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
     def did_open(params: types.DidOpenTextDocumentParams) -> None:
-        answering.put(params.text_document.uri, params.text_document.version, params.text_document.text)
+        put(params.text_document, params.text_document.text)
 
     @server.feature(types.TEXT_DOCUMENT_DID_CHANGE)
     def did_change(params: types.DidChangeTextDocumentParams) -> None:
         if params.content_changes:
-            answering.put(params.text_document.uri, params.text_document.version, params.content_changes[-1].text)
+            put(params.text_document, params.content_changes[-1].text)
 
     @server.feature(types.TEXT_DOCUMENT_DID_CLOSE)
     def did_close(params: types.DidCloseTextDocumentParams) -> None:
-        answering.take_away(params.text_document.uri)
+        answering.change([params.text_document.uri], OpenDocuments.take_away)
 
     @server.feature(types.TEXT_DOCUMENT_DID_SAVE)
     def did_save(params: types.DidSaveTextDocumentParams) -> None:
-        answering.saved([params.text_document.uri])
+        answering.change([params.text_document.uri], OpenDocuments.saved)
 
     @server.feature(types.WORKSPACE_DID_CHANGE_WATCHED_FILES)
     def did_change_files(params: types.DidChangeWatchedFilesParams) -> None:
-        answering.saved([one.uri for one in params.changes])
+        answering.change([one.uri for one in params.changes], OpenDocuments.saved)
 
 
 def _server(version: str) -> LanguageServer:
@@ -199,7 +203,6 @@ class _Answering:
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="analysing")
         self._opened: OpenDocuments | None = None
-        self._recent = ""
 
     def begin(self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic]) -> None:
         """Create the collection of open documents. Only the first call has an effect."""
@@ -212,27 +215,12 @@ class _Answering:
         if self._opened is not None:
             self._opened.close()
 
-    def put(self, uri: str, version: int, text: str) -> None:
-        """Store the text of a document that the user has opened or changed."""
-        path = path_of(uri)
-        if path is not None and self._opened is not None:
-            self._recent = path
-            self._opened.put(path, OpenText(uri=uri, version=version, text=text))
-            self._wake()
-
-    def take_away(self, uri: str) -> None:
-        """Remove the text of a document that the user has closed."""
-        path = path_of(uri)
-        if path is not None and self._opened is not None:
-            self._opened.take_away(path)
-            self._wake()
-
-    def saved(self, uris: Iterable[str]) -> None:
-        """Mark the analyses that depend on the given files as outdated, because the files on disk have changed."""
+    def change(self, uris: Iterable[str], change: Callable[[OpenDocuments, str], None]) -> None:
+        """Call the function `change` with the open documents and the path of each file, and then continue the analyses."""
         paths = [path for uri in uris if (path := path_of(uri)) is not None]
         if paths and self._opened is not None:
             for path in paths:
-                self._opened.saved(path)
+                change(self._opened, path)
             self._wake()
 
     async def answered(self, feature: Feature, params: dict[str, Any]) -> Any:
@@ -245,7 +233,7 @@ class _Answering:
         if self._opened is None:
             raise JsonRpcException("`initialize` must be the first request", code=NOT_INITIALIZED)
         uri = params.get("textDocument", {}).get("uri", "") if feature.document else None
-        path = self._recent if uri is None else path_of(uri)
+        path = self._opened.recent if uri is None else path_of(uri)
         if not path:
             return None
         module, _, name = feature.answer.partition(":")

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
-from html import escape
 
 from thingc.base.numeric import degrees, dist
 from thingc.base.pose import MATE, rpy_of
-from thingc.base.safe_text import escape_control
+from thingc.base.safe_text import html_text
 from thingc.documents.workspace import Workspace
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
 from thingc.targets import Artifacts, EmitRequest, Loss
@@ -57,7 +56,7 @@ class _Book:
 
     def head(self) -> Iterator[str]:
         """Yield the beginning of the page: its title and the bill of materials."""
-        name = _safe(self._assembly.name)
+        name = html_text(self._assembly.name)
         yield f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{name}: assembly</title>'
         yield f"<style>{STYLE}</style></head><body>"
         pieces = sum(row.quantity for row, _ in self._rows)
@@ -67,14 +66,14 @@ class _Book:
         yield f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"
         for row, occurrences in self._rows:
             web = row.link is not None and row.link.startswith(("https://", "http://"))
-            name = _safe(_label(row, occurrences[0]))
-            link = f'<a href="{_safe(row.link or "")}">{name}</a>' if web else name
+            name = html_text(_label(row, occurrences[0]))
+            link = f'<a href="{html_text(row.link or "")}">{name}</a>' if web else name
             cost = (row.cost or "", row.total or "") if prices else ()
-            number, *rest = (f"<td>{_safe(cell)}</td>" for cell in (row.number, str(row.quantity), row.make, row.material or "", *cost))
+            number, *rest = (f"<td>{html_text(cell)}</td>" for cell in (row.number, str(row.quantity), row.make, row.material or "", *cost))
             yield f"<tr><td>{self._picture(row, occurrences[0])}</td>{number}<td>{link}</td>{''.join(rest)}</tr>"
         yield "</table>"
         for currency, total in _totals(row for row, _ in self._rows).items():
-            yield f"<p>Total of the parts with a price: {total} {_safe(currency)}</p>"
+            yield f"<p>Total of the parts with a price: {total} {html_text(currency)}</p>"
 
     def _picture(self, row: BomRow, first: Occurrence) -> str:
         url = image_url(self._workspace, row.picture)
@@ -87,7 +86,7 @@ class _Book:
         number = self._chapters[section.chapter] = len(self._chapters) + 1
         self._titles[section.chapter] = section.title
         times = f" (build {section.count})" if section.count > 1 else ""
-        yield f"<h2>{number}. {_safe(section.title)}{times}</h2>"
+        yield f"<h2>{number}. {html_text(section.title)}{times}</h2>"
         done: list[Piece] = []
         for index, step in enumerate(section.steps, 1):
             there = [one for piece in done for one in piece.occurrences]
@@ -101,16 +100,16 @@ class _Book:
             yield from (f"<li>{line}</li>" for line in self._closed(step, done, section.path))
             yield "</ul>"
             if step.blocked:
-                others = ", ".join(f"<code>{_safe(name)}</code>" for name in step.blocked) or "its neighbours"
+                others = ", ".join(f"<code>{html_text(name)}</code>" for name in step.blocked) or "its neighbours"
                 yield f'<p class="note">No free way in along the axes of its mount: fit together with {others}.</p>'
             yield "</div></div>"
 
     def _name(self, piece: Piece) -> str:
         if piece.chapter is not None:
-            return f"{_safe(self._titles[piece.chapter])}, from chapter {self._chapters[piece.chapter]}"
+            return f"{html_text(self._titles[piece.chapter])}, from chapter {self._chapters[piece.chapter]}"
         row = self._row_of[piece.first.index]
         ambiguous = any(other.name == row.name and other.definition != row.definition for other, _ in self._rows)
-        return f"{_safe(_label(row, piece.first) if ambiguous else row.name)} (No. {_safe(row.number)})"
+        return f"{html_text(_label(row, piece.first) if ambiguous else row.name)} (No. {html_text(row.number)})"
 
     def _mates(self, step: AssemblyStep, path: str, *, first: bool) -> Iterator[str]:
         """Yield which mounts meet, and the joints. In the first step, only frames that mark positions are already there."""
@@ -141,15 +140,15 @@ class _Book:
             inside = any(ends <= {one.index for one in piece.occurrences} for piece in done)
             if mate.loop is not None and ends & new and ends <= there and not inside:
                 yield (f"{self._mount(mate.child, mate.child_mount, path)} on {self._mount(mate.parent, mate.parent_mount, path)} "
-                       f"closes the loop <code>{_safe(_local(mate.loop, path))}</code>")
+                       f"closes the loop <code>{html_text(_local(mate.loop, path))}</code>")
 
     def _mount(self, occurrence: int, mount: str, path: str) -> str:
-        return f"<code>{_safe(_local(self._assembly.occurrences[occurrence].path, path))}.{_safe(mount)}</code>"
+        return f"<code>{html_text(_local(self._assembly.occurrences[occurrence].path, path))}.{html_text(mount)}</code>"
 
 
 def _joint(mate: Mate, path: str) -> Iterator[str]:
     if mate.joints and mate.name is not None:
-        yield f"joint <code>{_safe(_local(mate.name, path))}</code> ({mate.joints[0].kind.name}) must move freely"
+        yield f"joint <code>{html_text(_local(mate.name, path))}</code> ({mate.joints[0].kind.name}) must move freely"
 
 
 def _label(row: BomRow, first: Occurrence) -> str:
@@ -178,8 +177,4 @@ def _totals(rows: Iterable[BomRow]) -> dict[str, Decimal]:
 
 
 def _image(url: str | None, title: str) -> str:
-    return f'<img src="{url}" alt="{_safe(title)}">' if url is not None else ""
-
-
-def _safe(text: str) -> str:
-    return escape(escape_control(text))
+    return f'<img src="{url}" alt="{html_text(title)}">' if url is not None else ""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from html import escape
 
 import numpy as np
 from scipy.interpolate import BSpline
 
 from thingc.base.numeric import dist
-from thingc.base.safe_text import escape_control
+from thingc.base.safe_text import html_text
 from thingc.tools.workshop.curves import Arc, Curve, Point, Spline, StraightEdge
 
 STYLE = """\
@@ -85,7 +84,7 @@ class SvgPage:
         self._lines = [
             '<?xml version="1.0" encoding="UTF-8"?>',
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}mm" height="{height:g}mm" viewBox="0 0 {width:g} {height:g}">',
-            f"<title>{safe(title)}</title>", f"<style>{STYLE}</style>",
+            f"<title>{html_text(title)}</title>", f"<style>{STYLE}</style>",
         ]
 
     def path(self, data: str, kind: str = "") -> None:
@@ -110,7 +109,7 @@ class SvgPage:
         """Add text, which is rotated by 90 degrees if `upright` is True. `anchor` is `start`, `middle` or `end`."""
         x, y = map(number, place)
         turn = f' transform="rotate(-90 {x} {y})"' if upright else ""
-        self._lines.append(f'<text class="{kind}" x="{x}" y="{y}" text-anchor="{anchor}"{turn}>{safe(text)}</text>')
+        self._lines.append(f'<text class="{kind}" x="{x}" y="{y}" text-anchor="{anchor}"{turn}>{html_text(text)}</text>')
 
     def dimension(self, first: Point, last: Point, offset: float, text: str) -> None:
         """Add a dimension between two points on a horizontal or vertical line, at a distance from them."""
@@ -169,11 +168,6 @@ class SvgPage:
     def content(self) -> bytes:
         """Return the content of the SVG file."""
         return "\n".join([*self._lines, "</svg>", ""]).encode()
-
-
-def safe(text: str) -> str:
-    """Escape text from documents."""
-    return escape(escape_control(text))
 
 
 def _overlap(one: Box, other: Box) -> bool:
