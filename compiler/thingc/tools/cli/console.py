@@ -10,7 +10,8 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TextIO
+from contextlib import suppress
+from typing import TextIO, TypeVar
 
 from thingc.base.diagnostic_output import as_json, as_text, summary
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, UserError, shown_path
@@ -20,6 +21,7 @@ from thingc.base.safe_text import escape_control, json_text, shown_line
 from thingc.base.suggestions import Hint, did_you_mean, file_meant, nearest, text_of
 from thingc.driver.environment import Options
 
+Number = TypeVar("Number", int, float)
 USAGE = 2
 FINDINGS = ("text", "json", "github", "sarif")
 """Output formats of diagnostics."""
@@ -144,11 +146,26 @@ def one_of(known: Sequence[str]) -> Callable[[str], str]:
     return choice
 
 
-def positive(text: str) -> int:
-    """Parse a positive integer. This function is an argparse type."""
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, found `{text}`")
+def number_in(low: float, high: float, expected: str, parse: Callable[[str], Number]) -> Callable[[str], Number]:
+    """Return an argparse type that accepts only numbers from `low` to `high`. The function `parse` raises `ValueError` for other text."""
+    def number(text: str) -> Number:
+        with suppress(ValueError):
+            if low <= (value := parse(text)) <= high:
+                return value
+        raise argparse.ArgumentTypeError(f"expected {expected}, found `{text}`")
+
+    return number
+
+
+def whole(text: str) -> int:
+    """Parse a whole number without a sign. Raises `ValueError`."""
+    if not text.isdecimal():
+        raise ValueError(text)
     return int(text)
+
+
+positive = number_in(1, sys.maxsize, "a whole number of at least 1", whole)
+"""An argparse type that accepts positive integers."""
 
 
 def parameters(words: Sequence[str]) -> Mapping[str, str]:

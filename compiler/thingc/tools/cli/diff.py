@@ -141,6 +141,8 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
         compared, options=options, source=robot_files.import_request(arguments), tests=tests, names=names, draw=draw,
     )
     if arguments.no_code:
+        import numpy  # noqa: F401  (the sandbox cannot load libraries)
+
         console.refuse_modules_of_others()
         work = partial(_apart, work, console.time_of("--time-limit", arguments.time_limit))
     return answered(*names, laid_out(wanted, stack, code=options.code), work)

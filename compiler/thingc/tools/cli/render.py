@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import re
 import sys
@@ -188,13 +187,5 @@ def _size(text: str) -> tuple[int, int]:
 
 def _degrees(bound: float) -> Callable[[str], float]:
     """Return an argparse type that accepts angles in degrees from -`bound` to `bound`."""
-    def degrees(text: str) -> float:
-        try:
-            value = float(text.removesuffix("deg").strip())
-        except ValueError:
-            value = math.nan
-        if not abs(value) <= bound:
-            raise argparse.ArgumentTypeError(f"expected degrees from {-bound:g} to {bound:g}, found `{text}`")
-        return value
-
-    return degrees
+    expected = f"degrees from {-bound:g} to {bound:g}"
+    return console.number_in(-bound, bound, expected, lambda text: float(text.removesuffix("deg").strip()))

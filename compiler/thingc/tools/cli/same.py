@@ -35,22 +35,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("side", metavar="SIDE", nargs="+", help="two robots: documents, files of other formats, build folders or Git revisions")
     add(
-        "--tolerance", metavar="T", type=_tolerance, default=TOLERANCE,
+        "--tolerance", metavar="T", type=console.number_in(1e-12, 0.1, "a number from 1e-12 to 0.1", float), default=TOLERANCE,
         help="largest difference of equal values: m, rad, or a fraction of masses and inertias (default: %(default)g)",
     )
     robot_files.configure(parser, meshes=False)
     console.add_format(parser)
     console.add_geometry(parser)
-
-
-def _tolerance(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 1e-12 <= value <= 0.1:
-        raise argparse.ArgumentTypeError(f"expected a number from 1e-12 to 0.1, found `{text}`")
-    return value
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -65,7 +65,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--against", metavar="DOC",
         help="show a second document as a transparent robot; with the same document, show its state at the start",
     )
-    parser.add_argument("--port", metavar="N", type=_port, default=0, help="port of the server (default: a free port)")
+    port = console.number_in(1, 65535, "a port from 1 to 65535", console.whole)
+    parser.add_argument("--port", metavar="N", type=port, default=0, help="port of the server (default: a free port)")
     parser.add_argument("--no-open", action="store_true", help="print the address, do not open a browser")
     parser.add_argument(
         "--editor", metavar="URL", default=EDITOR,
@@ -236,10 +237,3 @@ def _build_meant(name: str) -> Path:
     robots = [shown_path(path) for path in documents_near(name, None) if is_document(path, "assembly/")]
     hint = did_you_mean("", robots, what="robots") if robots else "view a document, or a build folder with html/"
     raise console.WrongCommandLine(f"there is no build in the folder `{name}`", hint, Code.NO_DOCUMENT)
-
-
-def _port(text: str) -> int:
-    """Parse a port number. This function is an argparse type."""
-    if not text.isdigit() or not 0 < int(text) < 65536:
-        raise argparse.ArgumentTypeError(f"expected a port from 1 to 65535, found `{text}`")
-    return int(text)
