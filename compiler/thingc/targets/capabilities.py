@@ -11,7 +11,7 @@ this keyword (`written`). mypy reports an unknown keyword or a missing case. The
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Generic, Literal, TypedDict, TypeVar, assert_never, get_args, get_type_hints
+from typing import Any, Generic, Literal, TypedDict, TypeVar, get_args, get_type_hints
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, physical_fault
@@ -163,6 +163,10 @@ AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
 """Type of the capabilities of an arbitrary target."""
 
 
+MOVING_BASES = {"held": "the held base, which can be moved at run time", "free": "the free base"}
+"""Descriptions of the export losses of moving bases. For any other base, the motion of the base is the loss."""
+
+
 def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
     """Compare the features of a robot in the given modes with the capabilities of a target. Return the export losses without duplicates.
 
@@ -266,7 +270,7 @@ class _Lost:
 
     def of_mode(self, robot: Robot) -> Iterator[Loss]:
         """Yield the export losses for the base, the links, the loops and the settings of one mode."""
-        mode, modes = robot.mode, self.says["modes"]
+        mode, modes, base, bases = robot.mode, self.says["modes"], robot.base, self.says["bases"]
         for closure in robot.closures:
             cell = self.says["loops"]["hold" if closure.hold else closure.kind]
             what = "the hold of this mount" if closure.hold else "the loop through this joint"
@@ -284,7 +288,8 @@ class _Lost:
             yield from self(cell, mode.name, link.name, what, link.origin)
         of_mode = (
             (modes["gravity"], "the gravity", robot.gravity != GRAVITY),
-            *self.of_base(robot),
+            (SAYS if base == "fixed" else bases[base], MOVING_BASES.get(base, "the motion of the base"), base != "fixed"),
+            (bases["start"], "the start pose", base == "free" and robot.bodies[0].X_PL != NO_POSE),
             *self.stepping(mode.simulation),
             (modes["exclude"], "excluded contacts, except between links that a joint connects", bool(mode.exclude)),
             (modes["pairs"], "the contact pairs", bool(mode.pairs)),
@@ -293,25 +298,6 @@ class _Lost:
         for cell, what, used in of_mode:
             if used:
                 yield from self(cell, mode.name, mode.name, what, mode.origin)
-
-    def of_base(self, robot: Robot) -> tuple[tuple[Plain, str, bool], ...]:
-        """Return the properties of the base of a mode as a tuple.
-
-        Each item contains the capability for the property, a description of the property, and whether the robot uses it.
-        """
-        base, bases = robot.base, self.says["bases"]
-        match base:
-            case "fixed":
-                return ()
-            case "held":
-                return ((bases["held"], "the held base, which can be moved at run time", True),)
-            case "free":
-                begins = robot.bodies[0].X_PL != NO_POSE
-                return ((bases["free"], "the free base", True), (bases["start"], "the start pose", begins))
-            case "planar" | "ball":
-                return ((bases[base], "the motion of the base", True),)
-            case _:
-                assert_never(base)
 
     def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
         """Return the simulation settings in `simulation` as a tuple.

@@ -11,7 +11,8 @@ linear (glTF 2.0, sections 3.4 and 3.9.2).
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, partial
 from typing import Any, Literal, Never, assert_never
 
 import numpy as np
@@ -76,7 +77,7 @@ def emit(request: EmitRequest) -> Artifacts:
         assembly = request.assembly
         whole = Loss.of(assembly.definition.origin, "glb", None, assembly.name, "the robot has no visual geometry", "omitted")
         return Artifacts(files={}, losses=(whole,))
-    drawn = _Drawn(request.store)
+    drawn = cache(partial(_loaded, request.store))
     files = {f"glb/{robot.name}_{robot.mode.name}.glb": _glb_bytes(robot, drawn) for robot in request.robots}
     return Artifacts(files=dict(sorted(files.items())), losses=losses("glb", CAPABILITIES, request.assembly, request.robots))
 
@@ -165,21 +166,11 @@ def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
     return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 
 
-class _Drawn:
-    """A cache of the meshes of a scene. A mesh is loaded when it is first used."""
-
-    def __init__(self, store: Store) -> None:
-        self._store = store
-        self._known: dict[str, Any] = {}
-
-    def __call__(self, mesh: Mesh | Primitive) -> Any:
-        """Load a mesh of the store (OBJ, in metres) as a trimesh object. A primitive is converted to a mesh that approximates it."""
-        if isinstance(mesh, Primitive):
-            return _tessellated(mesh)
-        if mesh.sha256 not in self._known:
-            stream = io.BytesIO(self._store.read(mesh.sha256))
-            self._known[mesh.sha256] = trimesh.load_mesh(stream, file_type="obj", process=False, maintain_order=True)
-        return self._known[mesh.sha256]
+def _loaded(store: Store, mesh: Mesh | Primitive) -> Any:
+    """Load a mesh of the store (OBJ, in metres) as a trimesh object. A primitive is converted to a mesh that approximates it."""
+    if isinstance(mesh, Primitive):
+        return _tessellated(mesh)
+    return trimesh.load_mesh(io.BytesIO(store.read(mesh.sha256)), file_type="obj", process=False, maintain_order=True)
 
 
 def _tessellated(primitive: Primitive) -> Any:
@@ -205,7 +196,7 @@ def _tessellated(primitive: Primitive) -> Any:
             assert_never(primitive.shape)
 
 
-def _glb_bytes(robot: Robot, drawn: _Drawn) -> bytes:
+def _glb_bytes(robot: Robot, drawn: Callable[[Mesh | Primitive], Any]) -> bytes:
     scene: Any = trimesh.Scene(base_frame="")
     materials: dict[str, dict[str, object]] = {}
     of_mesh: dict[str, tuple[str, str]] = {}

@@ -121,9 +121,9 @@ def mermaid(hag: Hag) -> str:
     for definition in hag.definitions:
         opening, closing = shapes[definition.kind]
         lines.append(f"  {names[definition.text]}{opening}{_mermaid_escaped(definition.label)}{closing}:::{definition.kind}")
-    for bundle in bundles(hag):
-        label = "<br/>".join(": ".join(_mermaid_escaped(part) for part in (name, placed) if part) for name, placed in entries(bundle.edges))
-        lines.append(f'  {names[bundle.parent]} -->|"{label}"| {names[bundle.child]}')
+    for (parent, child), edges in bundles(hag).items():
+        label = "<br/>".join(": ".join(_mermaid_escaped(part) for part in (name, placed) if part) for name, placed in entries(edges))
+        lines.append(f'  {names[parent]} -->|"{label}"| {names[child]}')
     lines += [f'  {names[image.text]} -.->|"mirror {image.mirror}"| {names[plain]}' for image, plain in mirrors(hag)]
     lines += [
         "  classDef assembly fill:#dbe7f6,stroke:#3d6fae,color:#1f2937",

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from graphlib import TopologicalSorter
 from typing import get_args
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import counted
 from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Definition, DefinitionEdge, DefinitionKind, Hag
@@ -18,21 +17,14 @@ KINDS: tuple[DefinitionKind, ...] = get_args(DefinitionKind)
 """Kinds of definitions, in the order in which the legend lists them."""
 
 
-class EdgeBundle(FrozenStruct):
-    """All edges from one definition to another definition. The edges are drawn as one line."""
-
-    parent: str
-    child: str
-    edges: tuple[DefinitionEdge, ...]
-
-def bundles(hag: Hag) -> tuple[EdgeBundle, ...]:
-    """Group the edges of the graph by the pair of definitions that they connect. The groups are in the order in which the pairs first
-    occur.
+def bundles(hag: Hag) -> dict[tuple[str, str], list[DefinitionEdge]]:
+    """Return all edges from one definition to another definition, which are drawn as one line, by the texts of these definitions. The pairs
+    are in the order in which they first occur.
     """
     grouped: dict[tuple[str, str], list[DefinitionEdge]] = {}
     for edge in hag.edges:
         grouped.setdefault((edge.parent, edge.child), []).append(edge)
-    return tuple(EdgeBundle(parent=parent, child=child, edges=tuple(edges)) for (parent, child), edges in grouped.items())
+    return grouped
 
 def quantities(hag: Hag) -> dict[str, int]:
     """Return the quantity of each definition in the robot, keyed by definition text.

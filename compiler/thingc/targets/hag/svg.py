@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import escape_control
-from thingc.model.assembly.hag import Definition, DefinitionKind, Hag
-from thingc.targets.hag.labels import KINDS, EdgeBundle, bundles, entries, how, quantities, short, total
+from thingc.model.assembly.hag import Definition, DefinitionEdge, DefinitionKind, Hag
+from thingc.targets.hag.labels import KINDS, bundles, entries, how, quantities, short, total
 from thingc.targets.hag.layered_layout import Drawing, Line, Rectangle, Route, Size, draw
 
 MARGIN = 28.0
@@ -45,17 +45,17 @@ def picture(hag: Hag) -> str:
     texts = [_box_texts(definition) for definition in hag.definitions]
     sizes = [_box_size(lines, counted[d.text]) for lines, d in zip(texts, hag.definitions)]
     strands = bundles(hag)
-    labels = [_label_words(strand) for strand in strands]
+    labels = [_label_words(strand) for strand in strands.values()]
     lines = [
-        Line(source=numbers[strand.parent], target=numbers[strand.child], label=_label_size(label))
-        for strand, label in zip(strands, labels)
+        Line(source=numbers[parent], target=numbers[child], label=_label_size(label))
+        for (parent, child), label in zip(strands, labels)
     ]
     drawing = draw(sizes, lines)
     svg = _canvas(hag, drawing)
     board = ET.SubElement(svg, "g", {"transform": f"translate({_n(MARGIN)} {_n(HEAD)})"})
-    for strand, route in zip(strands, drawing.routes):
+    for strand, route in zip(strands.values(), drawing.routes):
         _draw_line(board, strand, route)
-    for strand, route, label in zip(strands, drawing.routes, labels):
+    for strand, route, label in zip(strands.values(), drawing.routes, labels):
         _draw_label(board, strand, route.label, label)
     for definition, rectangle, box in zip(hag.definitions, drawing.boxes, texts):
         _draw_box(board, definition, rectangle, box, counted[definition.text])
@@ -128,11 +128,11 @@ class _Words(FrozenStruct):
     baseline: float
 
 
-def _label_words(strand: EdgeBundle) -> list[_Words]:
+def _label_words(strand: Sequence[DefinitionEdge]) -> list[_Words]:
     """Return the text lines for the label of a drawn line: the components, each with its placement."""
     words: list[_Words] = []
     baseline = 11.0
-    placements = entries(strand.edges)
+    placements = entries(strand)
     for name, placed in placements[: MOST if len(placements) <= MOST else MOST - 1]:
         words.append(_Words(text=_cut(name), kind="name", baseline=baseline))
         if placed:
@@ -150,7 +150,7 @@ def _label_size(words: Sequence[_Words]) -> Size:
     return Size(width=round(width + 10.0, 1), height=words[-1].baseline + 5.0)
 
 
-def _draw_line(board: ET.Element, strand: EdgeBundle, route: Route) -> None:
+def _draw_line(board: ET.Element, strand: Sequence[DefinitionEdge], route: Route) -> None:
     (x, _, y) = route.stretches[0]
     path = [f"M{_n(x)} {_n(y)}"]
     for (_, x1, y1), (x2, _, y2) in zip(route.stretches, route.stretches[1:]):
@@ -162,13 +162,13 @@ def _draw_line(board: ET.Element, strand: EdgeBundle, route: Route) -> None:
     ET.SubElement(board, "path", {"d": f"M{_n(x)} {_n(y)}l-8 -3.6v7.2z", "fill": color})
 
 
-def _color(strand: EdgeBundle) -> str:
-    return JOINT if any(edge.joint is not None for edge in strand.edges) else LINE
+def _color(strand: Sequence[DefinitionEdge]) -> str:
+    return JOINT if any(edge.joint is not None for edge in strand) else LINE
 
 
-def _draw_label(board: ET.Element, strand: EdgeBundle, place: Rectangle, words: Sequence[_Words]) -> None:
+def _draw_label(board: ET.Element, strand: Sequence[DefinitionEdge], place: Rectangle, words: Sequence[_Words]) -> None:
     group = ET.SubElement(board, "g", {"class": "label"})
-    ET.SubElement(group, "title").text = "\n".join(": ".join(filter(None, (edge.component, how(edge)))) for edge in strand.edges)
+    ET.SubElement(group, "title").text = "\n".join(": ".join(filter(None, (edge.component, how(edge)))) for edge in strand)
     ET.SubElement(group, "rect", _rectangle(place) | {"fill": "#ffffff", "rx": "3"})
     styles: dict[str, dict[str, str]] = {
         "name": {}, "place": {"fill": MUTED, "font-size": "10"}, "joint": {"fill": JOINT, "font-size": "10"},

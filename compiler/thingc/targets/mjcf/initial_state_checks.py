@@ -97,16 +97,11 @@ class Gains(FrozenStruct):
         return self.stiffness > 0.0 and self.stiffness > self.stiffest
 
     @property
-    def explicit(self) -> bool:
-        """Return whether the integrator multiplies kv by the velocity at the beginning of the step."""
-        return self.integrator in ("Euler", "RK4")
-
-    @property
     def too_quick(self) -> bool:
-        """Return whether the velocity overshoots in one step because kv is integrated explicitly. The velocity v' = (1 - dt kv / I) v has
-        the opposite sign if dt kv > I.
+        """Return whether the velocity overshoots in one step because kv is integrated explicitly: multiplied by the velocity at the
+        beginning of the step. The velocity v' = (1 - dt kv / I) v has the opposite sign if dt kv > I.
         """
-        return self.explicit and self.dt * self.kv > self.inertia
+        return self.integrator in ("Euler", "RK4") and self.dt * self.kv > self.inertia
 
     @property
     def jumps(self) -> bool:
@@ -162,13 +157,13 @@ def look(model: Any, robot: Robot) -> InitialState:
 
     data = mujoco.MjData(model)
     frames = {frame.name: model.key(frame.name).id for frame in robot.keyframes}
-    start = frames.get(robot.mode.pose or "")
+    start = frames.get(robot.mode.pose or "", -1)
     inside: tuple[Penetration, ...] = ()
     worst: dict[str, Gains] = {}
     drives = {name: path for path, name in robot.assembly.drives.items()}
     options = model.opt.jacobian, model.opt.disableflags  # the caller may check the model again
     try:
-        _pose(model, data, start)
+        mujoco.mj_resetDataKeyframe(model, data, start)  # for the number -1, every joint is at 0
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
@@ -177,7 +172,7 @@ def look(model: Any, robot: Robot) -> InitialState:
         for flag in ("CONTACT", "LIMIT", "FRICTIONLOSS"):
             model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
         for number in dict.fromkeys((start, *frames.values())):
-            _pose(model, data, number)
+            mujoco.mj_resetDataKeyframe(model, data, number)
             mujoco.mj_fwdPosition(model, data)
             for name, gains in gains_of(model, data):
                 path = drives.get(name) or _path(name)
@@ -188,16 +183,6 @@ def look(model: Any, robot: Robot) -> InitialState:
     finally:
         model.opt.jacobian, model.opt.disableflags = options
     return InitialState(robot=robot, inside=inside, gains=worst)
-
-
-def _pose(model: Any, data: Any, number: int | None) -> None:
-    """Set the state of the simulation to the keyframe with index `number`. If `number` is None, set every joint to 0."""
-    import mujoco
-
-    if number is None:
-        mujoco.mj_resetData(model, data)
-    else:
-        mujoco.mj_resetDataKeyframe(model, data, number)
 
 
 def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:

@@ -54,7 +54,9 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "frames": Supported(None, "`<frame>`"), "colours": SAYS, "friction": SAYS, "rolling": OMITTED, "adhesion": OMITTED,
         "weightless": _LIGHT, "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
-    "shapes": all_of("shapes", SAYS),
+    "shapes": {
+        "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS, "mesh": SAYS,
+    },
     "sensors": {
         **all_of("sensors", OMITTED),
         "imu": Supported("imu"), "force": Supported("force_torque"), "camera": Supported("camera"),
