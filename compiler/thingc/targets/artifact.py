@@ -36,7 +36,7 @@ CARRIED: Final = "carried as custom data"
 HOW: tuple[How, ...] = get_args(How)
 
 
-class Loss(FrozenStruct):
+class Loss(FrozenStruct, kw_only=False):
     """An export loss: a feature of a robot that a target cannot express.
 
     `mode` is None if the export loss does not belong to a single mode. `path` is the path of the occurrence, joint or mount that the export
@@ -54,13 +54,6 @@ class Loss(FrozenStruct):
     def span(self) -> Span | None:
         """The innermost location of the export loss in the documents, or None if the location is unknown."""
         return next(iter(self.origin), None)
-
-    @staticmethod
-    def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: How) -> Loss:
-        """Create an export loss with its location in the documents. Unlike the constructor, this method takes `origin` as its first
-        argument.
-        """
-        return Loss(target=target, mode=mode, path=path, what=what, how=how, origin=origin)
 
 
 def counts_of(losses: Iterable[Loss]) -> dict[str, int]:

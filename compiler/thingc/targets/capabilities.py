@@ -192,7 +192,7 @@ class _Lost:
 
     def __call__(self, cell: Cell[Any], mode: str | None, path: str, what: str, origin: Origin) -> Iterator[Loss]:
         if isinstance(cell, (Lossy, Omitted)):
-            yield Loss.of(origin, self.target, mode, path, what + cell.words, cell.how)
+            yield Loss(self.target, mode, path, what + cell.words, cell.how, origin)
 
     def of_joints(self, robot: Robot) -> Iterator[Loss]:
         """Yield the export losses for the joints of a mode that the target writes as joints."""

@@ -224,7 +224,7 @@ class _Collector:
         for index, piece in enumerate(occurrence.touching):
             if not has_inside(piece.solid):
                 what = f"the contacts: {self.why(piece.solid)}"
-                self.losses.append(Loss.of(occurrence.origin, self.target, None, occurrence.path, what, "omitted"))
+                self.losses.append(Loss(self.target, None, occurrence.path, what, "omitted", occurrence.origin))
                 continue
             if piece.name:
                 shape = self.shape(occurrence, piece, piece.name)

@@ -75,7 +75,7 @@ def emit(request: EmitRequest) -> Artifacts:
     """
     if not any(occurrence.drawn for occurrence in request.assembly.occurrences):
         assembly = request.assembly
-        whole = Loss.of(assembly.definition.origin, "glb", None, assembly.name, "the robot has no visual geometry", "omitted")
+        whole = Loss("glb", None, assembly.name, "the robot has no visual geometry", "omitted", assembly.definition.origin)
         return Artifacts(files={}, losses=(whole,))
     drawn = cache(partial(_loaded, request.store))
     files = {f"glb/{robot.name}_{robot.mode.name}.glb": _glb_bytes(robot, drawn) for robot in request.robots}

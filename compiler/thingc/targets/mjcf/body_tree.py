@@ -52,7 +52,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
         if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
             what = "the dry friction: MuJoCo limits torques about the axes of the child in the tree, which is the parent in the document"
             path = robot.assembly.mates[joint.mate].name or joint.path
-            yield Loss.of(joint.origin, "mjcf", robot.mode.name, path, what, "approximated")
+            yield Loss("mjcf", robot.mode.name, path, what, "approximated", joint.origin)
     yield from merged_joints.losses(robot)
     yield from closures.losses(robot)
     yield from sensors.losses(robot)

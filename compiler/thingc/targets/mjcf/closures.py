@@ -181,13 +181,13 @@ def losses(robot: Robot) -> Iterator[Loss]:
     for frame in robot.keyframes:
         if frame.moved:
             what = f"the values: the loops close with {_moved(frame.moved, turns)}"
-            yield Loss.of(frame.origin, "mjcf", mode, frame.name, what, "approximated")
+            yield Loss("mjcf", mode, frame.name, what, "approximated", frame.origin)
     for one in robot.unclosed:
         if one.moved:
             what = f"the keyframe: the loops close only with {_moved(one.moved, turns)}"
         else:
             what = f"the keyframe: `{one.path}` does not close (at best {residual_words(one.residual)} apart)"
-        yield Loss.of(one.origin, "mjcf", mode, one.name, what, "omitted")
+        yield Loss("mjcf", mode, one.name, what, "omitted", one.origin)
     for closure in robot.closures:
         if not closure.joints or equality(closure) is None:
             continue
@@ -202,7 +202,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
             ) if there
         ]
         if lost:
-            yield Loss.of(closure.origin, "mjcf", mode, closure.path, f"{', '.join(lost)}: the loop is cut at this joint", "omitted")
+            yield Loss("mjcf", mode, closure.path, f"{', '.join(lost)}: the loop is cut at this joint", "omitted", closure.origin)
 
 
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:

@@ -50,4 +50,4 @@ def losses(robot: Robot) -> Iterator[Loss]:
     for site in robot.sites:
         if joins(robot, site.body) and site.path not in paths:
             what = "this frame: MuJoCo does not support sites between two joints of a body"
-            yield Loss.of(site.origin, "mjcf", robot.mode.name, site.path, what, "omitted")
+            yield Loss("mjcf", robot.mode.name, site.path, what, "omitted", site.origin)

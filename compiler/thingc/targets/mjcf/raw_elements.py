@@ -52,7 +52,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
             for target, one in zip(targets, missing, strict=True):
                 if one is not None:
                     what = f"this element: the mode has no {one[0]} `{one[1]}`"
-                    lost.append(Loss.of(element.origin, "mjcf", target.robot.mode.name, element.dotted, what, "omitted"))
+                    lost.append(Loss("mjcf", target.robot.mode.name, element.dotted, what, "omitted", element.origin))
         for target in targets:
             target.command()
     return lost

@@ -174,4 +174,4 @@ def losses(robot: Robot) -> Iterator[Loss]:
             if place is not None:
                 what, how = f"the force at the mount: the sensor measures the force {place}", "approximated"
         if what:
-            yield Loss.of(sensor.origin, "mjcf", robot.mode.name, sensor.path, what, how)
+            yield Loss("mjcf", robot.mode.name, sensor.path, what, how, sensor.origin)

@@ -131,4 +131,4 @@ def losses(robot: Robot) -> Iterator[Loss]:
         if one not in there:
             between = "MuJoCo does not support sites between two joints of a body"
             what = f"this tendon: {between if one.steps else 'a loop is cut at a joint of the tendon'}"
-            yield Loss.of(one.origin, "mjcf", robot.mode.name, one.path, what, "omitted")
+            yield Loss("mjcf", robot.mode.name, one.path, what, "omitted", one.origin)

@@ -91,7 +91,7 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
             met = meetings(tree, uri, shapes.meshes, starts, adjacent(request.assembly), request.store)
         except ValueError:
             what = "disabled collisions: MuJoCo cannot read the shapes of the links"
-            lost += [Loss.of(robot.mode.origin, "ros", robot.mode.name, robot.mode.name, what, "omitted") for robot, _ in group]
+            lost += [Loss("ros", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin) for robot, _ in group]
         else:
             by_mode |= {robot.mode.name: met for robot, _ in group}
     return by_mode, lost

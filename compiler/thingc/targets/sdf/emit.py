@@ -8,10 +8,9 @@ from collections.abc import Iterator
 
 from thingc.base import numeric
 from thingc.base.generated_header import heading
-from thingc.base.source import Origin
 from thingc.model.robot.types import Robot
 from thingc.targets import raw
-from thingc.targets.artifact import Artifacts, Content, How, Loss
+from thingc.targets.artifact import Artifacts, Content, Loss
 from thingc.targets.capabilities import losses, written
 from thingc.targets.connections import Connection, connections
 from thingc.targets.geometry import bounds, collect_geometry, placements
@@ -61,10 +60,10 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
     yield from _of_sensors(robot)
     if zero.pose is not None:
         what = f"the zero pose: joint positions of 0 in the file mean the pose `{zero.pose}`, in which all loops are closed"
-        yield _loss(mode.name, mode.name, what, "approximated", mode.origin)
+        yield Loss("sdf", mode.name, mode.name, what, "approximated", mode.origin)
     for closure in robot.closures if not zero.closed else ():
         what = "the hold of this mount" if closure.hold else "the loop through this joint"
-        yield _loss(mode.name, closure.path, f"{what}: the mode has no pose in which it is closed", "omitted", closure.origin)
+        yield Loss("sdf", mode.name, closure.path, f"{what}: the mode has no pose in which it is closed", "omitted", closure.origin)
 
 
 def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
@@ -73,7 +72,7 @@ def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
     Joints that represent a base or a hold have no export losses.
     """
     if number > 1 and connection.joints:
-        yield _loss(None, connection.path, "the excluded contact between the links of this joint", "omitted", connection.origin)
+        yield Loss("sdf", None, connection.path, "the excluded contact between the links of this joint", "omitted", connection.origin)
     for joint in (joint for joint in connection.joints[:1] if joint.kind.at_once):
         of = joint.dynamics
         for name, value, unit in (
@@ -81,28 +80,26 @@ def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
         ):
             if value:
                 what = f"the {name} of {value:.6g} {unit}: not supported by SDF for ball joints"
-                yield _loss(None, connection.path, what, "omitted", joint.origin)
+                yield Loss("sdf", None, connection.path, what, "omitted", joint.origin)
 
 
 def _of_sensors(robot: Robot) -> Iterator[Loss]:
     mode = robot.mode.name
     for sensor in robot.assembly.sensors:
         if sensor.kind == "force" and on_free_root(robot, sensor):
-            yield _loss(mode, sensor.path, "this sensor: the root of a free base has no parent link", "omitted", sensor.origin)
+            yield Loss("sdf", mode, sensor.path, "this sensor: the root of a free base has no parent link", "omitted", sensor.origin)
         elif sensor.kind == "force" and (place := elsewhere(robot, sensor)) is not None:
             what = f"the force at the mount: the sensor measures the force {place}"
-            yield _loss(mode, sensor.path, what, "approximated", sensor.origin)
+            yield Loss("sdf", mode, sensor.path, what, "approximated", sensor.origin)
         elif sensor.kind == "contact":
             links = [robot.assembly.links[link] for link in sensor.touching]
             if not any(robot.assembly.occurrences[member].touching for member in links[0].members):
-                yield _loss(None, sensor.path, "this sensor: the link of the sensor has no collision shapes", "omitted", sensor.origin)
+                what = "this sensor: the link of the sensor has no collision shapes"
+                yield Loss("sdf", None, sensor.path, what, "omitted", sensor.origin)
             elif len(links) > 1:
                 what = f"the limitation to contacts with `{links[1].name}`"
-                yield _loss(None, sensor.path, what, "omitted", sensor.origin)
+                yield Loss("sdf", None, sensor.path, what, "omitted", sensor.origin)
 
-
-def _loss(mode: str | None, path: str, what: str, how: How, origin: Origin) -> Loss:
-    return Loss.of(origin, "sdf", mode, path, what, how)
 
 
 GRIP = 100.0

@@ -130,7 +130,7 @@ class _Builder:
         self.taken[name] = f"{kind} `{path}`"
         if name != own and made is None:
             what = f"the name: `{name}` is used, because {self.taken[own]} is `{own}`"
-            self.losses.append(Loss.of(origin, "sdf", None, path, what, "approximated"))
+            self.losses.append(Loss("sdf", None, path, what, "approximated", origin))
         return name
 
     def _lead(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:

@@ -66,7 +66,7 @@ def emit(request: EmitRequest) -> Artifacts:
         begun = _begun(request)
     if begun.file is None:
         what = "no part of the robot has exact geometry" if begun.losses else "no part of the robot has geometry"
-        whole = Loss.of(assembly.definition.origin, "step", None, assembly.name, what, "omitted")
+        whole = Loss("step", None, assembly.name, what, "omitted", assembly.definition.origin)
         return Artifacts(files={}, losses=(*begun.losses, whole))
     try:
         written = begun.file.result()
@@ -92,7 +92,7 @@ def _begun(request: EmitRequest) -> _Begun:
             continue
         if record is None or record.brep is None:
             what = f"`{occurrence.definition.label}` {'is a mesh' if record is not None else 'consists of shapes'} without exact surfaces"
-            losses.append(Loss.of(occurrence.origin, "step", None, occurrence.path, what, "omitted"))
+            losses.append(Loss("step", None, occurrence.path, what, "omitted", occurrence.origin))
             continue
         instances.append(
             Placed(

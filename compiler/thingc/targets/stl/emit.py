@@ -40,13 +40,13 @@ def emit(request: EmitRequest) -> Artifacts:
         if owner is not occurrence:
             if up != direction_up(owner):
                 what = f"`{occurrence.definition.label}` is printed in two orientations; `{path}` uses the orientation of `{owner.path}`"
-                losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "omitted"))
+                losses.append(Loss("stl", None, occurrence.path, what, "omitted", occurrence.origin))
             continue
         own = StoredArtifact(sha256=mesh.sha256, size=mesh.size)
         files[path] = own if up == UPRIGHT else turned(request.store.read(mesh.sha256), up)
         if not mesh.closed:
             what = f"the surface of `{occurrence.definition.label}` is not closed, so it has no volume to print"
-            losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "approximated"))
+            losses.append(Loss("stl", None, occurrence.path, what, "approximated", occurrence.origin))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
 
 

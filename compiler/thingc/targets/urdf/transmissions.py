@@ -105,4 +105,4 @@ def transmission_losses(target: str, robots: Sequence[Robot]) -> Iterator[Loss]:
         for name, rows in differentials(robot).items():
             if safe(name) not in written:
                 what = "the transmission of this differential: ROS only has transmissions of two actuators, with a symmetric matrix"
-                yield Loss.of(rows[0].origin, target, robot.mode.name, name, what, "omitted")
+                yield Loss(target, robot.mode.name, name, what, "omitted", rows[0].origin)

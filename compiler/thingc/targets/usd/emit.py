@@ -11,7 +11,7 @@ from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.types import Robot, TreeJoint
-from thingc.targets.artifact import Artifacts, Content, How, Loss
+from thingc.targets.artifact import Artifacts, Content, Loss
 from thingc.targets.capabilities import losses
 from thingc.targets.connections import connections
 from thingc.targets.geometry import collect_geometry
@@ -57,12 +57,12 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
     for connection in connections(robot, CAPABILITIES["loops"]):
         if (number := len(chain(connection))) > 1:
             what = f"the motion: {number} separate joints, with a link of 1e-9 kg between the joints"
-            yield _loss(mode.name, connection.path, what, "approximated", connection.origin)
+            yield Loss("usd", mode.name, connection.path, what, "approximated", connection.origin)
         for joint in connection.joints:
             if joint.limit.effort is not None and joint.actuator is None:
                 unit = "N m" if joint.twist.turns else "N"
                 what = f"the effort limit of {joint.limit.effort:.6g} {unit}: only drives have an effort limit"
-                yield _loss(None, joint.path, what, "omitted", joint.origin)
+                yield Loss("usd", None, joint.path, what, "omitted", joint.origin)
             yield from _of_floats(joint)
     for body in robot.bodies:
         link = robot.assembly.links[body.link]
@@ -74,14 +74,14 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
     for follower in followers(robot).values():
         if not follower.said:
             what = f"the mimic of `{follower.leader}`: a hinge can mimic only a hinge, and a slide only a slide"
-            yield _loss(None, follower.path, what, "omitted", follower.origin)
+            yield Loss("usd", None, follower.path, what, "omitted", follower.origin)
     if not _closed(robot):
         what = "the start pose: the file has q = 0, where loops and holds are open"
-        yield _loss(mode.name, mode.name, what, "approximated", mode.origin)
+        yield Loss("usd", mode.name, mode.name, what, "approximated", mode.origin)
     for one in robot.assembly.occurrences:
         if one.material is not None and one.material.torsion is not None:
             what = "the torsional friction, which only Newton reads"
-            yield _loss(None, one.material.name, what, "carried as custom data", one.material.origin)
+            yield Loss("usd", None, one.material.name, what, "carried as custom data", one.material.origin)
 
 
 def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
@@ -103,7 +103,7 @@ def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, 
     """
     if value > (numeric.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
         words = f"the {what} of {value:.6g} {unit}: infinite in the file, which supports numbers up to {FLOAT_MAX:.2g}"
-        yield _loss(None, path, words, "approximated", origin)
+        yield Loss("usd", None, path, words, "approximated", origin)
 
 
 def _closed(robot: Robot) -> bool:
@@ -114,6 +114,3 @@ def _closed(robot: Robot) -> bool:
     state = SolverState(q={joint.path: 0.0 for joint in joints}, base=base)
     return Loops(robot.bodies, robot.closures, joints, base).closed(state)
 
-
-def _loss(mode: str | None, path: str, what: str, how: How, origin: Origin) -> Loss:
-    return Loss.of(origin, "usd", mode, path, what, how)

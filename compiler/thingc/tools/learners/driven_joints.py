@@ -69,15 +69,15 @@ def losses(robot: Robot, target: str, framework: str, motions: frozenset[str], *
     for one in driven(robot, lambda joint: joint.path, motions):
         for key, what in EFFECTS.items():
             if getattr(one.drive, key) and not (delays and key == "delay"):
-                yield Loss.of(one.drive.origin, target, None, one.joint.path, f"{what} of this drive", "omitted")
+                yield Loss(target, None, one.joint.path, f"{what} of this drive", "omitted", one.drive.origin)
     for body in robot.bodies:
         if body.joints and joint_cell(body.joints[0].kind) not in motions:
             joint = body.joints[0]
             what = f"the configuration of this {joint.kind.name} joint, which {framework} does not support"
-            yield Loss.of(joint.origin, target, None, robot.assembly.mates[joint.mate].name or joint.path, what, "omitted")
+            yield Loss(target, None, robot.assembly.mates[joint.mate].name or joint.path, what, "omitted", joint.origin)
     for tendon in robot.assembly.tendons:
         if tendon.path in robot.pulled:
-            yield Loss.of(tendon.origin, target, None, tendon.path, "the configuration of the drive of this tendon", "omitted")
+            yield Loss(target, None, tendon.path, "the configuration of the drive of this tendon", "omitted", tendon.origin)
     for magnet in robot.assembly.adhesions:
         origin = robot.assembly.occurrences[magnet.occurrence].origin
-        yield Loss.of(origin, target, None, magnet.path, "the configuration of this magnet", "omitted")
+        yield Loss(target, None, magnet.path, "the configuration of this magnet", "omitted", origin)

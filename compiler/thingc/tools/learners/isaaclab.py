@@ -26,7 +26,7 @@ def emit(request: EmitRequest) -> Artifacts:
         lost |= dict.fromkeys(losses(robot, "isaaclab", "Isaac Lab", MOTIONS))
         if robot.base in ("planar", "ball"):
             what = f"the {robot.base} base, which is not part of the articulation"
-            lost[Loss.of(robot.mode.origin, "isaaclab", robot.mode.name, robot.mode.name, what, "omitted")] = None
+            lost[Loss("isaaclab", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin)] = None
     return Artifacts(files={f"isaaclab/{file_name(robot)}.py": _module(robot) for robot in request.robots}, losses=tuple(lost))
 
 

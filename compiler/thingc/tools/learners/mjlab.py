@@ -66,7 +66,7 @@ def _lost_sensors(robot: Robot) -> Iterator[Loss]:
     for sensor in robot.assembly.sensors:
         if sensor.kind == "drive" and sensor.joint in robot.present and robot.base not in ("free", "held"):
             what = "this sensor, which mjlab removes because it adds the drive later"
-            yield Loss.of(sensor.origin, "mjlab", robot.mode.name, sensor.path, what, "omitted")
+            yield Loss("mjlab", robot.mode.name, sensor.path, what, "omitted", sensor.origin)
 
 
 def _module(robot: Robot) -> bytes:

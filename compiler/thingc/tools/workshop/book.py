@@ -38,7 +38,7 @@ def emit(request: EmitRequest) -> Artifacts:
         ready()
         pictures = Pictures(assembly, request.store)
     except NoGraphics as fault:
-        losses.append(Loss.of(assembly.definition.origin, "book", None, assembly.name, f"pictures ({fault})", "omitted"))
+        losses.append(Loss("book", None, assembly.name, f"pictures ({fault})", "omitted", assembly.definition.origin))
     book = _Book(assembly, pictures, request.workspace)
     lines = [*book.head()]
     for section in sections(assembly, request.store):

@@ -27,7 +27,7 @@ def emit(request: EmitRequest) -> Artifacts:
     for part, sheet in parts:
         if sheet.reason:
             what = f"`{part.first.definition.label}` is not flat: {sheet.reason}"
-            losses.append(Loss.of(part.first.origin, "dxf", None, part.first.path, what, "omitted"))
+            losses.append(Loss("dxf", None, part.first.path, what, "omitted", part.first.origin))
         else:
             files[f"dxf/{part.file_name(f'{1e3 * sheet.thickness:.6g}mm')}.dxf"] = written(sheet)
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))

@@ -58,10 +58,10 @@ def computed(
             parts.append((part, first.record.brep))
         else:
             what = f"`{first.definition.label}` is a mesh without exact surfaces"
-            losses.append(Loss.of(first.origin, target, None, first.path, what, "omitted"))
+            losses.append(Loss(target, None, first.path, what, "omitted", first.origin))
     if not parts and not losses:
         what = "the robot has no part with geometry that is not bought"
-        losses.append(Loss.of(request.assembly.definition.origin, target, None, request.assembly.name, what, "omitted"))
+        losses.append(Loss(target, None, request.assembly.name, what, "omitted", request.assembly.definition.origin))
     try:
         results = compute({brep for _, brep in parts})
     except AssemblyFailed as fault:

@@ -104,7 +104,7 @@ def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Re
         mesh = first.record.meshes["print"]
         if not mesh.closed:
             what = f"the surface of `{first.definition.label}` is not closed, so it has no volume to print"
-            losses.append(Loss.of(first.origin, "3mf", None, first.path, what, "approximated"))
+            losses.append(Loss("3mf", None, first.path, what, "approximated", first.origin))
         label, up, stl = name if names.count(name) == 1 else first.component.definition.stem, direction_up(first), store.read(mesh.sha256)
         vertices, faces = upright(stl, up)
         sideways = _fits(vertices, label, first, bed, report)

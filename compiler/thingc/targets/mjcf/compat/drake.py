@@ -44,21 +44,21 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
             if one.tag in ("position", "velocity") and "ctrlrange" in one.attributes.keys() - one.raw.keys():
                 rest = {name: value for name, value in one.attributes.items() if name != "ctrlrange"}
                 section.children[index] = Element(tag=one.tag, attributes=rest, origin=one.origin, raw=one.raw)
-                yield Loss.of(one.origin, "mjcf", None, _path(one), COMMANDS, "omitted")
+                yield Loss("mjcf", None, _path(one), COMMANDS, "omitted", one.origin)
         if section.tag == "sensor":
             for path in dict.fromkeys(_path(one) for one in section.children):
                 origin = next(one.origin for one in section.children if _path(one) == path)
-                yield Loss.of(origin, "mjcf", None, path, "the sensor: not supported by Drake", "omitted")
+                yield Loss("mjcf", None, path, "the sensor: not supported by Drake", "omitted", origin)
         for one in section.children:
             what = SECTIONS.get((section.tag, one.tag)) or ("the delay of the drive" if "delay" in one.attributes else None)
             if what is not None:
                 own = robot.mode.name if one.tag in ("weld", "connect") else None
-                yield Loss.of(one.origin, "mjcf", own, _path(one), f"{what}: not supported by Drake", "omitted")
+                yield Loss("mjcf", own, _path(one), f"{what}: not supported by Drake", "omitted", one.origin)
     for element in root.find_or_empty("worldbody").walk():
         for name in element.attributes:
             what = ATTRIBUTES.get((element.tag, name))
             if what is not None:
-                yield Loss.of(element.origin, "mjcf", None, _path(element), f"{what}: not supported by Drake", "omitted")
+                yield Loss("mjcf", None, _path(element), f"{what}: not supported by Drake", "omitted", element.origin)
 
 
 def _is_misread(element: Element) -> bool:

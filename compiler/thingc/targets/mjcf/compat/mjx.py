@@ -35,7 +35,7 @@ FLUID = ("density", "viscosity", "wind")
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
     if robot.base == "held" and len(robot.bodies) > 1:
         what = "moving its base: MJX moves a mocap body without its children"
-        yield Loss.of(robot.mode.origin, "mjcf", robot.mode.name, robot.mode.name, what, "omitted")
+        yield Loss("mjcf", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin)
     yield from _integrator(robot, root)
     yield from _prisms(root)
     _margins(root)
@@ -124,7 +124,7 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
     if option.get("integrator") == "implicit":
         option.attributes["integrator"] = "implicitfast"
         what = "the integrator `implicit`, which MJX lacks: `implicitfast` is used"
-        yield Loss.of(robot.mode.origin, "mjcf", robot.mode.name, robot.mode.name, what, "approximated")
+        yield Loss("mjcf", robot.mode.name, robot.mode.name, what, "approximated", robot.mode.origin)
 
 
 def _prisms(root: Element) -> Iterator[Loss]:
@@ -153,7 +153,7 @@ def _prisms(root: Element) -> Iterator[Loss]:
             for name, value in element.attributes.items()
         }
         what = f"the cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
-        yield Loss.of(element.origin, "mjcf", None, path, what, "approximated")
+        yield Loss("mjcf", None, path, what, "approximated", element.origin)
     if sizes:
         section = root.child("asset", before=("worldbody",))
         for size, name in sizes.items():
@@ -214,7 +214,7 @@ def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
             del key.attributes["ctrl"]
     for magnet in robot.assembly.adhesions:
         origin = robot.assembly.occurrences[magnet.occurrence].origin
-        yield Loss.of(origin, "mjcf", None, magnet.path, "the adhesion, which MJX lacks", "omitted")
+        yield Loss("mjcf", None, magnet.path, "the adhesion, which MJX lacks", "omitted", origin)
 
 
 MJX = Consumer(name="mjx", label="MJX", version="mujoco-mjx 3.17.0", suit=_suit, refuses=_refuses)

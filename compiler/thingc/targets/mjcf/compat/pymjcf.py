@@ -25,7 +25,7 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
                 renamed = True
     if renamed:
         what = f"`/` in names, which PyMJCF rejects: `{SEPARATOR}` is used"
-        yield Loss.of(robot.assembly.definition.origin, "mjcf", None, robot.assembly.name, what, "approximated")
+        yield Loss("mjcf", None, robot.assembly.name, what, "approximated", robot.assembly.definition.origin)
 
 
 PYMJCF = Consumer(name="pymjcf", label="PyMJCF", version="dm_control 1.0.50", suit=_suit)
