@@ -276,8 +276,8 @@ class _Builder:
                 case "ball":
                     assert drive is not None and drive.axis is not None
                     body = next(body for body in self.robot.bodies if joint in body.joints)
-                    inputs = self.name_of(joint), joint, drive, step, in_body(body, drive.axis)
-                    self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive_of_ball, *inputs)
+                    inputs = joint, drive, step, self.name_of(joint), in_body(body, drive.axis)
+                    self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, *inputs)
                 case "joint":
                     self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive, step)
                 case None:

@@ -10,7 +10,6 @@ from functools import lru_cache
 from typing import Any
 
 from thingc.base.inertia import LEAST_MOMENT, ZERO, MassProperties, physical_fault, principal_moments, within_triangle
-from thingc.base.joints.twist import Twist
 from thingc.base.numeric import maximum
 from thingc.base.pose import IDENTITY, Pose, Vector
 from thingc.base.source import Origin
@@ -22,7 +21,7 @@ from thingc.targets import geometry
 from thingc.targets.geometry import MeshAsset, Shape, Shapes, channels, material_name, numbered
 from thingc.targets.mjcf.accepted_models import is_shell
 from thingc.targets.mjcf.drives import both_ways, drive_attributes, joint_range
-from thingc.targets.mjcf.lowering import MujocoJoint, lowered
+from thingc.targets.mjcf.lowering import lowered
 from thingc.targets.xml_writer import Element, XmlValue
 
 GRID = 0.1
@@ -72,8 +71,8 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
     If `driven` is True, the effort limit is written to the actuator of the joint. Otherwise, the effort limit is written to the joint
     itself.
     """
-    own, *others = (_axis(one, joint.twist) for one in lowered(joint))
-    attributes = {**own}
+    pos: dict[str, XmlValue] = {"pos": joint.twist.anchor} if any(joint.twist.anchor) else {}
+    attributes, *others = ({"name": one.name, "type": one.type, **pos, "axis": one.axis} for one in lowered(joint))
     bounds = joint_range(joint.limit)
     if bounds is not None:
         attributes["range"] = bounds
@@ -104,12 +103,6 @@ def dynamics_attributes(dynamics: Dynamics) -> dict[str, XmlValue]:
             ("armature", dynamics.armature), ("springref", dynamics.rest),
         ) if value is not None
     }
-
-
-def _axis(one: MujocoJoint, twist: Twist) -> dict[str, XmlValue]:
-    """Return the attributes that every MuJoCo joint has: its name, type, position and axis."""
-    pos = {"pos": twist.anchor} if any(twist.anchor) else {}
-    return {"name": one.name, "type": one.type, **pos, "axis": one.axis}
 
 
 Masks = tuple[int, int]
@@ -169,20 +162,15 @@ def geoms(
     return tuple(elements)
 
 
-def drive(joint: TreeJoint, drive: ActuatorModel, step: float) -> tuple[Element, ...]:
-    """Return the actuator element for the drive of a joint. `step` is the time step [s]."""
-    attributes = {"name": drive.name or joint.path, "joint": joint.path, **drive_attributes(joint, drive, step)}
-    return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
+def drive(joint: TreeJoint, drive: ActuatorModel, step: float, ball: str | None = None, axis: Vector | None = None) -> tuple[Element, ...]:
+    """Return the actuator element for the drive of a joint. `step` is the time step [s].
 
-
-def drive_of_ball(name: str, joint: TreeJoint, drive: ActuatorModel, step: float, axis: Vector) -> tuple[Element, ...]:
-    """Return an actuator element for the ball joint `name`. The attribute `gear` is the axis of the torque in the frame of the body.
-
-    If the joint is reversed, the axis is fixed to the parent in the tree of the mode.
+    For a drive of the ball joint `ball`, the attribute `gear` is the `axis` of the torque in the frame of the body. If the joint is
+    reversed, the axis is fixed to the parent in the tree of the mode.
     """
-    target = "jointinparent" if joint.reversed else "joint"
-    attributes = {"name": drive.name or joint.path, target: name, **drive_attributes(joint, drive, step)}
-    return (Element(tag=drive.kind, attributes=attributes | {"gear": axis}, origin=drive.origin),)
+    target = "jointinparent" if ball is not None and joint.reversed else "joint"
+    attributes = {"name": drive.name or joint.path, target: ball or joint.path, **drive_attributes(joint, drive, step)}
+    return (Element(tag=drive.kind, attributes=attributes if axis is None else attributes | {"gear": axis}, origin=drive.origin),)
 
 
 def key(attributes: tuple[tuple[str, XmlValue], ...], origin: Origin) -> tuple[Element, ...]:
