@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, assert_never
+from typing import Literal
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
@@ -85,8 +85,6 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
                 moments = (across, across, (middle / 2.0 + 0.4 * ends) * a * a)
             case "plane":
                 moments = (0.0, 0.0, 0.0)
-            case _:
-                assert_never(self.shape)
         x, y, z = moments
         inertia: Matrix = ((x, 0.0, 0.0), (0.0, y, 0.0), (0.0, 0.0, z))
         return MassProperties(mass=volume, inertia=inertia).seen_from(self.pose)
@@ -110,8 +108,6 @@ class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
             case "cylinder" | "capsule":
                 along = abs(z) * size[1]
                 return middle - along - (size[0] if self.shape == "capsule" else size[0] * hypot(x, y))
-            case _:
-                assert_never(self.shape)
 
     @property
     def box(self) -> tuple[Vector, Vector]:

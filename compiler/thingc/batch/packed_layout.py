@@ -380,8 +380,9 @@ def _cell_of(line: Line, column: str) -> Any:
             return _json(dict(sorted(line[SHARED].items()))) if SHARED in line else None
         case "index" | "id" | "name" | "status":
             return line[column]
-    encoded = line.get(FILES, {}).get(column)
-    return None if encoded is None else base64.b64decode(encoded)
+        case _:
+            encoded = line.get(FILES, {}).get(column)
+            return None if encoded is None else base64.b64decode(encoded)
 
 
 def _opened(path: str) -> ParquetFile | None:

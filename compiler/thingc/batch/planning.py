@@ -14,7 +14,7 @@ import posixpath
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Any, assert_never
+from typing import Any
 
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic
@@ -61,8 +61,6 @@ def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[t
 
             def draw(size: int) -> Any:
                 return generator.random((size, dimensions))
-        case _:
-            assert_never(method)
     for start in range(0, count, size):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about counts that are not a power of 2, see docs/variants.md

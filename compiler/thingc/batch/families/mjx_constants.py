@@ -37,7 +37,8 @@ def bounds(kind: int, size: Any) -> tuple[Any, Any]:
             return jnp.sqrt(radius * radius + half * half), jnp.stack([radius, radius, half])
         case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
             return jnp.max(size), size
-    return jnp.sqrt(jnp.sum(size * size)), size
+        case _:
+            return jnp.sqrt(jnp.sum(size * size)), size
 
 
 def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int, Any]], relaxed: Sequence[int]) -> Fields:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import assert_never
 
 from thingc.base.filesystem import without_suffix
 from thingc.base.source import MappingNode, Path, ScalarNode, entries_of, node_at
@@ -91,8 +90,8 @@ class NameReader:
                 yield from self._document(self.document(self.own, text) or self.packaged(text), text)
             case "part":
                 yield from self._part(text)
-            case _ if base is not None:
-                yield from self._inside(base, what, text, path, index)
+            case _:
+                yield from self._inside(base, what, text, path, index) if base is not None else ()
 
     def _inside(self, base: DocumentNames, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
         """Yield the names in the assembly `base` to which a string refers, depending on the kind of reference `what`."""
@@ -136,8 +135,6 @@ class NameReader:
                     yield 0, len(text), thing.parameter(text), "used"
             case "assembly document" | "materials document" | "part":
                 return
-            case _:
-                assert_never(what)
 
     def posed(self, base: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
         """Yield the names to which the key of a pose at `path` refers: a joint, or a nested assembly."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, assert_never
+from typing import Literal
 
 from msgspec.structs import replace
 
@@ -41,8 +41,6 @@ class Definition(OneLineRepr, FrozenStruct):
                 reference, kind = "link", "link"
             case AssemblyDefinition():
                 reference, kind = made.document, "assembly"
-            case _:
-                assert_never(made)
         plain = None if made.plain is None else cls.of(made.plain)
         return cls(text=made.text, label=made.label, reference=reference, kind=kind, mirror=made.mirror, plain=plain)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import assert_never
 
 from thingc.base.diagnostics import Code
 from thingc.base.pose import NO_POSE, Pose, Vector
@@ -147,8 +146,6 @@ def primitive(scope: Scope, spec: ContactShapeSpec | VolumeSpec, path: Path, pos
             sides = [length(getattr(written, key), (*at, key), LENGTH, f"`{key}`", above=0.0) for key in ("radius", "length")]
         case "mesh":
             return None
-        case _:
-            assert_never(spec.kind)
     whole = [side for side in sides if side is not None]
     if len(whole) < len(sides):
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, assert_never
+from typing import Any
 
 import numpy as np
 from manifold3d import Manifold, Mesh64, OpType
@@ -141,8 +141,6 @@ def _primitive(primitive: Primitive) -> Any:
             return Manifold.batch_hull([ball.translate((0.0, 0.0, end)) for end in (-size[1], size[1])])
         case "plane":
             return Manifold.cube([2.0 * ENDLESS, 2.0 * ENDLESS, ENDLESS], True).translate((0.0, 0.0, -ENDLESS / 2.0))
-        case _:
-            assert_never(primitive.shape)
 
 
 def _core(whole: Any, solid: Mesh | Primitive) -> tuple[Any, float]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
-from typing import Any, Literal, Never, assert_never
+from typing import Any, Literal, Never
 
 import numpy as np
 import trimesh
@@ -154,8 +154,6 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
                 extras = {"kind": joint.kind.name, "q": q[joint.path], **{end: value for end, value in bounds if value is not None}}
                 yield _Node(name=name, parent=parent, pose=pose @ joint.twist.exponential(q[joint.path]) @ axis, extras=extras)
                 parent, pose = name, axis.inverse()
-        case _:
-            assert_never(form)
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
@@ -192,8 +190,6 @@ def _tessellated(primitive: Primitive) -> Any:
             x, y = (half or ENDLESS for half in size[:2])
             corners = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]
             return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)], process=False)
-        case _:
-            assert_never(primitive.shape)
 
 
 def _glb_bytes(robot: Robot, drawn: Callable[[Mesh | Primitive], Any]) -> bytes:

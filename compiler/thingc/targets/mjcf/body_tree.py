@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain, product
-from typing import Any, assert_never
+from typing import Any
 
 from thingc.base.memo import Memo
 from thingc.base.numeric import maximum, sum_of
@@ -282,8 +282,6 @@ class _Builder:
                     self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive, step)
                 case None:
                     pass
-                case _:
-                    assert_never(form)
         tendons.drives(self.robot, section)
         body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
         for magnet in self.assembly.adhesions:

@@ -13,7 +13,7 @@ right angles. Both ends of every constraint are written explicitly, so that no c
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from typing import Literal, assert_never
+from typing import Literal
 
 from thingc.base.numeric import degrees, dist, rounded, sqrt
 from thingc.base.pose import NO_POSE, Pose, shifted
@@ -61,8 +61,6 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
                 section.add("tendon", {"name": f"{name}_1", "tendon1": name, "polycoef": polynomial, **stiff}, closure.origin)
             case None:
                 pass  # the loop stays open (see `losses`)
-            case _:
-                assert_never(form)
 
 
 def tendons(robot: Robot, section: Element) -> None:

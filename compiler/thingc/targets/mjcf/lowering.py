@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, assert_never
+from typing import Literal
 
 from msgspec.structs import replace
 
@@ -38,8 +38,6 @@ def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
             return (MujocoJoint(path, twist.core, twist.axis), MujocoJoint(f"{path}:slide", "slide", twist.axis, twist.pitch))
         case "ball" | "free":
             return ()
-        case _:
-            assert_never(form)
 
 
 def is_ball(joints: Sequence[TreeJoint]) -> bool:

@@ -7,7 +7,6 @@ modes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import assert_never
 
 from thingc.base import numeric
 from thingc.base.joints.kinds import stays
@@ -90,8 +89,6 @@ def sensors(robot: Robot, section: Element) -> None:
                     _elements(robot, sensor, section)
             case "camera" | None:
                 pass  # `cameras` adds cameras to the bodies
-            case _:
-                assert_never(form)
 
 
 def _elements(robot: Robot, sensor: LinkedSensor, section: Element) -> None:
@@ -129,8 +126,6 @@ def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[s
             return {"actuator": robot.assembly.drives[sensor.joint or sensor.tendon or ""]}
         case "camera" | "clock" | "energy":
             return {}
-        case _:
-            assert_never(sensor.kind)
 
 
 def _missing(robot: Robot, sensor: LinkedSensor) -> str:

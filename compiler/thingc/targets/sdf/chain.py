@@ -8,7 +8,7 @@ and in which loops and holds are closed.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, assert_never
+from typing import Literal
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
@@ -72,8 +72,6 @@ def chain(connection: Connection, q: Mapping[str, float]) -> tuple[SdfJoint, ...
             return (SdfJoint(path=path, type="universal", at=axes[1].twist.anchor, axes=tuple(axes)),)
         case "each":
             return tuple(SdfJoint(path=axis.joint.path, type=_type(axis), at=axis.twist.anchor, axes=(axis,)) for axis in axes)
-        case _:
-            assert_never(form)
 
 
 def _type(axis: SdfAxis) -> SdfType:

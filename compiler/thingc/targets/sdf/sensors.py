@@ -5,7 +5,6 @@ the joint of its link.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import assert_never
 
 from thingc.base import numeric
 from thingc.base.pose import Pose, Vector, rpy_of, shifted
@@ -48,8 +47,6 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
                 _ray(_sensor(link, sensor, form, site.pose @ LOOKING, names), sensor.cutoff.get("distance", numeric.inf))
             case "force_torque" | "contact" | None:
                 pass  # the sensor belongs to the joint of the link, or is not on a mount
-            case _:
-                assert_never(form)
     collisions = [child.get("name") for child in link.children if child.tag == "collision"]
     for sensor in robot.assembly.sensors:
         if written(CAPABILITIES["sensors"][sensor.kind]) == "contact" and sensor.touching[0] == robot.bodies[body].link and collisions:

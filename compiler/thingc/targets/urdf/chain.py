@@ -8,7 +8,7 @@ slide that mimics the rotation. A ball becomes three rotations.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal, assert_never
+from typing import Literal
 
 from msgspec.structs import replace
 
@@ -65,6 +65,4 @@ def moves(joints: Sequence[TreeJoint], X_PL: Pose) -> Iterator[Move]:
                 yield one
                 path, follows = f"{joint.path}{SLIDE}", (joint.path, twist.pitch)
                 yield Move(path=path, type="slide", axis=twist.axis, origin=NO_POSE, joint=joint, follows=follows)
-            case _:
-                assert_never(form)
         before = at.inverse()

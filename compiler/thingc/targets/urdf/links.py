@@ -8,8 +8,6 @@ frame of an inertia or a joint is rotated.
 
 from __future__ import annotations
 
-from typing import assert_never
-
 from thingc.base.diagnostics import Report
 from thingc.base.inertia import ZERO, MassProperties, named_moments, physical_fault, within_triangle
 from thingc.base.numeric import minimum, sum_of
@@ -278,8 +276,6 @@ def parts(shape: Shape) -> tuple[Shape, ...]:
             return (Shape(kind="cylinder", size=shape.size, pose=shape.pose), *balls)
         case None:
             return ()
-        case _:
-            assert_never(form)
 
 
 def _origin(element: Element, pose: Pose) -> None:

@@ -13,7 +13,7 @@ only mimic a slide.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal, assert_never
+from typing import Literal
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
@@ -90,8 +90,6 @@ def chain(connection: Connection) -> tuple[UsdJoint, ...]:
             return (_spherical(path, joints, twists),)
         case "free":
             return ()
-        case _:
-            assert_never(form)
 
 
 def _spherical(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:

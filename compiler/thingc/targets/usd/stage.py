@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
-from typing import TypeVar, assert_never
+from typing import TypeVar
 
 from thingc.base import numeric
 from thingc.base.diagnostics import Report
@@ -304,8 +304,6 @@ def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
                 prim.fill({"double height": 2.0 * half_length, "uniform token axis": '"Z"'})
             up = half_length if shape.kind == "cylinder" else half_length + radius
             _extent(prim, (radius, radius, up))
-        case _:
-            assert_never(shape.kind)
     return ()
 
 

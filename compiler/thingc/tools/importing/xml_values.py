@@ -206,7 +206,8 @@ class Values:
             case "mesh":
                 scale = self.numbers(form, "scale", 3, (1.0, 1.0, 1.0))
                 return None if scale is None else ("mesh", (scale[0], scale[1], scale[2]))
-        return None
+            case _:
+                return None
 
     def inertia(self, element: SourceElement, mass: float, pose: Pose, *, usual: float = 0.0) -> MassProperties:
         """Read an inertia matrix [kg m^2], and return the mass properties of the link in the frame of the link.

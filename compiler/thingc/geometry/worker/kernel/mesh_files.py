@@ -238,6 +238,8 @@ def _read_3mf(model: bytes) -> tuple[str, dict[str, _Object3mf]]:
                 last.faces.extend(int(said[key]) for key in ("v1", "v2", "v3"))
             case "component" | "item" as kind:
                 (last if kind == "component" else objects[_BUILD]).components.append((said.get("objectid", ""), said.get("transform")))
+            case _:
+                pass
 
     parser = expat.ParserCreate(namespace_separator="}")
     parser.StartElementHandler = start
