@@ -18,7 +18,7 @@ from typing import NamedTuple
 from PIL import Image
 
 from thingc.base.pose import Pose
-from thingc.targets.render.frames import Frame
+from thingc.targets.render.frames import Mark, frame_mark
 from thingc.targets.render.picture import Shot, picture, ready
 
 WIDTH, HEIGHT = 560, 440
@@ -144,11 +144,11 @@ def _write_workspace(folder: Path, reference: str, items: Sequence[Item]) -> Non
     )))
 
 
-def _name(view: View, item: Item, centres: Sequence[Sequence[float]]) -> Frame:
+def _name(view: View, item: Item, centres: Sequence[Sequence[float]]) -> Mark:
     """Return the name of an item, with a dot in the solid that is nearest to the camera, from the centres of its solids [mm]."""
     azimuth, elevation = math.radians(view.azimuth), math.radians(view.elevation)
     camera = (-math.cos(azimuth) * math.cos(elevation), -math.sin(azimuth) * math.cos(elevation), -math.sin(elevation))
     x, y, z = max(centres, key=lambda centre: sum(a * b for a, b in zip(centre, camera, strict=True)))
     dx, dy, dz = item.offset
     place = Pose(translation=((x + dx) / 1000.0, (y + dy) / 1000.0, (z + dz) / 1000.0))
-    return Frame(label=item.name, body="part", pose=place, size=0.0)
+    return frame_mark(label=item.name, body="part", pose=place, size=0.0)

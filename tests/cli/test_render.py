@@ -22,7 +22,7 @@ from loops.robots import compiled
 from modes.test_several_coordinates import GANTRY
 from thingc.base.pose import NO_POSE
 from thingc.targets.render import studio
-from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, Frame, JointAxis, placed
+from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, frame_mark, joint_mark, placed
 from thingc.targets.render.frames import drawn as painted
 from thingc.targets.render.picture import Shot, camera_of, points_of, posed
 from thingc.tools.cli import render_overlay
@@ -339,8 +339,8 @@ def test_arrows_end_where_the_camera_sees_their_ends(posed_arm: Any) -> None:
     """On white paper: red, green and blue at the projected tips of a frame, and its name on a free place near it, in ink."""
     _, model, data = posed_arm
     camera = camera_of(points_of(model, data), FLOOR, Shot(size=(640, 480)))
-    frame = Frame(label="a name", body="world", pose=NO_POSE)
-    axis = JointAxis(label="turns", body="base_link", pose=NO_POSE, slides=False)
+    frame = frame_mark(label="a name", body="world", pose=NO_POSE)
+    axis = joint_mark(label="turns", body="base_link", pose=NO_POSE, slides=False)
     lines = [*placed(frame, data, 0.05), *placed(axis, data, 0.05)]
     image = painted(np.full((480, 640, 3), 255, np.uint8), [frame, axis], data, camera, 0.05)
     assert image.shape == (480, 640, 3) and image.dtype == np.uint8

@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from thingc.base.pose import NO_POSE
-from thingc.targets.render.frames import Frame, JointAxis, drawn, placed
+from thingc.targets.render.frames import drawn, frame_mark, joint_mark, placed
 from thingc.targets.render.picture import MARGIN, Shot, camera_of, extent
 from thingc.targets.render.studio import Array, Camera, directions, fitted, upright
 
@@ -57,7 +57,7 @@ def test_the_corners_of_a_model_determine_the_camera() -> None:
 def test_an_arrow_has_its_widths() -> None:
     """The shaft is 2.2 px wide and the head 0.9 (4 + 2.2) px; with white, these are 4.2 and 0.9 (4 + 4.2) px."""
     points, data = boxes()
-    axis = JointAxis(label="", body="world", pose=NO_POSE, slides=True)
+    axis = joint_mark(label="", body="world", pose=NO_POSE, slides=True)
     line = placed(axis, data, 0.1)[0]
     camera = camera_of(np.concatenate([points, line]), FLOOR, Shot(size=SIZE, azimuth=90.0, elevation=0.0))
     image = drawn(np.full((*SIZE[::-1], 3), PAPER, np.uint8), [axis], data, camera, 0.1).astype(int)
@@ -72,7 +72,7 @@ def test_a_name_is_beside_its_frame() -> None:
     """It covers nothing of the axes, and is near the origin."""
     points, data = boxes()
     camera = camera_of(points, FLOOR, Shot(size=SIZE))
-    frame = Frame(label="shoulder", body="a", pose=NO_POSE)
+    frame = frame_mark(label="shoulder", body="a", pose=NO_POSE)
     paper = np.full((*SIZE[::-1], 3), 255, np.uint8)
     image, axes = (drawn(paper, [one], data, camera, 0.1) for one in (frame, replace(frame, label="")))
     origin = pixels(camera, placed(frame, data, 0.1)[0][:1])[0]

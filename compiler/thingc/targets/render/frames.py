@@ -42,56 +42,36 @@ class Stroke(FrozenStruct):
     points: Array
 
 
-class Frame(FrozenStruct):
-    """A frame whose axes x, y and z are drawn. `pose` is relative to the MuJoCo body `body`. `size` is a factor of the usual length of the
-    axes.
+class Mark(FrozenStruct):
+    """A frame or a joint axis that is drawn. `pose` is relative to the MuJoCo body `body`.
+
+    `strokes` contains the arrows, and `ink` is the colour of the text `label`. The text is near the first point of the first arrow, or near
+    its last point (`place` is 0 or -1).
     """
 
     label: str
     body: str
     pose: Pose
-    size: float = 1.0
-
-    @property
-    def strokes(self) -> tuple[Stroke, ...]:
-        """Return the arrows that represent the frame: one arrow for each axis, with z last."""
-        ends = self.size * np.eye(3)
-        return tuple(Stroke(colour=c, points=np.array([np.zeros(3), end])) for c, end in zip((RED, GREEN, BLUE), ends))
-
-    @property
-    def ink(self) -> Colour:
-        """Return the colour of the text that names the frame."""
-        return INK
+    strokes: tuple[Stroke, ...]
+    ink: Colour
+    place: int = 0
 
 
-class JointAxis(FrozenStruct):
-    """The axis of a joint. The axis is the z axis of `pose`, which is relative to the MuJoCo body `body`.
+def frame_mark(label: str, body: str, pose: Pose, size: float = 1.0) -> Mark:
+    """Return a frame with one arrow for each axis x, y and z, with z last. `size` is a factor of the usual length of the axes."""
+    strokes = tuple(Stroke(colour=c, points=np.array([np.zeros(3), end])) for c, end in zip((RED, GREEN, BLUE), size * np.eye(3)))
+    return Mark(label=label, body=body, pose=pose, strokes=strokes, ink=INK)
+
+
+def joint_mark(label: str, body: str, pose: Pose, *, slides: bool) -> Mark:
+    """Return the axis of a joint, which is the z axis of `pose`, and an arrow around the axis if the joint rotates.
 
     The arrow shows the direction of motion when the coordinate increases.
     """
-
-    label: str
-    body: str
-    pose: Pose
-    slides: bool
-
-    @property
-    def strokes(self) -> tuple[Stroke, ...]:
-        """Return the line of the axis and, for a rotating joint, an arrow around the axis."""
-        line = Stroke(colour=JOINT, points=np.array([[0.0, 0.0, -1.2], [0.0, 0.0, 1.6]]))
-        if self.slides:
-            return (line,)
-        angles = np.linspace(0.0, ARC, 48)
-        ring = np.stack([0.5 * np.cos(angles), 0.5 * np.sin(angles), np.full_like(angles, 0.75)], axis=1)
-        return (line, Stroke(colour=JOINT, points=ring))
-
-    @property
-    def ink(self) -> Colour:
-        """Return the colour of the text that names the joint axis."""
-        return JOINT
-
-
-Mark = Frame | JointAxis
+    line = Stroke(colour=JOINT, points=np.array([[0.0, 0.0, -1.2], [0.0, 0.0, 1.6]]))
+    angles = np.linspace(0.0, ARC, 48)
+    ring = Stroke(colour=JOINT, points=np.stack([0.5 * np.cos(angles), 0.5 * np.sin(angles), np.full_like(angles, 0.75)], axis=1))
+    return Mark(label=label, body=body, pose=pose, strokes=(line,) if slides else (line, ring), ink=JOINT, place=-1)
 
 
 def length_of(points: Array, camera: Camera) -> float:
@@ -127,7 +107,7 @@ def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: 
     font = ImageFont.load_default(size=13.0 * scale)
     taken = [_box(points, 2.0 * scale) for strokes in lines for _, whole in strokes for points in _pieces(whole)]
     for mark, strokes in zip(marks, lines):
-        origin = strokes[0][1][0] if isinstance(mark, Frame) else strokes[0][1][-1]
+        origin = strokes[0][1][mark.place]
         text = pen.textbbox((0.0, 0.0), mark.label, font=font)
         box = _free(origin, (text[2] + 4.0 * scale, text[3] + 2.0 * scale), taken, (sheet.width, sheet.height), scale)
         taken.append(box)

@@ -12,7 +12,7 @@ from thingc.driver.pipeline import UnknownChoice
 from thingc.model.robot.kinematics import carried
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
-from thingc.targets.render.frames import Frame, JointAxis, Mark
+from thingc.targets.render.frames import Mark, frame_mark, joint_mark
 
 ROOT_SIZE = 1.6
 """Length of the drawn axes of the root link, relative to the axes of a mount."""
@@ -52,7 +52,7 @@ def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
         body, pose = _on_body(robot, q, mate.parent, mate.X_PJ)
         for number, joint in enumerate(mate.joints):
             label = _dotted(mate.name or joint.path) + (f"[{number}]" if len(mate.joints) > 1 else "")
-            yield JointAxis(label=label, body=body, pose=pose @ _along(joint.twist.axis), slides=not joint.twist.turns)
+            yield joint_mark(label=label, body=body, pose=pose @ _along(joint.twist.axis), slides=not joint.twist.turns)
             if not joint.kind.at_once:  # exponential coordinates have fixed axes
                 pose = pose @ joint.twist.exponential(q.get(joint.path, 0.0) + joint.offset)
 
@@ -61,13 +61,13 @@ def root(robot: Robot) -> Iterator[Mark]:
     """Yield the coordinate frame of the root link of the mode."""
     choice = robot.mode.root
     body, pose = _on_body(robot, {}, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount].pose)
-    yield Frame(label=f"root {_dotted(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
+    yield frame_mark(label=f"root {_dotted(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
 
 
-def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> Frame:
+def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> Mark:
     one = robot.assembly.occurrences[occurrence]
     body, pose = _on_body(robot, q, occurrence, one.mounts[name].pose)
-    return Frame(label=f"{_dotted(one.path)}.{name}", body=body, pose=pose)
+    return frame_mark(label=f"{_dotted(one.path)}.{name}", body=body, pose=pose)
 
 
 def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
