@@ -183,7 +183,8 @@ def collect_geometry(
     file name in `folder`, an error is reported. `why` describes the reason why a shape cannot collide.
     """
     collector = _Collector(target, folder, report, own, why)
-    return collector.collect(assembly), collector.losses
+    shapes = tuple(collector.shapes(occurrence) for occurrence in assembly.occurrences)
+    return Geometry(shapes=shapes, meshes=tuple(collector.meshes.values())), collector.losses
 
 
 class _Collector:
@@ -196,10 +197,6 @@ class _Collector:
         self.losses: list[Loss] = []
         self.meshes: dict[str, MeshAsset] = {}
         self.owners: dict[str, Occurrence] = {}
-
-    def collect(self, assembly: Assembly) -> Geometry:
-        shapes = tuple(self.shapes(occurrence) for occurrence in assembly.occurrences)
-        return Geometry(shapes=shapes, meshes=tuple(self.meshes.values()))
 
     def shapes(self, occurrence: Occurrence) -> Shapes:
         record, definition = occurrence.record, occurrence.component.definition

@@ -229,7 +229,7 @@ def _mode(robot: Robot, places: _Places) -> Data:
 def _body(body: Body) -> Data:
     return {
         "link": body.link, "parent": body.parent, "X": _rows(body.X_PL), "at_once": body.at_once,
-        "joints": [{"path": joint.path, "twist": _twist(joint.twist)} for joint in body.joints],
+        "joints": _moves(body.joints, body.twists),
     }
 
 
@@ -237,9 +237,7 @@ def _loop(closure: Closure) -> Data:
     return {
         "path": closure.path, "hold": closure.hold, "parent": closure.parent, "child": closure.child, "turns": closure.turns,
         "at_once": closure.at_once, "X_PA": _rows(closure.X_PA), "X_CB": _rows(closure.X_CB),
-        "joints": [
-            {"path": joint.path, "twist": _twist(twist)} for joint, twist in zip(closure.joints, closure.twists, strict=True)
-        ],
+        "joints": _moves(closure.joints, closure.twists),
     }
 
 
@@ -262,8 +260,8 @@ def _pose(robot: Robot, frame: Keyframe) -> Data:
     }
 
 
-def _twist(twist: Twist) -> list[object]:
-    return [twist.angular, twist.linear, twist.anchor]
+def _moves(joints: Sequence[JointEdge], twists: Sequence[Twist]) -> list[Data]:
+    return [{"path": one.path, "twist": [twist.angular, twist.linear, twist.anchor]} for one, twist in zip(joints, twists, strict=True)]
 
 
 def _rows(pose: Pose) -> list[float]:

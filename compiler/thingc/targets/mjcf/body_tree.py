@@ -8,17 +8,15 @@ from typing import Any
 
 from thingc.base.memo import Memo
 from thingc.base.numeric import maximum, sum_of
-from thingc.base.pose import Pose
+from thingc.base.pose import Pose, Vector
 from thingc.model.assembly.types import Link, LinkedTendon
 from thingc.model.resolve.types import OTHERS, ContactGroup
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
-from thingc.targets.capabilities import drive_cell, written
 from thingc.targets.geometry import Geometry
 from thingc.targets.mjcf import adhesion_contacts, closures, elements, merged_joints, sensors, tendons
-from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.drives import NOTHING, add_custom_data, time_step
 from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lowered, positions
@@ -271,17 +269,11 @@ class _Builder:
         section, step = self.root.add("actuator"), time_step(self.robot)
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
-            form = None if drive is None else written(CAPABILITIES["drives"][drive_cell(joint, drive)])
-            match form:
-                case "ball":
-                    assert drive is not None and drive.axis is not None
-                    body = next(body for body in self.robot.bodies if joint in body.joints)
-                    inputs = joint, drive, step, self.name_of(joint), in_body(body, drive.axis)
-                    self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, *inputs)
-                case "joint":
-                    self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive, step)
-                case None:
-                    pass
+            ball: tuple[str, Vector] | tuple[()] = ()
+            if drive is not None and drive.axis is not None:
+                body = next(body for body in self.robot.bodies if joint in body.joints)
+                ball = self.name_of(joint), in_body(body, drive.axis)
+            self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive, step, *ball)
         tendons.drives(self.robot, section)
         body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
         for magnet in self.assembly.adhesions:

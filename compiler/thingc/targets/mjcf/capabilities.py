@@ -9,22 +9,14 @@ from thingc.targets.capabilities import SAYS, Capabilities, Lossy, Omitted, Supp
 JointForm = Literal["each", "threaded", "ball", "free"]
 """How a joint is written: as a hinge or a slide for each coordinate, as a coupled hinge and slide, as a ball, or as a free joint."""
 
-DriveForm = Literal["joint", "ball"]
-"""The element that an actuator drives. The element is either a joint, or a ball joint about one axis."""
-
 LoopForm = Literal["weld", "connect", "two connects", "connect and tendon", "weld or connect"]
 """The equality constraints that close a loop."""
 
-SensorForm = Literal["elements", "camera"]
-"""How a sensor is written: as an element for each of its readings, or as a camera."""
-
 _EACH: Supported[JointForm] = Supported("each")
 _EACH_OF_SEVERAL: Supported[JointForm] = Supported("each", "hinges and slides of one body")
-_ELEMENTS: Supported[SensorForm] = Supported("elements")
-_DRIVES: Supported[DriveForm] = Supported("joint")
 _CUSTOM = Lossy[None](None, "carried as custom data")
 
-CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
+CAPABILITIES: Capabilities[JointForm, None, LoopForm, None, None] = {
     "joints": {
         "single": _EACH, "several": _EACH_OF_SEVERAL, "universal": _EACH_OF_SEVERAL, "ball": Supported("ball"),
         "free": Supported("free", "a `freejoint` of a body in the world"),
@@ -37,7 +29,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "stiffness": SAYS, "mimic": Supported(None, "an equality"), "polynomial": SAYS, "tendon": SAYS,
         "differential": Supported(None, "fixed tendons"), "backlash": _CUSTOM, "delay": SAYS, "effects": _CUSTOM,
     },
-    "drives": {"position": _DRIVES, "velocity": _DRIVES, "motor": _DRIVES, "universal": _DRIVES, "ball": Supported("ball")},
+    "drives": {"position": SAYS, "velocity": SAYS, "motor": SAYS, "universal": SAYS, "ball": SAYS},
     "loops": {
         "hold": Supported("weld or connect", "`weld` or `connect`"), "weld": Supported("weld"), "ball": Supported("connect", "`connect`"),
         "hinge": Supported("two connects", "two `connect`"),
@@ -60,6 +52,6 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS,
         "mesh": Lossy(None, "approximated", ": MuJoCo uses the convex hull of a mesh"),
     },
-    "sensors": {**all_of("sensors", _ELEMENTS), "camera": Supported("camera")},
+    "sensors": all_of("sensors", SAYS),
     "of_sensors": {"noise": SAYS, "cutoff": SAYS},
 }

@@ -90,7 +90,6 @@ def models(request: EmitRequest) -> Models:
         waiting = verify.doubtful(due, geometry.meshes, request.store, request.memo, starts=starts)
         verify.check(waiting, geometry, request.store, report, request.memo, starts=starts)
         if not report.diagnostics:
-            verify.took_scenes(waiting, request.memo)
             verify.took(due, request.verify, request.memo)
     made = Models(candidates=every, assets=geometry.assets, losses=tuple(lost))
     request.made["mjcf"] = made

@@ -94,15 +94,13 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
     kind = path[0] if path else ""
     if kind not in KINDS:
         return f"there are no raw attributes of `{kind}`", did_you_mean(kind, KINDS, what="kinds of elements")
-    if kind in NAMED and len(path) != 3:
-        return f"`{attribute.dotted}` must be the path of an attribute of one {kind}", f"write `{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}`"
-    if kind in SINGLE and len(path) not in (2, 3):
-        return f"`{attribute.dotted}` must be the path of an attribute of `{kind}`", f"write `{kind}: {{ATTRIBUTE: VALUE}}`"
-    if kind == "default" and len(path) != 4:
-        return (
-            f"`{attribute.dotted}` must be the path of an attribute in a default class",
-            "write `default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}`",
-        )
+    lengths, what, form = {2, 3}, f"an attribute of `{kind}`", f"{kind}: {{ATTRIBUTE: VALUE}}"
+    if kind in NAMED:
+        lengths, what, form = {3}, f"an attribute of one {kind}", f"{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}"
+    elif kind == "default":
+        lengths, what, form = {4}, "an attribute in a default class", "default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}"
+    if len(path) not in lengths:
+        return f"`{attribute.dotted}` must be the path of {what}", f"write `{form}`"
     why = unwritable(path[-1], attribute.value)
     return None if why is None else (why, "use an attribute of MJCF, and text that is valid in XML")
 

@@ -213,11 +213,11 @@ def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candida
 
 
 def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
-    """Record in the store that MuJoCo accepted the models of these modes without errors and warnings."""
-    for candidate in candidates if share > 1 else ():
-        place = _kind(candidate)
-        if memo.last(place, ()) is None:
-            memo.keep(place, (), 1)
+    """Record that MuJoCo accepted the scenes of these models without errors and warnings, for the functions `doubtful` and `due`."""
+    for candidate in candidates:
+        memo.keep(*_scene(candidate), True)
+        if share > 1 and memo.last(_kind(candidate), ()) is None:
+            memo.keep(_kind(candidate), (), 1)
 
 
 def _kind(candidate: Candidate) -> tuple[str, str, str]:
@@ -248,12 +248,6 @@ def doubtful(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store
     if len(sound) == len(known):
         accepted.accept_meshes()
     return [one for one in candidates if one.mode not in sound]
-
-
-def took_scenes(candidates: Sequence[Candidate], memo: Memo) -> None:
-    """Record in the store that MuJoCo accepted the scenes of these models without errors and warnings."""
-    for candidate in candidates:
-        memo.keep(*_scene(candidate), True)
 
 
 def _own(candidate: Candidate) -> tuple[tuple[str, str], tuple[str, tuple[str, ...]]]:

@@ -12,19 +12,17 @@ JointForm = Literal["each", "universal", "ball", "free"]
 DriveForm = Literal["position controller", "velocity controller", "force"]
 """The Gazebo system that drives a joint."""
 
-LoopForm = Literal["joint"]
-
 SensorForm = Literal["imu", "force_torque", "camera", "magnetometer", "gpu_lidar", "contact"]
 """The type of a sensor in SDF."""
 
 _EACH: Supported[JointForm] = Supported("each")
 _CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": a joint for each coordinate, with links of 1e-9 kg between these joints")
-_LOOP: Supported[LoopForm] = Supported("joint", "a joint; the loop is closed if all joints of the model are at 0")
+_LOOP: Supported[None] = Supported(None, "a joint; the loop is closed if all joints of the model are at 0")
 _PLUGIN = ", which only Gazebo reads"
 _LIGHT = Lossy(None, "approximated", ": the link has a mass of 1e-9 kg in the file")
 _SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 in the file")
 
-CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
+CAPABILITIES: Capabilities[JointForm, DriveForm, None, None, SensorForm] = {
     "joints": {
         "single": _EACH, "several": _CHAIN, "universal": Supported("universal"), "screw": _EACH, "ball": Supported("ball"),
         "free": Supported("free", "a link without a joint"),
@@ -40,7 +38,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "velocity": Lossy("velocity controller", "carried as custom data", _PLUGIN),
         "motor": Lossy("force", "carried as custom data", _PLUGIN), "universal": OMITTED, "ball": OMITTED,
     },
-    "loops": {**all_of("loops", _LOOP), "hold": Supported("joint", "a fixed joint to the world")},
+    "loops": {**all_of("loops", _LOOP), "hold": Supported(None, "a fixed joint to the world")},
     "bases": {
         "held": Lossy(None, "approximated", ": the base is fixed in the file"), "free": SAYS, "start": SAYS,
         "planar": Lossy(None, _CHAIN.how, _CHAIN.words), "ball": SAYS,

@@ -11,21 +11,19 @@ JointForm = Literal["single", "generic", "spherical", "free"]
 
 DriveForm = Literal["drive"]
 
-LoopForm = Literal["joint"]
-
 ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
 """The type of the prim that represents a shape."""
 
 _SINGLE: Supported[JointForm] = Supported("single")
 _GENERIC: Supported[JointForm] = Supported("generic", "a generic joint (D6)")
-_EXCLUDED: Supported[LoopForm] = Supported("joint", "a joint that is excluded from the articulation")
+_EXCLUDED: Supported[None] = Supported(None, "a joint that is excluded from the articulation")
 _CUSTOM = Lossy(None, "carried as custom data", ", read by Newton, and by PhysX except for ball joints; not written for generic joints")
 _LIGHT = Lossy(None, "approximated", ": the link has a mass of 1e-9 kg in the file")
 _SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 in the file")
 _DRIVE: Supported[DriveForm] = Supported("drive")
 _NONE = Omitted(": not supported by UsdPhysics")
 
-CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
+CAPABILITIES: Capabilities[JointForm, DriveForm, None, ShapeForm, Never] = {
     "joints": {
         "single": _SINGLE, "several": _GENERIC, "ball": Supported("spherical"), "free": Supported("free", "a rigid body without a joint"),
         "universal": Lossy("generic", "approximated", ": rotates about X before Y, as in Newton; UsdPhysics does not define the order"),
@@ -42,7 +40,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
     },
     "drives": {"position": _DRIVE, "velocity": _DRIVE, "motor": _DRIVE, "universal": _DRIVE, "ball": OMITTED},
     "loops": {
-        **all_of("loops", _EXCLUDED), "screw": Lossy("joint", "approximated", ": rotation and translation are independent"),
+        **all_of("loops", _EXCLUDED), "screw": Lossy(None, "approximated", ": rotation and translation are independent"),
     },
     "bases": {
         "held": Lossy(None, "approximated", ": the base is fixed in the file"),

@@ -18,7 +18,6 @@ from typing import Literal
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, along, cross, dot, shifted, transpose
-from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge
 from thingc.model.resolve.coordinates import Limit
@@ -155,35 +154,31 @@ def _parallel(a: Vector, b: Vector) -> bool:
 
 
 class MimicJoint(FrozenStruct):
-    """A mimic joint, with its path in the USD stage.
+    """A mimic joint that Newton's schema can express: it and the independent joint `leader` have one coordinate of the same kind.
 
-    The mimic joint follows the independent joint `leader`: q = offset + multiplier q(leader) [rad or m]. `said` is True if Newton's schema
-    can express the mimic joint. The schema requires two joints of the same kind, each with one coordinate. `reach` is the range that is
-    computed from the leader's limits. `reach` is None if the leader does not have both limits.
+    The mimic joint follows the leader: q = offset + multiplier q(leader) [rad or m]. `reach` is the range that is computed from the
+    leader's limits. `reach` is None if the leader does not have both limits.
     """
 
-    path: str
     leader: str
     multiplier: float
     offset: float
     turns: bool
-    said: bool
     reach: tuple[float, float] | None
-    origin: Origin
 
 
 def followers(robot: Robot) -> dict[str, MimicJoint]:
-    """Return the mimic joints of a robot, by path."""
-    steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
+    """Return the mimic joints of a robot that Newton's schema can express, by path."""
+    steps = [step for connection in connections(robot) for step in chain(connection)]
     single = {step.single.path: step.type for step in steps if step.single is not None}
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}
     return {
         path: MimicJoint(
-            path=path, leader=leader, multiplier=multiplier, offset=offset, turns=joints[path].twist.turns,
-            said=path in single and single.get(leader) == single[path],
-            reach=_reach(joints[leader].limit, multiplier, offset), origin=mimic.origin,
+            leader=leader, multiplier=multiplier, offset=offset, turns=joints[path].twist.turns,
+            reach=_reach(joints[leader].limit, multiplier, offset),
         )
-        for path, (leader, multiplier, offset) in leaders(joints.values()).items() if (mimic := joints[path].mimic) is not None
+        for path, (leader, multiplier, offset) in leaders(joints.values()).items()
+        if joints[path].mimic is not None and path in single and single.get(leader) == single[path]
     }
 
 

@@ -41,7 +41,7 @@ def limits(joint: UsdJoint, follower: MimicJoint | None) -> tuple[float, float]:
     leader.
     """
     own = ends(joint.freedoms[0])
-    if follower is None or not follower.said or follower.reach is None or own != (-numeric.inf, numeric.inf):
+    if follower is None or follower.reach is None or own != (-numeric.inf, numeric.inf):
         return own
     unit = numeric.degrees(1.0) if follower.turns else 1.0
     return follower.reach[0] * unit, follower.reach[1] * unit

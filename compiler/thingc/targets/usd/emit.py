@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from thingc.base import numeric
 from thingc.base.generated_header import heading
 from thingc.base.source import Origin
-from thingc.model.assembly.kinematics import joints_of
+from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.types import Robot, TreeJoint
@@ -54,7 +54,7 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
     If an export loss is common to all modes, its `mode` is None.
     """
     mode = robot.mode
-    for connection in connections(robot, CAPABILITIES["loops"]):
+    for connection in connections(robot):
         if (number := len(chain(connection))) > 1:
             what = f"the motion: {number} separate joints, with a link of 1e-9 kg between the joints"
             yield Loss("usd", mode.name, connection.path, what, "approximated", connection.origin)
@@ -71,10 +71,11 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
             ("centre of mass", numeric.maximum(map(abs, link.properties.centre)), "m"),
         ):
             yield from _infinite(link.name, what, value, unit, link.origin)
-    for follower in followers(robot).values():
-        if not follower.said:
-            what = f"the mimic of `{follower.leader}`: a hinge can mimic only a hinge, and a slide only a slide"
-            yield Loss("usd", None, follower.path, what, "omitted", follower.origin)
+    joints, expressed = joints_of(robot.assembly), followers(robot)
+    for joint, (leader, _, _) in zip(joints, leaders(joints).values(), strict=True):
+        if joint.mimic is not None and joint.path not in expressed:
+            what = f"the mimic of `{leader}`: a hinge can mimic only a hinge, and a slide only a slide"
+            yield Loss("usd", None, joint.path, what, "omitted", joint.mimic.origin)
     if not _closed(robot):
         what = "the start pose: the file has q = 0, where loops and holds are open"
         yield Loss("usd", mode.name, mode.name, what, "approximated", mode.origin)

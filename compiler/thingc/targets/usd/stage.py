@@ -122,7 +122,7 @@ class _Builder:
                     prim.add("Xform", safe(site.path)).place(site.pose)
             self._shapes(prim, links[index])
         holder = Prim(type="Scope", name=JOINTS)
-        for connection in connections(robot, CAPABILITIES["loops"]):
+        for connection in connections(robot):
             self._lead(holder, names, poses, connection)
         self.root.children.append(holder)
         return self.root
@@ -206,7 +206,7 @@ class _Builder:
         follower = self.followers.get(joint.single.path) if joint.single is not None else None
         equip(prim, joint, self.robot, follower)
         dynamics(prim, joint, in_tree=connection.in_tree)
-        if follower is not None and follower.said:
+        if follower is not None:
             follow(prim, joint, follower, f"{self.path}/{JOINTS}/{safe(follower.leader)}")
 
     def _shapes(self, prim: Prim, link: Link) -> None:
