@@ -98,6 +98,11 @@ def written(cell: Cell[By]) -> By | None:
     return cell.by if isinstance(cell, (Supported, Lossy)) else None
 
 
+def is_written(cell: Cell[Any]) -> bool:
+    """Return whether the emitter writes a feature with this table cell, fully or partly."""
+    return isinstance(cell, (Supported, Lossy))
+
+
 JointCell = Literal["single", "several", "universal", "screw", "ball", "free"]
 """The types of motion of joints (see `joint_cell`). The same cells apply to a planar or ball base and to a joint that cuts a loop."""
 
@@ -318,7 +323,7 @@ class _Lost:
         """
         cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
         yield from self(cell, None, sensor.path, "this sensor", sensor.origin)
-        if isinstance(cell, (Supported, Lossy)):
+        if is_written(cell):
             if sensor.noise:
                 yield from self(of["noise"], None, sensor.path, "the noise", sensor.origin)
             if sensor.cutoff and sensor.kind != "rangefinder":

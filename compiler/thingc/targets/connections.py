@@ -5,7 +5,7 @@ The connections are the joints of the tree and the joints that close loops.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
@@ -14,6 +14,7 @@ from thingc.base.source import Origin
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, TreeJoint
+from thingc.targets.capabilities import Cell, LoopCell, is_written
 
 HOLD = "_hold"
 """Suffix of the name of a joint that holds a mount."""
@@ -42,9 +43,9 @@ class Connection(FrozenStruct):
     in_tree: bool = True
 
 
-def connections(robot: Robot, *, closed: bool = True) -> Iterator[Connection]:
-    """Yield the connections between the bodies of a mode. The joints of the tree come first, in the order of the bodies. Loops and holds
-    come last, if they are `closed`. Free joints are omitted.
+def connections(robot: Robot, loops: Mapping[LoopCell, Cell[None]], *, closed: bool = True) -> Iterator[Connection]:
+    """Yield the connections between the bodies of a mode. The joints of the tree come first, in the order of the bodies. The closed loops
+    and holds that the format supports come last. Free joints are omitted.
     """
     for index, body in enumerate(robot.bodies):
         path, origin, moves = BASE, robot.mode.origin, robot.moves
@@ -57,6 +58,8 @@ def connections(robot: Robot, *, closed: bool = True) -> Iterator[Connection]:
                 twists=tuple(joint.twist for joint in moves), joints=body.joints,
             )
     for closure in robot.closures if closed else ():
+        if not is_written(loops["hold" if closure.hold else closure.kind]):
+            continue
         yield Connection(
             parent=closure.parent, child=closure.child, path=f"{closure.path}{HOLD}" if closure.hold else closure.path, X_0=closure.X_PA,
             X_1=closure.X_CB, origin=closure.origin, coordinates=closure.joints, twists=closure.twists, joints=closure.joints,

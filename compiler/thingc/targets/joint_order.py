@@ -30,6 +30,7 @@ from thingc.targets.name_mangling import safe
 from thingc.targets.request import EmitRequest
 from thingc.targets.ros.control import Controller, controllers
 from thingc.targets.ros.joints import joints as urdf_joints
+from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import UsdJoint, chain
 from thingc.targets.xml_writer import Element
 
@@ -125,7 +126,7 @@ def _isaac(robot: Robot) -> list[tuple[str, str | None]] | None:
     coordinates, which PhysX does not support in an articulation. Custom names of the document do not apply to USD files.
     """
     children: dict[int | str, list[tuple[UsdJoint, int | str]]] = {}
-    for connection in connections(robot, closed=False):
+    for connection in connections(robot, CAPABILITIES["loops"], closed=False):
         if connection.parent is not None:
             *before, last = chain(connection)
             parent: int | str = connection.parent

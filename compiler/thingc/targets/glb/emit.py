@@ -13,7 +13,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
-from typing import Any, Literal, Never
+from typing import Any, Never
 
 import numpy as np
 import trimesh
@@ -28,7 +28,7 @@ from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Surface
 from thingc.model.robot.types import Body, Robot
 from thingc.targets.artifact import Artifacts, Loss
-from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Lossy, Omitted, Supported, all_of, joint_cell, losses
+from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Lossy, Omitted, Supported, all_of, losses
 from thingc.targets.geometry import ENDLESS, channels, linear, material_name, numbered
 from thingc.targets.request import EmitRequest
 
@@ -38,16 +38,12 @@ Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
 ROUND = (16, 16)
 """Number of segments of round shapes, from pole to pole and along half of the circumference."""
 
-JointForm = Literal["nodes", "node"]
-"""How a joint is written: as one node for each coordinate, or as a single node for all coordinates."""
+_CHAIN = Supported(None, "a node for each coordinate")
 
-_NODE: Supported[JointForm] = Supported("nodes")
-_CHAIN: Supported[JointForm] = Supported("nodes", "a node for each coordinate")
-
-CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
+CAPABILITIES: Capabilities[None, Never, Never, Never, Never] = {
     "joints": {
-        "single": _NODE, "several": _CHAIN, "universal": _CHAIN, "ball": Supported("node"), "free": Supported("node"),
-        "screw": Lossy("nodes", "omitted", ": glTF cannot couple the rotation and the translation of a node"),
+        "single": SAYS, "several": _CHAIN, "universal": _CHAIN, "ball": SAYS, "free": SAYS,
+        "screw": Lossy(None, "omitted", ": glTF cannot couple the rotation and the translation of a node"),
     },
     "of_joints": {**all_of("of_joints", BESIDE), "mimic": Omitted(": the node of the joint does not follow the other joint")},
     "drives": all_of("drives", BESIDE),
@@ -140,20 +136,18 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
     if body.parent is None or not body.joints:
         return
     first = body.joints[0]
-    form = CAPABILITIES["joints"][joint_cell(first.kind)].by
-    match form:
-        case "node":
-            values = tuple(q[joint.path] for joint in body.joints)
-            name = f"{robot.assembly.mates[first.mate].name or first.path}:joint"
-            at = pose @ moved(body.twists, values, at_once=True) @ _axis(body.joints[-1].twist, at_once=True)
-            yield _Node(name=name, parent=parent, pose=at, extras={"kind": first.kind.name, "q": list(values)})
-        case "nodes":
-            for joint in body.joints:
-                name, axis = f"{joint.path}:joint", _axis(joint.twist)
-                bounds = (("lower", joint.limit.lower), ("upper", joint.limit.upper))
-                extras = {"kind": joint.kind.name, "q": q[joint.path], **{end: value for end, value in bounds if value is not None}}
-                yield _Node(name=name, parent=parent, pose=pose @ joint.twist.exponential(q[joint.path]) @ axis, extras=extras)
-                parent, pose = name, axis.inverse()
+    if body.at_once:
+        values = tuple(q[joint.path] for joint in body.joints)
+        name = f"{robot.assembly.mates[first.mate].name or first.path}:joint"
+        at = pose @ moved(body.twists, values, at_once=True) @ _axis(body.joints[-1].twist, at_once=True)
+        yield _Node(name=name, parent=parent, pose=at, extras={"kind": first.kind.name, "q": list(values)})
+        return
+    for joint in body.joints:
+        name, axis = f"{joint.path}:joint", _axis(joint.twist)
+        bounds = (("lower", joint.limit.lower), ("upper", joint.limit.upper))
+        extras = {"kind": joint.kind.name, "q": q[joint.path], **{end: value for end, value in bounds if value is not None}}
+        yield _Node(name=name, parent=parent, pose=pose @ joint.twist.exponential(q[joint.path]) @ axis, extras=extras)
+        parent, pose = name, axis.inverse()
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:

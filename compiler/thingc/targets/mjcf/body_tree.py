@@ -15,8 +15,10 @@ from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
+from thingc.targets.capabilities import drive_cell, is_written
 from thingc.targets.geometry import Geometry
 from thingc.targets.mjcf import adhesion_contacts, closures, elements, merged_joints, sensors, tendons
+from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.drives import NOTHING, add_custom_data, time_step
 from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lowered, positions
@@ -269,8 +271,10 @@ class _Builder:
         section, step = self.root.add("actuator"), time_step(self.robot)
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
+            if drive is None or not is_written(CAPABILITIES["drives"][drive_cell(joint, drive)]):
+                continue
             ball: tuple[str, Vector] | tuple[()] = ()
-            if drive is not None and drive.axis is not None:
+            if drive.axis is not None:
                 body = next(body for body in self.robot.bodies if joint in body.joints)
                 ball = self.name_of(joint), in_body(body, drive.axis)
             self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive, step, *ball)

@@ -15,7 +15,9 @@ from thingc.base.sensor_kinds import SENSORS, ReadingName, SensorType
 from thingc.model.assembly.types import LinkedSensor
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import How, Loss
+from thingc.targets.capabilities import is_written
 from thingc.targets.mjcf import merged_joints, tendons
+from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.sensors import body_of, elsewhere, on_free_root
 from thingc.targets.xml_writer import Element, XmlValue
@@ -55,7 +57,7 @@ def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
     """
     sites = merged_joints.sites(robot)
     for sensor in robot.assembly.sensors:
-        if sensor.fovy is not None and (sensor.site or "") in sites:
+        if is_written(CAPABILITIES["sensors"][sensor.kind]) and (sensor.site or "") in sites and sensor.fovy is not None:
             site = sites[sensor.site or ""]
             # round the angle, because 60 deg would become 59.99999999999999
             degrees = numeric.rounded(numeric.degrees(sensor.fovy), 12)
@@ -80,7 +82,7 @@ def _volume(sensor: LinkedSensor) -> str:
 def sensors(robot: Robot, section: Element) -> None:
     """Add the sensors of the robot to the section `sensor` of the MJCF model, in the order of the documents. Cameras have no readings."""
     for sensor in robot.assembly.sensors:
-        if not _missing(robot, sensor):
+        if is_written(CAPABILITIES["sensors"][sensor.kind]) and not _missing(robot, sensor):
             _elements(robot, sensor, section)
 
 

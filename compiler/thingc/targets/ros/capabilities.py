@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal, Never
+from typing import Never
 
 from thingc.targets.capabilities import Capabilities, Omitted, Supported
 from thingc.targets.urdf.capabilities import BALL_DRIVE, JointForm, ShapeForm
 from thingc.targets.urdf.capabilities import CAPABILITIES as URDF
 
-DriveForm = Literal["command interface"]
+_CONTROL = Supported(None, "ros2_control")
 
-_CONTROL: Supported[DriveForm] = Supported("command interface", "ros2_control")
-
-CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
+CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
     **URDF,
     "drives": {"position": _CONTROL, "velocity": _CONTROL, "motor": _CONTROL, "universal": _CONTROL, "ball": BALL_DRIVE},
     "modes": {

@@ -11,7 +11,7 @@ from thingc.geometry.record import DriveType
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import ActuatorModel, LinkedTendon
 from thingc.model.robot.types import Body, Robot, TreeJoint
-from thingc.targets.capabilities import drive_cell, written
+from thingc.targets.capabilities import drive_cell, is_written
 from thingc.targets.name_mangling import safe
 from thingc.targets.ros.capabilities import CAPABILITIES
 from thingc.targets.urdf.chain import Move, moves
@@ -57,7 +57,7 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
             path = move.joint.path
             following = move.follows is not None or follows.get(path, (path,))[0] != path
             drive = None if following else move.joint.actuator if path in robot.present else coupled.get(path)
-            if drive is not None and written(CAPABILITIES["drives"][drive_cell(move.joint, drive)]) is None:
+            if drive is not None and not is_written(CAPABILITIES["drives"][drive_cell(move.joint, drive)]):
                 drive = None
             moving.append(MovingJoint(name=safe(move.path), body=index, move=move, follows=following, drive=drive))
     return tuple(moving)

@@ -55,7 +55,7 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
     None.
     """
     mode = robot.mode
-    for connection in connections(robot, closed=zero.closed):
+    for connection in connections(robot, CAPABILITIES["loops"], closed=zero.closed):
         yield from _of_joint(connection, len(chain(connection, zero.q)))
     yield from _of_sensors(robot)
     if zero.pose is not None:

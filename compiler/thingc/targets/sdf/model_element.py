@@ -89,7 +89,7 @@ class _Builder:
         links = [self._link_of(index) for index in range(len(robot.bodies))]
         self.links = [self._name("link", link.name, link.origin) for link in links]
         self.root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
-        self.connections = [(one, chain(one, zero.q)) for one in connections(robot, closed=zero.closed)]
+        self.connections = [(one, chain(one, zero.q)) for one in connections(robot, CAPABILITIES["loops"], closed=zero.closed)]
         self.joints = {step.path: self._name("joint", step.path, one.origin) for one, steps in self.connections for step in steps}
         moved = [(step, axis, word) for _, steps in self.connections for step in steps for axis, word in zip(step.axes, AXES, strict=False)]
         self.axes = {axis.joint.path: (self.joints[step.path], word) for step, axis, word in moved}

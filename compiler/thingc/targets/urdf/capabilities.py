@@ -11,20 +11,18 @@ JointForm = Literal["each", "threaded", "floating"]
 rotation.
 """
 
-DriveForm = Literal["transmission"]
-
 ShapeForm = Literal["itself", "cylinder and balls"]
 
 _EACH: Supported[JointForm] = Supported("each")
 _CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": a joint for each coordinate, with links of 1e-9 kg between these joints")
 _BALL: Lossy[JointForm] = Lossy("each", "approximated", ": three hinges in series, whose angles differ from the coordinates of the ball")
 _LOOP = Omitted(": URDF supports only trees, so the loop stays open")
-_GAINS: Lossy[DriveForm] = Lossy("transmission", "approximated", ": a transmission without gains")
+_GAINS = Lossy(None, "approximated", ": a transmission without gains")
 _NONE = Omitted(": not supported by URDF")
 _ITSELF: Supported[ShapeForm] = Supported("itself")
 BALL_DRIVE = Omitted(": no joint in the file has this axis")
 
-CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
+CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
     "joints": {
         "single": _EACH, "several": _CHAIN, "universal": _CHAIN,
         "screw": Lossy("threaded", "approximated", ": a prismatic joint mimics the rotation, and moves freely without support for mimics"),
@@ -37,7 +35,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
         "delay": OMITTED, "effects": OMITTED,
     },
     "drives": {
-        "position": _GAINS, "velocity": _GAINS, "motor": Supported("transmission", "`<transmission>`"), "universal": _GAINS,
+        "position": _GAINS, "velocity": _GAINS, "motor": Supported(None, "`<transmission>`"), "universal": _GAINS,
         "ball": BALL_DRIVE,
     },
     "loops": {**all_of("loops", _LOOP), "hold": OMITTED},

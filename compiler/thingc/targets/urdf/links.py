@@ -17,7 +17,7 @@ from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge, Link
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Body, Robot, TreeJoint
-from thingc.targets.capabilities import drive_cell, shape_cell, written
+from thingc.targets.capabilities import drive_cell, is_written, shape_cell, written
 from thingc.targets.geometry import Geometry, Shape, channels, material_name, materials, numbered, shape_names
 from thingc.targets.name_mangling import LINK, MangledNames, frames, safe
 from thingc.targets.urdf.capabilities import CAPABILITIES
@@ -158,7 +158,7 @@ class _Builder:
             element.add("mimic", {"joint": safe(leader), "multiplier": multiplier, "offset": offset}, origin)
         (self.followers if follows else self.root.children).append(element)
         drive = joint.actuator if move.follows is None and joint.path in self.robot.present else None
-        if drive is not None and written(CAPABILITIES["drives"][drive_cell(joint, drive)]) is not None:
+        if drive is not None and is_written(CAPABILITIES["drives"][drive_cell(joint, drive)]):
             self.transmissions.append(urdf_transmission(simple_transmission(element.get("name"), drive)))
 
     def _ends(self, move: Move) -> tuple[float, float]:

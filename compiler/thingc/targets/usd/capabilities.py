@@ -9,8 +9,6 @@ from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Los
 JointForm = Literal["single", "generic", "spherical", "free"]
 """How a joint is written: as `PhysicsRevoluteJoint` or `PhysicsPrismaticJoint`, as `PhysicsJoint`, or as `PhysicsSphericalJoint`."""
 
-DriveForm = Literal["drive"]
-
 ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
 """The type of the prim that represents a shape."""
 
@@ -20,10 +18,9 @@ _EXCLUDED: Supported[None] = Supported(None, "a joint that is excluded from the 
 _CUSTOM = Lossy(None, "carried as custom data", ", read by Newton, and by PhysX except for ball joints; not written for generic joints")
 _LIGHT = Lossy(None, "approximated", ": the link has a mass of 1e-9 kg in the file")
 _SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 in the file")
-_DRIVE: Supported[DriveForm] = Supported("drive")
 _NONE = Omitted(": not supported by UsdPhysics")
 
-CAPABILITIES: Capabilities[JointForm, DriveForm, None, ShapeForm, Never] = {
+CAPABILITIES: Capabilities[JointForm, None, None, ShapeForm, Never] = {
     "joints": {
         "single": _SINGLE, "several": _GENERIC, "ball": Supported("spherical"), "free": Supported("free", "a rigid body without a joint"),
         "universal": Lossy("generic", "approximated", ": rotates about X before Y, as in Newton; UsdPhysics does not define the order"),
@@ -38,7 +35,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, None, ShapeForm, Never] = {
         "polynomial": Lossy(None, "approximated", ": linearized at position 0 of the followed joint"), "tendon": OMITTED,
         "differential": OMITTED, "backlash": OMITTED, "delay": OMITTED, "effects": OMITTED,
     },
-    "drives": {"position": _DRIVE, "velocity": _DRIVE, "motor": _DRIVE, "universal": _DRIVE, "ball": OMITTED},
+    "drives": {"position": SAYS, "velocity": SAYS, "motor": SAYS, "universal": SAYS, "ball": OMITTED},
     "loops": {
         **all_of("loops", _EXCLUDED), "screw": Lossy(None, "approximated", ": rotation and translation are independent"),
     },

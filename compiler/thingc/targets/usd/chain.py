@@ -169,7 +169,7 @@ class MimicJoint(FrozenStruct):
 
 def followers(robot: Robot) -> dict[str, MimicJoint]:
     """Return the mimic joints of a robot that Newton's schema can express, by path."""
-    steps = [step for connection in connections(robot) for step in chain(connection)]
+    steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
     single = {step.single.path: step.type for step in steps if step.single is not None}
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}
     return {

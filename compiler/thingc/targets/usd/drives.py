@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from thingc.base import numeric
 from thingc.model.robot.types import Robot
-from thingc.targets.capabilities import drive_cell, written
+from thingc.targets.capabilities import drive_cell, is_written
 from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import Freedom, MimicJoint, UsdJoint
 from thingc.targets.usd.usda import Prim
@@ -73,7 +73,7 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
     within the limits.
     """
     drive = freedom.joint.actuator
-    if drive is None or written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]) is None:
+    if drive is None or not is_written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]):
         return
     per = numeric.pi / 180.0 if freedom.turns else 1.0
     low, high = ends(freedom)

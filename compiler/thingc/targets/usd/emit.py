@@ -54,7 +54,7 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
     If an export loss is common to all modes, its `mode` is None.
     """
     mode = robot.mode
-    for connection in connections(robot):
+    for connection in connections(robot, CAPABILITIES["loops"]):
         if (number := len(chain(connection))) > 1:
             what = f"the motion: {number} separate joints, with a link of 1e-9 kg between the joints"
             yield Loss("usd", mode.name, connection.path, what, "approximated", connection.origin)

@@ -122,7 +122,7 @@ class _Builder:
                     prim.add("Xform", safe(site.path)).place(site.pose)
             self._shapes(prim, links[index])
         holder = Prim(type="Scope", name=JOINTS)
-        for connection in connections(robot):
+        for connection in connections(robot, CAPABILITIES["loops"]):
             self._lead(holder, names, poses, connection)
         self.root.children.append(holder)
         return self.root

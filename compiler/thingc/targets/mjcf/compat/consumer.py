@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Origin
@@ -52,18 +52,13 @@ class UnsupportedOptions(FrozenStruct):
     def refusals(self, root: Element) -> Iterator[Refusal]:
         """Yield a refusal for each option of a model that the consumer does not support."""
         option = root.find_or_empty("option")
-        yield from _refusals(option, {"solver": dict.fromkeys(self.solvers, "")})
-        on = {name: {"enable": "enabled"} for name in self.enabled}
-        yield from _refusals(option.find_or_empty("flag"), {**on, **{name: {"disable": "disabled"} for name in self.disabled}})
-
-
-def _refusals(element: Element, lacking: Mapping[str, Mapping[str, str]]) -> Iterator[Refusal]:
-    for name, values in lacking.items():
-        value = element.get(name, "")
-        if value in values:
-            raw = element.raw.get(name)
-            option = f"`{name}` `{value}`" if element.tag == "option" else f"the {values[value]} flag `{name}`"
-            yield Refusal(
-                what=f"it does not support {option}", origin=raw.attribute.origin if raw else element.origin, path=name,
-                hint=f"remove `{name}`",
-            )
+        flag = option.find_or_empty("flag")
+        for element, name, value, words in (
+            *((option, "solver", solver, f"`solver` `{solver}`") for solver in self.solvers),
+            *((flag, name, "enable", f"the enabled flag `{name}`") for name in self.enabled),
+            *((flag, name, "disable", f"the disabled flag `{name}`") for name in self.disabled),
+        ):
+            if element.get(name) == value:
+                raw = element.raw.get(name)
+                origin = raw.attribute.origin if raw else element.origin
+                yield Refusal(what=f"it does not support {words}", origin=origin, path=name, hint=f"remove `{name}`")
