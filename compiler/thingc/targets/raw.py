@@ -34,14 +34,18 @@ def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sd
     """
     for attribute in assembly.raw:
         if attribute.target == target:
-            fault = _fault(attribute, robots, files) or _laid(attribute, files)
-            if fault is not None:
-                message, hint, key = fault
-                report.add(Code.RAW_UNKNOWN, message, attribute.at_key(key), help=hint, path=attribute.dotted)
+            report_fault(attribute, _fault(attribute, robots, files) or _laid(attribute, files), report)
 
 
 Fault = tuple[str, Hint, int]
 """An error in the path of a raw attribute: the message, a hint, and the index of the invalid key."""
+
+
+def report_fault(attribute: RawAttribute, fault: Fault | None, report: Report) -> None:
+    """Report an error in a raw attribute of any format. For None, nothing is reported."""
+    if fault is not None:
+        message, hint, key = fault
+        report.add(Code.RAW_UNKNOWN, message, attribute.at_key(key), help=hint, path=attribute.dotted)
 
 
 def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from thingc.base.diagnostics import Code, Report
+from thingc.base.diagnostics import Report
 from thingc.base.suggestions import Hint, did_you_mean
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.raw import IN_ORDER, ORDERED
 from thingc.model.resolve.types import RawAttribute
 from thingc.model.robot.types import Robot
 from thingc.targets.mjcf.body_tree import class_name
+from thingc.targets.raw import report_fault
 from thingc.targets.xml_writer import Element, unwritable
 
 TARGET = "mjcf"
@@ -50,8 +51,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
         placed = attribute.path[-1] == IN_ORDER
         fault = None if placed else _shape_fault(attribute)
         if fault is not None:
-            message, hint = fault
-            report.add(Code.RAW_UNKNOWN, message, attribute.at_key(0), help=hint, path=attribute.dotted)
+            report_fault(attribute, (*fault, 0), report)
             continue
         elements = [
             element
@@ -186,4 +186,4 @@ def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Se
         known, what = {element.get("name") for model in models for element in _elements_of_kind(kind, model)}, kind
     message = f"`{attribute.target}` has no {what} `{name}`"
     names = "classes" if what == "class" else "bodies" if what == "body" else f"{what}s"
-    report.add(Code.RAW_UNKNOWN, message, attribute.at_key(1), help=did_you_mean(name, known, what=names), path=attribute.dotted)
+    report_fault(attribute, (message, did_you_mean(name, known, what=names), 1), report)

@@ -14,12 +14,12 @@ import re
 import sys
 from collections.abc import Sequence
 
-from thingc.base.diagnostics import Code, Report
+from thingc.base.diagnostics import Report
 from thingc.base.safe_text import escape_control
 from thingc.base.suggestions import did_you_mean
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import RawAttribute
-from thingc.targets.raw import Fault, in_files
+from thingc.targets.raw import Fault, in_files, report_fault
 from thingc.targets.usd.stage import JOINTS, SCENE
 from thingc.targets.usd.usda import FLOAT_MAX, Prim, listed, quoted, several
 from thingc.targets.xml_writer import NO_CHARACTER, number
@@ -49,10 +49,8 @@ def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
     """
     for attribute in assembly.raw:
         if attribute.target == "usd":
-            fault = _fault(attribute, models) or next(filter(None, (_laid(attribute, prim) for prim in _prims(attribute, models))), None)
-            if fault is not None:
-                message, hint, key = fault
-                report.add(Code.RAW_UNKNOWN, message, attribute.at_key(key), help=hint, path=attribute.dotted)
+            laid = filter(None, (_laid(attribute, prim) for prim in _prims(attribute, models)))
+            report_fault(attribute, _fault(attribute, models) or next(laid, None), report)
 
 
 def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
