@@ -153,7 +153,7 @@ def test_there_is_a_shadow(drawn: dict[str, tuple[np.ndarray, np.ndarray]]) -> N
 @pytest.mark.parametrize(("lowest", "opaque"), [(0.3, True), (0.0, True), (-1e-6, True), (-0.02, False)])
 def test_the_floor_is_that_of_the_scene(lowest: float, opaque: bool) -> None:
     """At z = 0, wherever the robot is; if the robot reaches below it, it is transparent."""
-    model = studio.spec_of(PRIMITIVES, {}, (64, 48), lowest).compile()
+    model = studio.model_of(PRIMITIVES, {}, (64, 48), lowest)
     floor = model.geom(studio.BACKDROP)
     assert floor.type[0] == mujoco.mjtGeom.mjGEOM_PLANE and floor.pos.tolist() == [0.0, 0.0, 0.0]
     alpha = float(model.mat_rgba[model.material(studio.BACKDROP).id][3])

@@ -94,8 +94,7 @@ def picture(
 
     bare = mujoco.MjModel.from_xml_string(xml, assets)
     points = points_of(bare, posed(bare, pose))
-    spec = studio.spec_of(xml, assets, shot.size, lowest=float(points[:, 2].min()) if len(points) else 0.0)
-    model = spec.compile()
+    model = studio.model_of(xml, assets, shot.size, lowest=float(points[:, 2].min()) if len(points) else 0.0)
     data = posed(model, pose)
     if not len(points):
         points = np.array([[-0.1, -0.1, 0.0], [0.1, 0.1, 0.1]])
@@ -221,8 +220,7 @@ def small_picture(
 
     seen = np.array(points)
     low, high = seen.min(axis=0), seen.max(axis=0)
-    spec = studio.spec_of(xml, assets, size, float(low[2]), shadow=SHADOW)
-    model = spec.compile()
+    model = studio.model_of(xml, assets, size, float(low[2]), shadow=SHADOW)
     data = posed(model, _pose_of(model, pose))
     length = 0.75 * float(np.linalg.norm(high - low))
     camera = camera_of(seen, (gravity[0], gravity[1], gravity[2]), Shot(size=size))

@@ -136,8 +136,8 @@ UNDER, GLASS = 0.5e-3, 0.4
 """Depth [m] below the floor at which parts of a robot make the floor transparent, and the opacity of a transparent floor."""
 
 
-def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
-    """Return the `mujoco.MjSpec` of a model with the floor, lights and background of the render studio.
+def model_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
+    """Compile a model with the floor, lights and background of the render studio (an `mujoco.MjModel`).
 
     The studio has two lamps with shadow maps of `shadow` pixels, and the floor of the scene at z = 0. The floor is transparent if the
     lowest point of the robot, `lowest` [m], is below the floor.
@@ -158,7 +158,7 @@ def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: f
     )
     for down in (-1.0, 1.0):
         spec.worldbody.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[0.0, 0.0, down], castshadow=down < 0.0)
-    return spec
+    return spec.compile()
 
 
 def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) -> list[tuple[Array, float]]:

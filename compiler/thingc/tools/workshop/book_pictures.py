@@ -109,8 +109,7 @@ class Pictures:
         length = float(np.linalg.norm(np.ptp(points, axis=0)))
         height = -float(points[:, 2].min())
         points[:, 2] += height
-        spec = studio.spec_of(text(height, 0.003 * length), assets, size, 0.0, shadow=SHADOW)
-        model = spec.compile()
+        model = studio.model_of(text(height, 0.003 * length), assets, size, 0.0, shadow=SHADOW)
         cameras = [camera_of(points, GRAVITY, Shot(size=size, azimuth=azimuth)) for azimuth in AZIMUTHS]
         colors = [one.color for one in shown for _ in one.occurrence.drawn]
         first = int(model.body_geomadr[1])  # the floor comes before the geoms of the body
