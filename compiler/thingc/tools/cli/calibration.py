@@ -68,13 +68,11 @@ def _convert(arguments: argparse.Namespace, environment: Environment) -> list[Di
         return found
     try:
         text = EXPORTS[arguments.emit](calibration, compilation.robots[0])
+    except ExportRefused as fault:
+        raise console.WrongCommandLine(f"--emit {arguments.emit}: {fault}", fault.diagnostic.help) from fault
+    with console.writing(arguments.output, "choose another file with -o"):
         if arguments.output is None:
             console.hand_on(text)
         else:
             write_whole(os.path.abspath(arguments.output), text.encode())
-    except ExportRefused as fault:
-        raise console.WrongCommandLine(f"--emit {arguments.emit}: {fault}", fault.diagnostic.help) from fault
-    except OSError as fault:
-        message = f"cannot write `{arguments.output}`: {(fault.strerror or str(fault)).lower()}"
-        raise console.WrongCommandLine(message, "choose another file with -o", Code.OUTPUT) from fault
     return found

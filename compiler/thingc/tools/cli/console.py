@@ -10,7 +10,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import TextIO, TypeVar
 
 from thingc.base.diagnostic_output import as_json, as_text, summary
@@ -362,6 +362,16 @@ def say_lines_of_documents(lines: Iterable[str]) -> None:
 def say_diff(name: str, before: str, after: str) -> None:
     """Print the difference between the old and the new text of a document as a unified diff."""
     say_lines_of_documents(difflib.unified_diff(before.splitlines(), after.splitlines(), name, name, lineterm=""))
+
+
+@contextmanager
+def writing(path: str | None, help: str) -> Iterator[None]:
+    """A context manager that converts an `OSError` to `WrongCommandLine`. `path` is the file that is written, or None for several files."""
+    try:
+        yield
+    except OSError as fault:
+        message = f"cannot write `{path or fault.filename}`: {(fault.strerror or str(fault)).lower()}"
+        raise WrongCommandLine(message, help, Code.OUTPUT) from fault
 
 
 def hand_on(content: bytes | str) -> None:

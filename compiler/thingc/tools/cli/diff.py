@@ -12,7 +12,7 @@ from functools import partial
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic
+from thingc.base.diagnostics import Diagnostic
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
 from thingc.targets.render.picture import ready
@@ -77,11 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
         form = "json" if arguments.format == "json" else "text"
         console.print_found(answer.diagnostics, form, stream=sys.stdout, debug=arguments.debug, texts=answer.texts)
         return 1
-    try:
+    with console.writing(None, "choose another file"):
         pictures = _written(arguments, answer)
-    except OSError as fault:
-        message = f"cannot write `{fault.filename}`: {(fault.strerror or str(fault)).lower()}"
-        raise console.WrongCommandLine(message, "choose another file", Code.OUTPUT) from fault
     if arguments.format == "json":
         console.print_data(as_json(answer))
     elif arguments.format == "markdown":

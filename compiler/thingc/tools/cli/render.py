@@ -130,11 +130,8 @@ def draw(
         pose=pose if assembly.names is None or pose is None else assembly.names.poses.get(pose, pose),
         gravity=robot.gravity, marks=marks, shot=shot,
     )
-    try:
+    with console.writing(path, "choose another file with -o"):
         write_whole(path, png)
-    except OSError as fault:
-        message = f"cannot write `{path}`: {(fault.strerror or str(fault)).lower()}"
-        raise console.WrongCommandLine(message, "choose another file with -o", Code.OUTPUT) from fault
     posed = f", pose {pose}" if pose is not None else ""
     console.say(f"{shown_path(os.path.abspath(path))}: mode {robot.mode.name}{posed}", stream=sys.stderr)
 

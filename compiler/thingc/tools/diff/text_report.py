@@ -29,17 +29,14 @@ FOLLOWING = 30
 LARGEST = 60_000
 """Maximum size [bytes] of a Markdown comment."""
 
-_RANK: dict[What, int] = {
-    "mass": 1, "bom": 2, "file": 3, "test": 4, "joint": 5, "mode": 6, "pose": 7, "component": 8, "geometry": 9, "mate": 10, "parameter": 11,
-    "mount": 12, "material": 13, "sensor": 14,
-}
-"""Sort key of consequences, by kind of element. The most important kind has the lowest number."""
 _SIGNS: dict[How, str] = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
 TITLES: dict[What, str] = {
-    "test": "tests", "mass": "masses", "bom": "bill of materials", "file": "files to print again", "joint": "joints", "mode": "modes",
+    "mass": "masses", "bom": "bill of materials", "file": "files to print again", "test": "tests", "joint": "joints", "mode": "modes",
     "pose": "poses", "component": "places", "geometry": "geometry", "mate": "mates", "parameter": "parameters", "mount": "mounts",
     "material": "materials", "sensor": "sensors",
 }
+"""Titles of consequences by kind of element, the most important kind first."""
+_ORDER = tuple(TITLES)
 _LENGTHS = ("xyz", "place", "centre", "box", "surface", "gap", "lead")
 _ANGLES = ("rpy", "turn", "fovy", "cone")
 
@@ -165,7 +162,7 @@ def following(comparison: Comparison) -> Iterator[ReportLine]:
     Changed test results come first. Other consequences are grouped by kind, and each group starts with changes of the whole robot.
     """
     consequences = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
-    consequences.sort(key=lambda c: (0 if _decides(c) else _RANK[c.what], c.path != ""))
+    consequences.sort(key=lambda c: (-1 if _decides(c) else _ORDER.index(c.what), c.path != ""))
     return _lines(consequences)
 
 

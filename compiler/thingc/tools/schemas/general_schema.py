@@ -8,31 +8,14 @@ from __future__ import annotations
 import ast
 import inspect
 import sys
-import types
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
-import thingc.documents.spec.calibration as calibration
 from thingc.documents.checks import kinds
-from thingc.documents.spec import (
-    assembly,
-    drives,
-    interfaces,
-    link_shapes,
-    mass,
-    materials,
-    modes,
-    motions,
-    names,
-    poses,
-    repeats,
-    sensors,
-    tendons,
-    transmissions,
-    variants,
-    workspace,
-)
+from thingc.documents.spec.base import Model
 from thingc.documents.spec.validation import model_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -43,12 +26,8 @@ def json_schema(kind: str) -> dict[str, Any]:
     model = model_of(kind)
     assert model is not None, kind
     schema = model.model_json_schema(schema_generator=_Generator)
-    checks = [sys.modules[check.model.__module__] for check in kinds().values()]
-    documented = _documentation(
-        poses, repeats, assembly, drives, interfaces, link_shapes, materials, modes, motions, names, sensors, mass, tendons, transmissions,
-        *checks, variants, calibration, workspace,
-    )
-    documented["TestSpec"] = {check.name: check.summary for check in kinds().values()}
+    checks = {check.name: check.summary for check in kinds().values()}
+    documented = {**_documentation(), "TestSpec": checks}
     for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():
         _describe(definition, documented.get(name, {}))
     cleaned: dict[str, Any] = _without_null(schema)
@@ -81,26 +60,31 @@ class _Generator(GenerateJsonSchema):
         return mapping
 
 
-def _documentation(*modules: types.ModuleType) -> dict[str, dict[str, str]]:
-    """Return the docstrings of all fields in these modules, keyed by class name and field name.
-
-    An inherited field is listed under the class that defines the field.
-    """
-    texts: dict[str, dict[str, str]] = {}
-    for module in modules:
-        for node in ast.parse(inspect.getsource(module)).body:
-            if isinstance(node, ast.ClassDef):
-                bases = [base.id for base in node.bases if isinstance(base, ast.Name)]
-                fields = {name: text for base in bases for name, text in texts.get(base, {}).items()}
-                for statement, following in zip(node.body, node.body[1:], strict=False):
-                    if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and _is_text(following):
-                        fields[statement.target.id] = inspect.cleandoc(following.value.value)  # type: ignore[attr-defined]
-                texts[node.name] = fields
-    return texts
+def _documentation() -> dict[str, dict[str, str]]:
+    """Return the docstrings of the fields of all loaded pydantic models, including inherited fields, keyed by class name and field name."""
+    models = [*_submodels(Model)]
+    own: dict[str, dict[str, str]] = {}
+    for module in dict.fromkeys(model.__module__ for model in models):
+        nodes = ast.parse(inspect.getsource(sys.modules[module])).body
+        own |= {node.name: dict(_field_texts(node)) for node in nodes if isinstance(node, ast.ClassDef)}
+    return {
+        model.__name__: {name: text for base in reversed(model.__mro__) for name, text in own.get(base.__name__, {}).items()}
+        for model in models
+    }
 
 
-def _is_text(node: ast.stmt) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+def _submodels(model: type[Model]) -> Iterator[type[Model]]:
+    for one in model.__subclasses__():
+        yield one
+        yield from _submodels(one)
+
+
+def _field_texts(node: ast.ClassDef) -> Iterator[tuple[str, str]]:
+    """Yield the names and the docstrings of the fields that a class defines."""
+    for statements in pairwise(node.body):
+        match statements:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+                yield name, inspect.cleandoc(text)
 
 
 def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
