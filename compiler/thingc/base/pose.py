@@ -44,6 +44,12 @@ def added(a: Vector, b: Vector, factor: float) -> Vector:
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
+def axis_name(direction: Vector) -> str | None:
+    """Return the axis to which a unit vector is parallel, with its sign, such as `-z`. Return None for other directions."""
+    parallel = (f"{'+' if value > 0.0 else '-'}{name}" for name, value in zip("xyz", direction, strict=True) if abs(value) > 1.0 - 1e-9)
+    return next(parallel, None)
+
+
 def cross(a: Vector, b: Vector) -> Vector:
     """Return the cross product `a x b`."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

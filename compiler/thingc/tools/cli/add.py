@@ -11,7 +11,7 @@ from typing import get_args
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Diagnostic, Report, Severity, shown_path
+from thingc.base.diagnostics import Diagnostic, Report, shown_path
 from thingc.base.joints.kinds import JointType
 from thingc.base.memo import Memo
 from thingc.base.replacement import Change, provisional
@@ -141,18 +141,15 @@ def _write(
             before, after = document_change(root, changed.text)
             remember(dataclasses.replace(changed, sha256=hashlib.sha256(after).hexdigest()), memo)
             _, diagnostics = checked(root.path, replace(options, texts={root.path: after}), memo=memo)
-            if _wrong(diagnostics):
+            if console.exit_code(diagnostics):
                 _, already = checked(root.path, options)
-                return _say(arguments, already) if _wrong(already) else _say(arguments, diagnostics, texts={root.path: changed.text})
+                wrong = console.exit_code(already)
+                return _say(arguments, already) if wrong else _say(arguments, diagnostics, texts={root.path: changed.text})
             changes[root.path] = before, after
         with signals.held():
             keep(changes)
     where = [] if documents is None else [f"{shown_path(documents.root.path)}: {'.'.join(keys)}" for keys in addition.values]
     return _say(arguments, diagnostics, done=[*map(shown_path, addition.files), *where])
-
-
-def _wrong(diagnostics: Sequence[Diagnostic]) -> bool:
-    return any(one.severity is Severity.ERROR for one in diagnostics)
 
 
 def _with_addition(root: Document, addition: DocumentEdit) -> Document:

@@ -16,7 +16,7 @@ from typing import TextIO, TypeVar
 from thingc.base.diagnostic_output import as_json, as_text, summary
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, UserError, shown_path
 from thingc.base.filesystem import NO_ROOM, listing, without_suffix, working_folder
-from thingc.base.pose import Matrix, Vector
+from thingc.base.pose import Matrix, Vector, axis_name, transpose
 from thingc.base.safe_text import escape_control, json_text, shown_line
 from thingc.base.suggestions import Hint, did_you_mean, file_meant, nearest, text_of
 from thingc.driver.environment import Options
@@ -535,11 +535,4 @@ def axes(rotation: Matrix) -> str:
 
     Axes that are parallel to axes of the parent are formatted as `+x, -y, -z`. Other axes are formatted as direction vectors.
     """
-    return ", ".join(_axis((rotation[0][k], rotation[1][k], rotation[2][k])) for k in range(3))
-
-
-def _axis(v: Vector) -> str:
-    for k, name in enumerate("xyz"):
-        if abs(abs(v[k]) - 1.0) < 1e-9:
-            return f"{'+' if v[k] > 0 else '-'}{name}"
-    return "(" + " ".join(f"{x:z.3f}" for x in v) + ")"
+    return ", ".join(axis_name(axis) or f"({' '.join(f'{x:z.3f}' for x in axis)})" for axis in transpose(rotation))

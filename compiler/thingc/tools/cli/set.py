@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from msgspec.structs import replace
 
 from thingc.base.diagnostic_output import OPTIONS
-from thingc.base.diagnostics import Diagnostic, Severity, shown_path
+from thingc.base.diagnostics import Diagnostic, shown_path
 from thingc.driver.edit_document import EditResult, named, write_values
 from thingc.driver.environment import Options
 from thingc.tools.cli import console
@@ -57,13 +57,20 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
 
 
 def report_edit(outcome: EditResult, arguments: argparse.Namespace, *, diff: bool) -> int:
-    """Print the result of changing a document, and return the exit code. With `diff`, print the difference of the texts."""
-    wrong = any(d.severity is Severity.ERROR for d in outcome.found)
-    if diff and not wrong and arguments.format == "text":
+    """Print the diagnostics and the changes of documents, and return the exit code. With `diff`, print the difference of the texts."""
+    wrong = console.exit_code(outcome.found)
+    if arguments.format == "text" and diff and not wrong:
         for document, text in outcome.changed:
             console.say_diff(shown_path(document.path), document.text, text)
-        return console.exit_code(outcome.found)
-    return _say(arguments, outcome.found, done=outcome.done, texts={one.path: text for one, text in outcome.changed} if wrong else None)
+        return wrong
+    if arguments.format == "text":
+        for path, old, new in outcome.done:
+            console.say(f"{path}: {'' if old is None else old + ' -> '}{new}")
+        if outcome.done and outcome.found:
+            console.say("")
+    texts = {one.path: text for one, text in outcome.changed} if wrong else None
+    changes = [{"path": path, "before": old, "after": new} for path, old, new in outcome.done]
+    return console.print_found(outcome.found, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, set=changes)
 
 
 def _as_typed(diagnostic: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
@@ -73,17 +80,3 @@ def _as_typed(diagnostic: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
         return diagnostic
     path = diagnostic.path.removeprefix(option).partition("=")[0]
     return replace(diagnostic, path=f"set {typed.get(path, path)}")
-
-
-def _say(
-    arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[tuple[str, str | None, str]] = (),
-    texts: Mapping[str, str] | None = None,
-) -> int:
-    """Print the diagnostics and the changes of documents, and return the exit code. `texts` are the contents of the changed documents."""
-    if arguments.format == "text":
-        for path, old, new in done:
-            console.say(f"{path}: {'' if old is None else old + ' -> '}{new}")
-        if done and diagnostics:
-            console.say("")
-    changes = [{"path": path, "before": old, "after": new} for path, old, new in done]
-    return console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, set=changes)

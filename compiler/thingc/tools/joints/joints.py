@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
-from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, UserError
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose, along
 from thingc.base.source import Document, MappingNode, node_at
-from thingc.base.suggestions import did_you_mean, text_of
+from thingc.base.suggestions import did_you_mean
 from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, set_values, without
 from thingc.driver import pipeline
 from thingc.driver.edit_document import EditResult, write_texts
@@ -149,16 +149,17 @@ def write_joints(
     assert proposed.document is not None and proposed.search is not None, "the document has errors"
     known = [one.name for one in proposed.proposals]
     unknown = [name for name in names if name not in known]
-    wrong = [_refused(f"there is no proposed joint `{name}`", did_you_mean(name, known, what="proposals")) for name in unknown]
+    wrong = [UserError(f"there is no proposed joint `{name}`", did_you_mean(name, known, what="proposals")) for name in unknown]
     accepted = [one for one in proposed.proposals if (one.name in names if names else one.doubt is None)]
     if wrong or not accepted:
-        return EditResult(found=tuple(wrong))
+        return EditResult(found=tuple(one.diagnostic for one in wrong))
     document = proposed.document
     groups = proposed.search.groups(accepted)
     rigid = [one.name for one in accepted if any(one.parent in group and one.child in group for group in groups)]
     if rigid:
         message = f"other contacts connect the parts of `{rigid[0]}` rigidly"
-        return EditResult(found=(_refused(message, "accept other joints together with this joint, or write the joint into the document"),))
+        help = "accept other joints together with this joint, or write the joint into the document"
+        return EditResult(found=(UserError(message, help).diagnostic,))
     try:
         values, removed, done = _edits(proposed, accepted, groups)
         _refuse_copies(document, values)
@@ -168,12 +169,8 @@ def write_joints(
                 changed = without(changed, keys)
         changed = set_values(changed, values)
     except CannotSetValue as fault:
-        return EditResult(found=(_refused(str(fault), "edit the document by hand"),))
+        return EditResult(found=(UserError(str(fault), "edit the document by hand").diagnostic,))
     return write_texts(document, {document.path: (document, changed.text)}, tuple(done), options, strict=strict, dry=dry)
-
-
-def _refused(message: str, help: object) -> Diagnostic:
-    return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message, help=text_of(help))  # type: ignore[arg-type]
 
 
 def _refuse_copies(document: Document, values: Mapping[Keys, Written]) -> None:

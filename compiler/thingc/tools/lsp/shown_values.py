@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from thingc.base.pose import Pose, Vector, transpose
+from thingc.base.pose import Pose, Vector, axis_name, transpose
 from thingc.base.source import MappingNode, Path, ScalarNode, node_at, text_of, walk
 from thingc.base.units import Quantity, UnitError, parse_quantity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
@@ -177,10 +177,7 @@ def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], 
 
 def direction_words(direction: Vector) -> str:
     """Format a unit vector as a direction: `+x`, `-z`, `(0.6, 0, 0.8)`."""
-    for axis, value in zip("xyz", direction, strict=True):
-        if abs(value) > 1.0 - 1e-9:
-            return f"{'+' if value > 0 else '-'}{axis}"
-    return f"({', '.join(_short(value) for value in direction)})"
+    return axis_name(direction) or f"({', '.join(_short(value) for value in direction)})"
 
 
 def _short(value: float) -> str:

@@ -11,7 +11,7 @@ from string import ascii_uppercase
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
-from thingc.base.pose import Pose, Vector, added, cross, dot
+from thingc.base.pose import Pose, Vector, added, axis_name, cross, dot
 from thingc.geometry.features import HOLE, CentreLine, Cylinder, Features
 from thingc.geometry.service import GeometryService
 from thingc.targets import Artifacts, EmitRequest
@@ -230,10 +230,7 @@ def _depth(cylinder: Cylinder, hole: Hole) -> str:
 
 
 def _direction(axis: Vector) -> str:
-    for name, value in zip("xyz", axis, strict=True):
-        if abs(value) > 1.0 - 1e-9:
-            return f"{'+' if value > 0.0 else '-'}{name}"
-    return " ".join(f"{round(value, 3) + 0.0:g}" for value in axis)
+    return axis_name(axis) or " ".join(f"{round(value, 3) + 0.0:g}" for value in axis)
 
 
 def _mm(length: float) -> str:
