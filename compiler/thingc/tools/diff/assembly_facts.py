@@ -8,13 +8,12 @@ from hashlib import sha256
 from msgspec.structs import replace
 
 from thingc.base.pose import Pose
-from thingc.base.source import line_of
-from thingc.geometry.record import PartDefinition, PartRecord
+from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.types import ActuatorModel, Assembly, LinkedSensor, Mate, Occurrence, TendonStep
 from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.types import AssemblyDefinition
 from thingc.targets.bom.emit import with_pieces
-from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnapshot, PartShape, Row, Value, field_values
+from thingc.tools.diff.snapshot import Edge, Fact, LinkOf, Named, OccurrenceSnapshot, Row, Value, field_values
 
 
 def edges_of(assembly: Assembly) -> Iterator[Edge]:
@@ -36,7 +35,7 @@ def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapsh
         yield OccurrenceSnapshot(
             path=occurrence.path, definition=occurrence.definition.text,
             properties=occurrence.properties if whole else None, mass=occurrence.properties.mass, source=occurrence.mass_source,
-            shape=shape_of(occurrence.record) if whole else None,
+            shape=occurrence.record if whole and occurrence.record is not None and occurrence.record.box is not None else None,
             mounts=_mounts(occurrence) if whole else {},
             place=assembly.rest[occurrence.index] if whole else None,
             parent=None if mate is None else assembly.occurrences[mate.parent].path, joint=None if mate is None else mate.name,
@@ -59,19 +58,6 @@ def _placing(assembly: Assembly) -> Iterator[Mate]:
                 met.add(other)
                 waiting.append(other)
                 yield replace(mate, parent=index, child=other)
-
-
-def shape_of(record: PartRecord | None) -> PartShape | None:
-    """Return the geometry of a part. Return None for an occurrence without geometry."""
-    if record is None or record.box is None:
-        return None
-    drawn = record.meshes.get("visual")
-    code = record.code
-    return PartShape(
-        volume=record.volume, area=record.area, centre=record.centre, inertia=record.inertia, box=record.box,
-        mesh=None if drawn is None else drawn.sha256,
-        made=None if code is None else line_of(code[0], code[1]),
-    )
 
 
 def _mounts(occurrence: Occurrence) -> dict[str, Pose]:

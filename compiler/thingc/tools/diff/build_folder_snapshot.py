@@ -14,7 +14,6 @@ from thingc.base.source import line_of
 from thingc.geometry.lock.lock import read_lock_file
 from thingc.geometry.record import ActuatorRecord, PartRecord
 from thingc.targets.artifact import MANIFEST
-from thingc.tools.diff.assembly_facts import shape_of
 from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, Row, Snapshot, SnapshotElement, Value, field_values
 
 OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which are not in a build folder"
@@ -142,8 +141,7 @@ def _said(record: PartRecord) -> dict[str, Value]:
 
 
 def _of_record(record: PartRecord) -> OccurrenceSnapshot:
-    shape = shape_of(record)
-    shape = None if shape is None else replace(shape, mesh=None, made=None)
+    shape = None if record.box is None else replace(record, code=None)
     mounts = {name: mount.pose for name, mount in record.mounts.items()}
     return OccurrenceSnapshot(path=record.text, definition=record.text, shape=shape, mounts=mounts)
 

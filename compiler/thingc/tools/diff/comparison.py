@@ -9,7 +9,8 @@ from thingc.base.inertia import MassProperties
 from thingc.base.numeric import hypot
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, rpy_of
-from thingc.base.source import Span
+from thingc.base.source import Span, line_of
+from thingc.geometry.record import PartRecord
 from thingc.tools.diff.document_changes import DocumentChanges, StatedChanges, above_of
 from thingc.tools.diff.name_mapping import NameMapping, equal, largest
 from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
@@ -83,11 +84,12 @@ class _Following:
         if one == other or one is None and other is None:
             return
         paths = (old.path, new.path)
-        because, span = self._made(old, new), other.made if other is not None else None
+        because, span = self._made(old, new), _code_location(other)
         if one is None or other is None:
             volume, now = (None if shape is None else shape.volume for shape in (one, other))
             self._add("geometry", paths, ("volume", volume, now), because, span)
             return
+        assert one.box is not None and other.box is not None
         alike = _near(one.inertia, other.inertia) and _near(one.centre, other.centre, _size(one.box))
         fields: list[Difference] = []
         for field, size, now in (("volume", one.volume, other.volume), ("area", one.area, other.area)):
@@ -97,7 +99,8 @@ class _Following:
             fields.append(("box", one.box, other.box))
         if not fields and not alike:
             fields.append(("centre", one.centre, other.centre))
-        distance = self.farthest(one.mesh, other.mesh) if fields and one.mesh is not None and other.mesh is not None else None
+        drawn, redrawn = one.meshes.get("visual"), other.meshes.get("visual")
+        distance = self.farthest(drawn.sha256, redrawn.sha256) if fields and drawn is not None and redrawn is not None else None
         for difference in fields:
             self._add("geometry", paths, difference, because, span)
         if distance:
@@ -113,9 +116,8 @@ class _Following:
             if because is None:
                 because = self._made(old, new) or self.changes.causes("geometry", paths)
             how: How = "added" if before is None else "removed" if after is None else "moved"
-            span = new.shape.made if new.shape is not None else None
             difference = ("pose", _told(before), _told(after))
-            self._add("mount", (f"{old.path}/{name}", f"{new.path}/{name}"), difference, because, span, how)
+            self._add("mount", (f"{old.path}/{name}", f"{new.path}/{name}"), difference, because, _code_location(new.shape), how)
 
     def _mass(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
         fields: list[Difference] = []
@@ -328,7 +330,7 @@ class _Following:
 
     def _reshaped(self, old: Row, new: Row) -> bool:
         one, other = (side.occurrences[row.members[0]].shape for side, row in ((self.old, old), (self.new, new)))
-        return one is not None and other is not None and not (
+        return one is not None and other is not None and one.box is not None and not (
             _near(one.volume, other.volume) and _near(one.area, other.area) and _near(one.inertia, other.inertia)
             and _near(one.box, other.box, _size(one.box))
         )
@@ -392,6 +394,11 @@ def _near(old: DisplayValue, new: DisplayValue, scale: float = 0.0) -> bool:
     if isinstance(old, (int, float)) and isinstance(new, (int, float)):
         return abs(old - new) <= SHAPES * max(abs(old), abs(new), scale) or abs(old - new) < 1e-18
     return equal(old, new)
+
+
+def _code_location(record: PartRecord | None) -> Span | None:
+    """Return the location of the class of a part, or None if it is unknown."""
+    return None if record is None or record.code is None else line_of(*record.code)
 
 
 def _size(box: tuple[Sequence[float], Sequence[float]]) -> float:

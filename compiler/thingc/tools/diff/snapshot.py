@@ -11,8 +11,9 @@ from typing import Any, Literal, Union, get_args
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.base.pose import Matrix, Pose, Vector
+from thingc.base.pose import Pose
 from thingc.base.source import Span
+from thingc.geometry.record import PartRecord
 
 What = Literal[
     "component", "joint", "mate", "parameter", "mode", "pose", "material", "sensor", "test", "mass", "geometry", "mount", "bom", "file",
@@ -144,29 +145,13 @@ class Edge(OneLineRepr, FrozenStruct):
     joint: str
 
 
-class PartShape(OneLineRepr, FrozenStruct):
-    """The geometry of a part, which is compared to detect changes of shape.
-
-    The geometry has a volume [m^3], an area [m^2], a centre [m], an inertia at density 1 [m^5], and the corners of the bounding box [m].
-    `mesh` is the SHA-256 hash of the visual mesh, or None if unknown. `made` is the source location of the part's code.
-    """
-
-    volume: float
-    area: float
-    centre: Vector
-    inertia: Matrix
-    box: tuple[Vector, Vector]
-    mesh: str | None = None
-    made: Span | None = None
-
-
 class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
     """A part or frame of the linked assembly, with its mass properties, geometry and pose.
 
     Attributes:
         properties: The mass properties in the frame of the occurrence, such as `mass` [kg].
         source: The source of the mass, such as `estimated`.
-        shape: The geometry, or None if the part has none.
+        shape: The record of the part, or None for an occurrence without geometry.
         mounts: The mounts of the occurrence's part.
         place: The pose of the occurrence in the frame of the base at q = 0.
         parent: The path of the occurrence to which this occurrence is attached, or None for the base.
@@ -178,7 +163,7 @@ class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
     properties: MassProperties | None = None
     mass: float = 0.0
     source: str = ""
-    shape: PartShape | None = None
+    shape: PartRecord | None = None
     mounts: Mapping[str, Pose] = {}
     place: Pose | None = None
     parent: str | None = None

@@ -157,13 +157,13 @@ class _Asked:
         if "." in typed and (inner := list(self._behind_dot())):
             yield from inner
             return
-        for number, offer in enumerate(self.walk.value_offers(self.cursor.path)):
-            if isinstance(offer.value, bool):
-                yield self._item(word := str(offer.value).lower(), word, _VALUE, rank=number)
-            elif not self._own(offer.value):
-                deep = 500 * max(0, offer.value.count(".") - 1) if "/" not in offer.value and ":" not in offer.value else 0
-                rank = number + deep + (2000 if self._taken(offer.value) else 1000 if offer.value.endswith(".origin") else 0)
-                yield self._word(offer.value, rank=rank, description=offer.description)
+        for number, (value, description) in enumerate(self.walk.value_offers(self.cursor.path).items()):
+            if isinstance(value, bool):
+                yield self._item(word := str(value).lower(), word, _VALUE, rank=number)
+            elif not self._own(value):
+                deep = 500 * max(0, value.count(".") - 1) if "/" not in value and ":" not in value else 0
+                rank = number + deep + (2000 if self._taken(value) else 1000 if value.endswith(".origin") else 0)
+                yield self._word(value, rank=rank, description=description)
         yield from self._counted()
         dimensions = self._dimensions()
         if dimensions and not (self.cursor.toml and not self.cursor.quote and typed):
@@ -209,10 +209,8 @@ class _Asked:
         """Yield completion items for a reference that ends with a dot: the mounts of the component, and components nested inside."""
         head = self.cursor.typed[: self.cursor.typed.rindex(".") + 1]
         start = self.cursor.start + len(head)
-        mounts: dict[str, str] = {}
-        for offer in self.walk.value_offers(self.cursor.path):
-            if isinstance(offer.value, str) and offer.value.startswith(head) and not self._own(offer.value):
-                mounts.setdefault(offer.value, offer.description)
+        offers = self.walk.value_offers(self.cursor.path).items()
+        mounts = {value: text for value, text in offers if isinstance(value, str) and value.startswith(head) and not self._own(value)}
         if not mounts and self.walk.takes_mounts(self.cursor.path):  # the last parsable text does not contain the component
             mounts = dict(self.walk.mounts_of(head.rstrip(".")))
         for number, (word, description) in enumerate(mounts.items()):
@@ -232,8 +230,8 @@ class _Asked:
         if index is None:
             return
         numbered: dict[str, int] = {}
-        for offer in self.walk.value_offers(path):
-            match = re.fullmatch(r"(.*_)\d+(\.\w+)?", offer.value) if isinstance(offer.value, str) else None
+        for value in self.walk.value_offers(path):
+            match = re.fullmatch(r"(.*_)\d+(\.\w+)?", value) if isinstance(value, str) else None
             name = "" if match is None else f"{match[1]}${index}{match[2] or ''}"
             if match is not None and not self._own(name):
                 numbered[name] = numbered.get(name, 0) + 1

@@ -30,13 +30,6 @@ class KeyOffer(FrozenStruct):
     mapping: bool
 
 
-class ValueOffer(FrozenStruct):
-    """A possible value at a path in a document, as text in the syntax of documents, with its description."""
-
-    value: str | bool
-    description: str
-
-
 class SchemaWalk:
     """A JSON Schema, and the text of a document to which it applies.
 
@@ -75,13 +68,13 @@ class SchemaWalk:
                 offers[name] = KeyOffer(name=name, description=described(inner), required=name in required, mapping=mapping)
         return sorted(offers.values(), key=lambda one: not one.required)
 
-    def value_offers(self, path: Path) -> list[ValueOffer]:
-        """Return the values that the schema lists for a path, in the order of the schema."""
-        offers: dict[str | bool, ValueOffer] = {}
+    def value_offers(self, path: Path) -> dict[str | bool, str]:
+        """Return the values that the schema lists for a path, in the order of the schema, with their descriptions."""
+        offers: dict[str | bool, str] = {}
         for flat in self.at(path):
             for value, text in _words(flat):
-                offers.setdefault(value, ValueOffer(value=value, description=text))
-        return list(offers.values())
+                offers.setdefault(value, text)
+        return offers
 
     def dimensions(self, path: Path) -> tuple[Dimension, ...]:
         """Return the physical dimensions that quantities at a path can have.
