@@ -31,7 +31,7 @@ from thingc.geometry.record import (
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.linking import link
-from thingc.model.assembly.types import Assembly, MountFrame, Occurrence
+from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
 from thingc.model.resolve.types import (
     AssemblyDefinition,
@@ -427,7 +427,7 @@ def occurrence(
         "color": None,
         "properties": MassProperties(mass=0.0),
         "mass_source": "derived",
-        "mounts": {"origin": MountFrame(pose=NO_POSE)},
+        "mounts": {"origin": MountRecord(pose=NO_POSE)},
     }
     return Occurrence(
         path=path,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from enum import Enum
-from typing import Generic, Literal, TypeVar
+from typing import Generic, Literal, Self, TypeVar
 
 from msgspec.structs import replace
 
@@ -17,7 +17,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO
 from thingc.base.interfaces import MatingFeature
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.base.pose import Matrix, Pose, Vector
+from thingc.base.pose import Matrix, Mirror, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.base.units import ANGLE, LENGTH, MASS, NUMBER, Dimension, Quantity
 from thingc.geometry.print_slices import SliceFailure, SliceResult, Slicing
@@ -211,6 +211,10 @@ class MountRecord(OneLineRepr, FrozenStruct):
     tolerance: float | None = None
     features: tuple[MatingFeature, ...] = ()
     contradictions: tuple[str, ...] = ()
+
+    def mirrored(self, axis: str) -> Self:
+        """Return the mirror image of the mount. The mirror plane contains the origin of the part and is normal to `axis` (`x | y | z`)."""
+        return replace(self, pose=Mirror(axis).mount(self.pose), features=tuple(feature.mirrored() for feature in self.features))
 
 
 class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):

@@ -18,8 +18,8 @@ from thingc.base.suggestions import Hint, closest_name, did_you_mean
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.part_instances import PartInstances, bom_of
 from thingc.model.assembly.report import LinkReport, written_at
-from thingc.model.assembly.types import MountAt, MountFrame, PartInstance, Unit
-from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, Reference
+from thingc.model.assembly.types import MountAt, PartInstance, Unit
+from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, ExtraMount, Reference
 
 
 @dataclass(slots=True, eq=False)
@@ -111,7 +111,7 @@ class Tree:
         self.top = Instance(path="", component=None, origin=(), assembly=model)
         self.assemblies: list[tuple[Instance, AssemblyDefinition]] = []
         self.occurrences: list[Instance] = []
-        self.added: dict[int, dict[str, MountFrame]] = {}
+        self.added: dict[int, dict[str, ExtraMount]] = {}
         self._unroll(model, instances)
         self._find_bases()
         self._add_mounts()
@@ -166,8 +166,7 @@ class Tree:
                         help="rename the mount that is added here", notes=_shown_by(definition),
                     )
                 elif instance.index is not None:
-                    frame = MountFrame(pose=extra.pose, interface=extra.interface, features=extra.features)
-                    self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = frame
+                    self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = extra
 
     def find(self, instance: Instance, reference: Reference) -> FoundMount | None:
         """Find the mount to which a reference in the document of `instance` refers.

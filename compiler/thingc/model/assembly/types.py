@@ -9,7 +9,6 @@ from msgspec.structs import asdict, replace
 from thingc.base.export_names import JointPath, LinkPath, SensorPath, SitePath, TendonPath
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties, total
-from thingc.base.interfaces import MatingFeature
 from thingc.base.joints.twist import Twist
 from thingc.base.numeric import sum_of
 from thingc.base.one_line_repr import OneLineRepr
@@ -17,18 +16,10 @@ from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin
-from thingc.geometry.record import DriveType, Mesh, PartRecord
+from thingc.geometry.record import DriveType, Mesh, MountRecord, PartRecord
 from thingc.model.assembly.hag import Definition, Hag, hag_of
 from thingc.model.resolve import types as resolved
 from thingc.model.resolve.coordinates import Coordinate
-
-
-class MountFrame(OneLineRepr, FrozenStruct):
-    """A named mount of a part, a link or a frame, with its pose in the frame of the occurrence."""
-
-    pose: Pose
-    interface: str | None = None
-    features: tuple[MatingFeature, ...] = ()
 
 
 class Surface(OneLineRepr, FrozenStruct):
@@ -81,7 +72,7 @@ class PartInstance(OneLineRepr, FrozenStruct):
     bom: resolved.BomEntry
     properties: MassProperties
     mass_source: str
-    mounts: dict[str, MountFrame]
+    mounts: dict[str, MountRecord]
     estimate: str | None = None
     listed: Listed | None = None
     contacts: dict[str, tuple[Surface, ...]] = {}

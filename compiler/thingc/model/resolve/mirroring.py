@@ -64,7 +64,7 @@ def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, Assembly
 
 
 def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) -> Component:
-    mirror, definition, bom = Mirror(axis), one.definition, one.bom
+    definition, bom = one.definition, one.bom
     if isinstance(definition, PartDefinition):
         bom = replace(bom, number=None)  # the order number of the part does not apply to its mirror image
     if isinstance(definition, PartDefinition | LinkDefinition):
@@ -74,10 +74,7 @@ def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) ->
     return replace(
         one, definition=definition, bom=bom, image_of=one, overrides=_overrides(one.overrides, axis),
         placement=_placement(one.placement) if one.placement is not None else None,
-        mounts={
-            name: replace(mount, pose=mirror.mount(mount.pose), features=tuple(feature.mirrored() for feature in mount.features))
-            for name, mount in one.mounts.items()
-        },
+        mounts={name: mount.mirrored(axis) for name, mount in one.mounts.items()},
     )
 
 

@@ -11,14 +11,13 @@ from typing import Any, Generic, Literal, TypeVar
 from thingc.base.diagnostics import Note, noted
 from thingc.base.export_names import JointPath, PoseName, RawAttributes, RawPath
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.interfaces import MatingFeature
 from thingc.base.joints.kinds import BaseType
 from thingc.base.joints.twist import Twist
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin, Span
-from thingc.geometry.record import DriveType, PartDefinition, Value
+from thingc.geometry.record import DriveType, MountRecord, PartDefinition, Value
 from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamics, Limit
 from thingc.model.resolve.link_definition import LinkDefinition
 
@@ -108,13 +107,10 @@ class StatedValue(OneLineRepr, FrozenStruct):
     stand_in: bool = False
 
 
-class ExtraMount(OneLineRepr, FrozenStruct):
+class ExtraMount(MountRecord):
     """A mount that a document adds to a component."""
 
-    pose: Pose
-    interface: str | None
     origin: Origin
-    features: tuple[MatingFeature, ...] = ()
 
 
 class CollisionChoice(OneLineRepr, FrozenStruct):
