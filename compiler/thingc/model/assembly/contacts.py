@@ -7,14 +7,11 @@ from collections.abc import Sequence
 from thingc.base.diagnostics import Code, noted
 from thingc.base.source import Origin
 from thingc.model.assembly.instance_tree import Tree
-from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Occurrence
 from thingc.model.resolve.types import ContactGroup, ContactPair, Mode
 
 
-def pairs_of(
-    tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int], findings: LinkReport,
-) -> tuple[ContactPair[int], ...]:
+def pairs_of(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int]) -> tuple[ContactPair[int], ...]:
     """Return the pairs of occurrences that always collide in a mode. A nested assembly represents all of its occurrences.
 
     A pair of one link, a pair without collision shapes, and a pair that is listed twice are reported and omitted.
@@ -26,12 +23,12 @@ def pairs_of(
         apart = [(a, b) for a in sides[0] for b in sides[1] if link_of[a] != link_of[b]]
         for side, reference in zip(sides, (pair.one, pair.other), strict=True):
             if side and not any(occurrences[one].has_contacts for one in side):
-                findings.error(
+                tree.findings.error(
                     Code.CONTACTS, f"`{reference.text}` is in a contact pair, but has no collision shapes", pair.origin,
                     help="set `collision` of the component, or remove the pair",
                 )
         if all(sides) and not apart:
-            findings.error(
+            tree.findings.error(
                 Code.CONTACTS, f"`{pair.one.text}` and `{pair.other.text}` are rigidly connected, so they cannot collide", pair.origin,
                 help="name two components of different links",
             )
@@ -43,14 +40,14 @@ def pairs_of(
             if other is not linked and pair.origin not in twice:
                 twice.add(pair.origin)
                 names = " and ".join(f"`{occurrences[index].path.replace('/', '.')}`" for index in (a, b))
-                findings.error(
+                tree.findings.error(
                     Code.CONTACTS, f"the contact pair of {names} is listed twice", pair.origin, help="remove one of the two entries",
                     notes=noted("the other entry is here", other.origin),
                 )
     return tuple(found.values())
 
 
-def groups_of(tree: Tree, mode: Mode, findings: LinkReport) -> tuple[ContactGroup[int], ...]:
+def groups_of(tree: Tree, mode: Mode) -> tuple[ContactGroup[int], ...]:
     """Return the contact groups of a mode with their occurrences. An occurrence in two groups is reported."""
     owners: dict[int, str] = {}
     made: list[ContactGroup[int]] = []
@@ -59,7 +56,7 @@ def groups_of(tree: Tree, mode: Mode, findings: LinkReport) -> tuple[ContactGrou
         for member, reference in members.items():
             if (owner := owners.setdefault(member, group.name)) != group.name:
                 name = tree.occurrences[member].path.replace("/", ".")
-                findings.error(
+                tree.findings.error(
                     Code.CONTACTS, f"`{name}` is in two contact groups, `{owner}` and `{group.name}`", reference.origin,
                     help="remove the component from one of the two groups",
                 )

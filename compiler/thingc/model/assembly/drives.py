@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Note, noted
+from thingc.base.diagnostics import Code, noted
 from thingc.base.joints.twist import Twist, dimensions_of
 from thingc.base.numeric import sum_of
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.geometry.record import ActuatorRecord
 from thingc.model.assembly.instance_tree import Instance, Tree
-from thingc.model.assembly.report import LinkReport, written_at
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import ActuatorModel, JointEdge
 from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Limit
-from thingc.model.resolve.types import Drive, DriveValues, Joint
+from thingc.model.resolve.types import Drive, DriveValues, Joint, Reference
 
 _INLINE = {True: "`drive: {kind: position, kp: 20 N*m/rad}`", False: "`drive: {kind: position, kp: 200 N/m}`"}
 """Example of an inline drive in a document, for an angle and for a length."""
@@ -32,7 +34,7 @@ def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
     return CoordinateName(f"{instance.path.replace('/', '.')}.{name}") if instance.path else name
 
 
-def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: LinkReport) -> JointEdge:
+def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
     """Create the joint edge of a joint, including the values of its drive.
 
     If the document does not specify the effort limit, velocity limit or armature of the joint, the value of the drive is used.
@@ -44,11 +46,11 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
     drive = None
     if joint.drive is not None:
         stated = replace(joint.drive, origin=joint.drive.origin or joint.origin)
-        drive = filled(tree, instance, f"joint `{joint.name}`", joint.path, stated, findings, turns=twist.turns)
+        drive = filled(tree, instance, f"joint `{joint.name}`", joint.path, stated, turns=twist.turns)
     if drive is not None:
         if limit.effort is not None and drive.effort is not None and limit.effort > drive.effort:
             unit = "N*m" if twist.turns else "N"
-            findings.warn(
+            tree.findings.warn(
                 Code.EFFORT, f"joint `{joint.name}` has an effort limit of {limit.effort:.6g} {unit}, "
                 f"but its actuator provides at most {drive.effort:.6g} {unit}", joint.origin_of("limit.effort", origin), path=path,
                 help="lower `limit.effort`, or use a stronger actuator", notes=noted("the actuator is set here", drive.origin),
@@ -56,7 +58,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
         limit = replace(limit, effort=first(limit.effort, drive.effort), velocity=first(limit.velocity, drive.velocity))
         if dynamics.armature is None:
             dynamics = replace(dynamics, armature=drive.armature)
-        actuator = actuator_of(instance, f"joint `{joint.name}`", drive, limit, findings, turns=twist.turns)
+        actuator = actuator_of(instance, f"joint `{joint.name}`", drive, limit, tree.findings, turns=twist.turns)
         actuator = replace(actuator, effort=limit.effort, velocity=limit.velocity)
     return replace(stated_edge(instance, joint, twist), limit=limit, dynamics=dynamics, actuator=actuator)
 
@@ -91,9 +93,7 @@ def actuator_of(instance: Instance, owner: str, drive: Drive, limit: Limit, find
     return model if gear is None else replace(model, transmission=instance.within(gear.name), ratio=gear.ratio, backlash=gear.backlash)
 
 
-def filled(
-    tree: Tree, instance: Instance, owner: str, path: str, drive: Drive, findings: LinkReport, *, turns: bool,
-) -> Drive | None:
+def filled(tree: Tree, instance: Instance, owner: str, path: str, drive: Drive, *, turns: bool) -> Drive | None:
     """Fill in missing values of a drive from the actuator of a Thing, and convert all values to the joint side of a transmission.
 
     Values that the document specifies take precedence. `owner` is the driven element for messages, such as "joint `knee`", with its `path`
@@ -105,14 +105,19 @@ def filled(
         named = tree.component(instance, drive.component)
         if named is None:
             return None
-        record = named.part.record if named.part is not None else None
-        if record is None or record.actuator is None:
-            _no_actuator(instance, owner, path, drive, named, findings, turns=turns)
+        part = named.part
+        if part is None or part.record is None or part.record.actuator is None:
+            _no_actuator(tree, instance, owner, path, drive.component, named, turns=turns)
             return None
-        if not record.exact:
+        if not part.exact:
             return None
-        complete = _over(drive, record.actuator)
-        _check_gains(tree, instance, owner, path, drive, complete, findings, turns=turns)
+        complete = _over(drive, part.record.actuator)
+        lacking = _lacking_gain(drive, complete, turns=turns)
+        if lacking is not None:
+            tree.findings.error(
+                Code.NO_GAIN, f"{owner} has a {complete.kind} drive, but its actuator has no gain `{lacking[0]}`",
+                drive.origin + instance.origin, path=instance.within(path), help=lacking[1], notes=part.written,
+            )
         drive = complete
     return _at_joint(drive)
 
@@ -141,28 +146,13 @@ def _at_joint(drive: Drive) -> Drive:
     )
 
 
-def _check_gains(
-    tree: Tree, instance: Instance, owner: str, path: str, written: Drive, drive: Drive, findings: LinkReport, *, turns: bool,
-) -> None:
-    """Report a missing gain of a drive whose actuator is a component. `written` contains only the values of the document."""
+def _lacking_gain(written: Drive, drive: Drive, *, turns: bool) -> tuple[str, str] | None:
+    """Return a missing gain of a drive whose actuator is a component, and a help text. `written` has only the values of the document."""
     if drive.kind == "position" and drive.kp is None:
-        gain, help = "kp", f"set `kp` in the part's `Actuator`, or write the drive inline: {_INLINE[turns]}"
-    elif written.kind == "velocity" and drive.kv is None:
-        gain, help = "kv", f"add `kv` next to `component`, for example `kv: 0.1 {'N*m*s/rad' if turns else 'N*s/m'}`"
-    else:
-        return
-    findings.error(
-        Code.NO_GAIN, f"{owner} has a {drive.kind} drive, but its actuator has no gain `{gain}`", drive.origin + instance.origin,
-        path=instance.within(path), help=help, notes=_drive_notes(tree, instance, drive),
-    )
-
-
-def _drive_notes(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
-    """Return a note with the location of the Thing that drives a joint, or no notes for an inline drive."""
-    named = tree.component(instance, drive.component) if drive.component is not None else None
-    if named is None or named.part is None or named.part.record is None:
-        return ()
-    return written_at(f"`{named.part.definition.label}`", named.part.record.code)
+        return "kp", f"set `kp` in the part's `Actuator`, or write the drive inline: {_INLINE[turns]}"
+    if written.kind == "velocity" and drive.kv is None:
+        return "kv", f"add `kv` next to `component`, for example `kv: 0.1 {'N*m*s/rad' if turns else 'N*s/m'}`"
+    return None
 
 
 def first(said: float | None, else_: float | None) -> float | None:
@@ -180,30 +170,27 @@ def _over(drive: Drive, actuator: ActuatorRecord) -> Drive:
 
 
 def _no_actuator(
-    instance: Instance, owner: str, path: str, drive: Drive, named: Instance, findings: LinkReport, *, turns: bool,
+    tree: Tree, instance: Instance, owner: str, path: str, reference: Reference, named: Instance, *, turns: bool,
 ) -> None:
-    if drive.component is None:
-        return
-    text, origin = drive.component.text, drive.component.origin + instance.origin
-    able = [
-        name for name, child in instance.children.items()
-        if child.part is not None and child.part.record is not None and child.part.record.actuator is not None
-    ]
-    notes: tuple[Note, ...] = ()
+    """Report a drive whose component `named` has no actuator."""
+    text, able = reference.text, list(_with_actuator(instance))
     if named.assembly is not None:
         what = f" (`{named.assembly.label}`), which is an assembly"
-        able.extend(
-            f"{text}.{name}" for name, child in named.children.items()
-            if child.part is not None and child.part.record is not None and child.part.record.actuator is not None
-        )
+        able.extend(f"{text}.{name}" for name in _with_actuator(named))
     elif named.part is not None and named.part.record is not None:
         what = f" (`{named.part.definition.label}`), which has no actuator"
-        notes = written_at(f"`{named.part.definition.label}`", named.part.record.code)
     else:
         what = ", which is a frame"
-    findings.error(
-        Code.NO_ACTUATOR, f"{owner} is driven by `{text}`{what}", origin, path=instance.within(path), help=(
+    tree.findings.error(
+        Code.NO_ACTUATOR, f"{owner} is driven by `{text}`{what}", reference.origin + instance.origin, path=instance.within(path), help=(
             did_you_mean(text, able, what="components with an actuator") if able
             else f"add `actuator = Actuator(...)` to its class, or write the drive inline: {_INLINE[turns]}"
-        ), notes=notes,
+        ), notes=named.part.written if named.part is not None else (),
     )
+
+
+def _with_actuator(instance: Instance) -> Iterator[str]:
+    """Yield the names of the components of an assembly that have an actuator."""
+    for name, child in instance.children.items():
+        if child.part is not None and child.part.record is not None and child.part.record.actuator is not None:
+            yield name

@@ -9,7 +9,6 @@ from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import line_of
 from thingc.geometry.record import DeclaredValue, PartDefinition, PartFailure, PartRecord
-from thingc.model.assembly.report import written_at
 from thingc.model.assembly.types import Assembly
 
 OTHER_SEED = 1
@@ -138,7 +137,7 @@ def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], r
         if occurrence.record is None or second is None:
             continue
         of = f"`{occurrence.definition.label}`"
-        notes = list(written_at(of, occurrence.record.code))
+        notes = list(occurrence.written)
         if isinstance(second, PartFailure):
             words = f"the second build failed: {second.message}"
             if second.file is not None:

@@ -17,7 +17,7 @@ from thingc.base.source import Origin
 from thingc.base.suggestions import Hint, closest_name, did_you_mean
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.part_instances import PartInstances, bom_of
-from thingc.model.assembly.report import LinkReport, written_at
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import MountAt, PartInstance, Unit
 from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, ExtraMount, Reference
 
@@ -106,7 +106,7 @@ class Tree:
     """
 
     def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: LinkReport) -> None:
-        self._findings = findings
+        self.model, self.findings = model, findings
         self._said: set[tuple[Code, str, Origin]] = set()
         self.top = Instance(path="", component=None, origin=(), assembly=model)
         self.assemblies: list[tuple[Instance, AssemblyDefinition]] = []
@@ -125,7 +125,7 @@ class Tree:
                 scope = instance.assembly
                 self.assemblies.append((instance, scope))
                 if not scope.whole:
-                    self._findings.leave_out()
+                    self.findings.leave_out()
                 for inner in scope.components:
                     nested = inner.definition if isinstance(inner.definition, AssemblyDefinition) else None
                     path, unit = instance.within(inner.name), instance.unit
@@ -139,7 +139,7 @@ class Tree:
             elif component is not None:
                 instance.part = instances.of(component, scope, instance.path, instance.origin)
                 if instance.part is None:
-                    self._findings.leave_out()
+                    self.findings.leave_out()
                 else:
                     instance.index = len(self.occurrences)
                     self.occurrences.append(instance)
@@ -148,7 +148,7 @@ class Tree:
         for instance, definition in reversed(self.assemblies):  # children first, because the base may itself be an assembly
             bases = unplaced(definition)
             if len(bases) != 1:
-                self._findings.leave_out()
+                self.findings.leave_out()
             if bases:
                 instance.base = instance.children[bases[0]]
                 instance.index = instance.base.index
@@ -160,7 +160,7 @@ class Tree:
                 continue
             for name, extra in component.mounts.items():
                 if name in definition.mounts or name in instance.children:
-                    self._findings.error(
+                    self.findings.error(
                         Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`",
                         component.located(extra.origin, instance.origin), path=instance.path,
                         help="rename the mount that is added here", notes=_shown_by(definition),
@@ -209,12 +209,12 @@ class Tree:
         return None if place is None else tuple(one.index for one in place.occurrences() if one.index is not None)
 
     def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
-        self._findings.leave_out()
+        self.findings.leave_out()
         # A `repeat` or a nested document that is used twice creates many references from one line, but the line is reported once.
         place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
         if not fault.silent and place not in self._said:
             self._said.add(place)
-            self._findings.error(
+            self.findings.error(
                 fault.code, fault.message, reference.origin + instance.origin, help=fault.help, notes=fault.notes + _counted(reference),
                 path=instance.within(reference.text.replace(".", "/")),
             )
@@ -281,13 +281,13 @@ def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> 
     part = instance.part
     if part is None or instance.index is None:
         return _SILENT
-    if part.record is not None and not part.record.exact and _may_be_there(name, part.record.mounts):
+    if part.record is not None and not part.exact and _may_be_there(name, part.record.mounts):
         return _SILENT
     return _Fault(
         code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
         help=f"the part has an attribute `{name}`, but it is not a mount: write `self.{name} = MountPoint(...)`"
         if part.record is not None and name in part.record.references else _mount_help(name, part.mounts, document),
-        notes=written_at(f"`{part.definition.label}`", part.record.code) if part.record is not None else (),
+        notes=part.written,
     )
 
 

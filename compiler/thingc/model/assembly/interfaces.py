@@ -13,7 +13,7 @@ from thingc.base.source import Origin
 from thingc.documents.load.paths import MESH_SUFFIXES
 from thingc.geometry.declared_interfaces import contradictions
 from thingc.geometry.features import Features
-from thingc.model.assembly.report import LinkReport, written_at
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Connected, Occurrence
 
 ENGAGED = 0.8
@@ -29,7 +29,7 @@ def check_interfaces(robot: Connected, laid: Collection[int], findings: LinkRepo
     said: set[tuple[Origin, str]] = set()
     for number, mate in enumerate(robot.mates):
         parent, child = robot.occurrences[mate.parent], robot.occurrences[mate.child]
-        if number in laid or not (_known(parent) and _known(child)):
+        if number in laid or not (parent.exact and child.exact):
             continue
         one, other = parent.mounts[mate.parent_mount], child.mounts[mate.child_mount]
         if not one.features or not other.features:
@@ -82,7 +82,7 @@ def _threaded(part: Occurrence, pose: Pose) -> Iterator[tuple[float, float, str,
 
     `pose` is the pose of the part in the frame of the screw's head, with z along the shank.
     """
-    for name, mount in part.mounts.items() if _known(part) else ():
+    for name, mount in part.mounts.items() if part.exact else ():
         for one in mount.features:
             if isinstance(one, Bolts) and one.depth is not None and (here := pose @ mount.pose).rotation[2][2] < -1.0 + 1e-9:
                 for x, y in one.points:
@@ -147,13 +147,9 @@ def _place(origin: Origin, *occurrences: Occurrence) -> tuple[Origin, str]:
     return origin[:1], re.sub(r"\d+", "#", " ".join(one.component.name for one in occurrences))
 
 
-def _known(occurrence: Occurrence) -> bool:
-    return occurrence.record is None or occurrence.record.exact
-
-
 def _declared(occurrence: Occurrence, mount: str) -> tuple[Note, ...]:
     """Return a note with the location at which the interface of a mount is declared."""
     added = occurrence.component.mounts.get(mount)
     if added is not None:
         return noted(f"`{mount_name(occurrence, mount)}` is defined here", added.origin)
-    return written_at(f"`{occurrence.definition.label}`", occurrence.record.code) if occurrence.record is not None else ()
+    return occurrence.written

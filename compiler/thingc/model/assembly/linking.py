@@ -72,21 +72,20 @@ def link(
     tree = Tree(model, instances, findings)
     instances.report_failures()
     instances.report_materials()
-    mates, laid = mates_of(tree, findings, memo)
-    robot = _connected(tree, model, mates, findings, memo)
-    names = names_of(tree, robot, model.poses, findings)
+    mates, laid = mates_of(tree, memo)
+    robot = _connected(tree, mates, memo)
+    names = names_of(tree, robot)
     joints = tuple(joint for mate in mates for joint in mate.joints)
     driven = (one for one in robot.tendons if one.actuator is not None)
-    tests = tests_of(tree, model.tests, (*joints, *driven), findings)
+    tests = tests_of(tree, (*joints, *driven))
     _check(robot, laid, findings)
     known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
-    loops = on_loops(len(robot.occurrences), mates)
-    check_poses(model.poses, model.modes, stated_joints(tree, joints), findings, loops, unset=known)
+    check_poses(tree, stated_joints(tree, joints), on_loops(len(robot.occurrences), mates), unset=known)
     base, at = tree.top.index, _rest(tree, mates, memo)
     count, placing = len(robot.occurrences), sum(1 for mate in mates if mate.loop is None)
     if base is None or findings.incomplete or len(at) != count or placing != count - 1:
         if not instances.unknown and not unmodelled:
-            _say_apart(tree, model, at, findings)
+            _say_apart(tree, at)
         return None
     robot = replace(robot, tendons=tuple(rested(tendon, robot.occurrences, at, findings) for tendon in robot.tendons))
     if findings.failed:
@@ -95,23 +94,23 @@ def link(
         **asdict(robot), name=model.name, definition=model, base=base, rest=tuple(at[index] for index in range(count)), poses=model.poses,
         raw=raw_of(tree), added=added_of(tree), tests=tests, names=names,
     )
-    check_plausible(tree, assembly, findings)
+    check_plausible(tree, assembly)
     return assembly
 
 
-def _connected(tree: Tree, model: AssemblyDefinition, mates: tuple[Mate, ...], findings: LinkReport, memo: Memo) -> Connected:
+def _connected(tree: Tree, mates: tuple[Mate, ...], memo: Memo) -> Connected:
     """Return the linked robot with its occurrences, links, modes, sensors, tendons and magnets."""
-    exported = exported_of(tree, findings)
+    exported = exported_of(tree)
     occurrences = tuple(
         memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.occurrences)
     )
     link_of = connected_components(len(occurrences), mates)
-    links = links_of(tree, occurrences, mates, findings, memo)
-    check_loops(mates, link_of, links, findings)
-    modes, adhesions = modes_of(tree, model, occurrences, link_of, findings), adhesions_of(tree, model)
+    links = links_of(tree, occurrences, mates, memo)
+    check_loops(mates, link_of, links, tree.findings)
+    modes, adhesions = modes_of(tree, occurrences, link_of), adhesions_of(tree)
     return Connected(
         occurrences=occurrences, mates=mates, links=links, link_of=link_of, exported=exported, modes=modes, adhesions=adhesions,
-        sensors=sensors_of(tree, link_of), tendons=tendons_of(tree, link_of, findings),
+        sensors=sensors_of(tree, link_of), tendons=tendons_of(tree, link_of),
         between=links_between(links, link_of, occurrences, mates, modes, adhesions),
     )
 
@@ -130,12 +129,12 @@ def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> Non
         check_declared(robot, findings)
 
 
-def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: LinkReport) -> None:
+def _say_apart(tree: Tree, at: Container[int]) -> None:
     """Report each component that is not connected to the base and is not placed by `at`, unless a previous error is the reason."""
-    if findings.failed or findings.earlier:
+    if tree.findings.failed or tree.findings.earlier:
         return
-    alone = next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)
-    findings.error(
+    model, alone = tree.model, next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)
+    tree.findings.error(
         Code.INCOMPLETE, f"`{alone.path or model.name}` is not connected to the base of `{model.name}`",
         alone.origin or model.origin, path=alone.path or None, help="place every component once, on another component",
     )

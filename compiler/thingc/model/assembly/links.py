@@ -41,7 +41,7 @@ class _Naming(FrozenStruct, kw_only=False):
     origin: Origin
 
 
-def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: LinkReport, memo: Memo) -> tuple[Link, ...]:
+def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], memo: Memo) -> tuple[Link, ...]:
     """Return the links of the robot, in document order.
 
     The section `links:` of a document specifies the names and frames of links. If several documents name the same link, the outermost
@@ -51,7 +51,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]
     for occurrence, number in enumerate(link_of):
         members[number].append(occurrence)
-    namings = _namings(tree, link_of, findings)
+    namings = _namings(tree, link_of)
     neighbours = neighbourhood(len(occurrences), mates)
     rigid = tuple((m.parent, m.child, m.X_PJ, m.X_JC) for m in mates if not m.separates)
     links: list[Link] = []
@@ -74,7 +74,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
         ))
         other = taken.setdefault(link.name, link)
         if other is not link:
-            _clash(other, link, named=naming is not None, occurrences=occurrences, findings=findings)
+            _clash(other, link, named=naming is not None, occurrences=occurrences, findings=tree.findings)
         links.append(link)
     return tuple(links)
 
@@ -87,7 +87,7 @@ def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> Mass
     return total(own.seen_from(pose) for own, pose in zip(properties, poses, strict=True))
 
 
-def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[int, _Naming]:
+def _namings(tree: Tree, link_of: Sequence[int]) -> dict[int, _Naming]:
     """For each link, return the entry of the section `links:` that specifies its name.
 
     If there are several entries for a link, the first entry in the outermost document is used.
@@ -98,7 +98,7 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[i
         for line in definition.links:
             place = tree.component(instance, line.component)
             if place is None or place.index is None:
-                findings.leave_out()
+                tree.findings.leave_out()
                 continue
             link = link_of[place.index]
             naming = _Naming(
@@ -108,7 +108,7 @@ def _namings(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> dict[i
             other = chosen.get(link)
             if other is not None and other.document == naming.document:
                 before = other.name.rsplit("/", 1)[-1]
-                findings.error(
+                tree.findings.error(
                     Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name the same link: no joint separates their components",
                     naming.origin, path=naming.name, help="remove one of the two names",
                     notes=noted(f"`{before}` is written here", other.origin),

@@ -33,7 +33,7 @@ FIXED = "_fixed"
 """Suffix of the name of the fixed joint of a component with `keep`. A component can have the same name as a joint."""
 
 
-def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
+def mates_of(tree: Tree, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
     """Return all mates of the robot, which are the edges of the mate graph.
 
     Also return the indices of the mates that `at` creates, which do not connect mounts.
@@ -47,8 +47,8 @@ def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, 
     for instance, definition in tree.assemblies:
         if id(definition) not in checked:
             checked.add(id(definition))
-            _check_circles(instance, definition, findings)
-            _check_bases(instance, definition, findings)
+            _check_circles(instance, definition, tree.findings)
+            _check_bases(instance, definition, tree.findings)
         for reference in definition.loose:
             tree.find(instance, reference)  # resolve both ends, so that both invalid references are reported
         for component in definition.components:
@@ -59,7 +59,7 @@ def mates_of(tree: Tree, findings: LinkReport, memo: Memo) -> tuple[tuple[Mate, 
                 mates.extend(_laid(tree, instance, component, component.placement, memo))
                 laid.update(range(before, len(mates)))
         for _, coordinates in groupby(definition.joints, key=lambda joint: joint.name.joint):
-            mates.extend(_jointed(tree, instance, tuple(coordinates), findings, memo))
+            mates.extend(_jointed(tree, instance, tuple(coordinates), memo))
     return tuple(mates), frozenset(laid)
 
 
@@ -79,7 +79,7 @@ def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Me
         yield memo(place, _laid_on, parent, child, at.pose, at.origin + instance.origin, path)
 
 
-def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findings: LinkReport, memo: Memo) -> Iterator[Mate]:
+def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], memo: Memo) -> Iterator[Mate]:
     """Yield the mate of a joint, which contains a `JointEdge` for each coordinate of the joint.
 
     The mate of a `fixed` joint does not contain joint edges.
@@ -89,15 +89,15 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
     if child is None or parent is None:
         return
     if joint.child.path[:1] == joint.parent.path[:1] and not joint.loop:  # a loop may connect two parts of one nested assembly
-        findings.leave_out()
-        findings.error(
+        tree.findings.leave_out()
+        tree.findings.error(
             Code.PLACED_ON_ITSELF,
             f"joint `{joint.name.joint}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
             f"`{joint.child.text}`", joint.parent.origin + instance.origin, path=instance.within(joint.path),
             help="use mounts of two different components", notes=noted("the child", joint.child.origin),
         )
         return
-    edges = tuple(joint_edge(tree, instance, one, one.twist, findings) for one in coordinates if one.twist is not None)
+    edges = tuple(joint_edge(tree, instance, one, one.twist) for one in coordinates if one.twist is not None)
     path = instance.within(joint.name.joint.replace(".", "/"))
     origin = joint.origin + instance.origin
     yield memo(("joint", path), _mated, parent, child, joint, edges, origin, path)

@@ -31,7 +31,7 @@ from thingc.model.assembly.types import (
     Occurrence,
 )
 from thingc.model.resolve.raw_protected import NAMING
-from thingc.model.resolve.types import AssemblyDefinition, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference, Test
+from thingc.model.resolve.types import Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference
 
 _ROUNDING = 1e-9
 """Relative tolerance for joint positions at the limits of joints. The tolerance is needed because positions and limits can be results of
@@ -46,7 +46,7 @@ The friction of a material takes precedence over the friction of the floor, beca
 """
 
 
-def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
+def exported_of(tree: Tree) -> tuple[ExportedMount, ...]:
     """Return the exported mounts of the top document and of all nested assemblies. An assembly precedes its nested assemblies."""
     exported: list[ExportedMount] = []
     for instance, definition in tree.assemblies:
@@ -59,17 +59,13 @@ def exported_of(tree: Tree, findings: LinkReport) -> tuple[ExportedMount, ...]:
     return tuple(exported)
 
 
-def modes_of(
-    tree: Tree, model: AssemblyDefinition, occurrences: Sequence[Occurrence], link_of: Sequence[int], findings: LinkReport,
-) -> tuple[LinkedMode, ...]:
+def modes_of(tree: Tree, occurrences: Sequence[Occurrence], link_of: Sequence[int]) -> tuple[LinkedMode, ...]:
     """Return all modes with a valid root. References are resolved. Pairs in `exclude` whose components are on the same link are omitted."""
-    linked = (_mode(tree, mode, occurrences, link_of, findings) for mode in model.modes)
+    linked = (_mode(tree, mode, occurrences, link_of) for mode in tree.model.modes)
     return tuple(mode for mode in linked if mode is not None)
 
 
-def _mode(
-    tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int], findings: LinkReport,
-) -> LinkedMode | None:
+def _mode(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int]) -> LinkedMode | None:
     root = mount_of(tree, tree.top, mode.root)
     pairs: dict[tuple[int, int], None] = {}
     for one, other in mode.exclude:
@@ -82,16 +78,16 @@ def _mode(
         if tree.find(tree.top, reference) is not None:
             adhesion[_path(reference)] = force
     if root is None:
-        findings.leave_out()
+        tree.findings.leave_out()
         return None
     return LinkedMode(
         **tree.top.fields_of(mode, ModeSettings), root=root, exclude=tuple(pairs), adhesion=adhesion,
-        pairs=pairs_of(tree, mode, occurrences, link_of, findings), groups=groups_of(tree, mode, findings),
-        holds=tuple(_holds(tree, mode, findings)), feet=tuple(_feet(tree, mode, findings)),
+        pairs=pairs_of(tree, mode, occurrences, link_of), groups=groups_of(tree, mode),
+        holds=tuple(_holds(tree, mode)), feet=tuple(_feet(tree, mode)),
     )
 
 
-def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]:
+def _holds(tree: Tree, mode: Mode) -> Iterator[LinkedHold]:
     """Yield the resolved holds of a mode.
 
     A mount that the mode holds twice, for example under its own name and under an exported name, is reported.
@@ -104,7 +100,7 @@ def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]
         linked = LinkedHold(mount=choice, pose=hold.pose, origin=hold.origin, turns=hold.turns)
         other = met.setdefault((choice.occurrence, choice.mount), linked)
         if other is not linked:
-            findings.error(
+            tree.findings.error(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
                 help="remove one of the two holds", notes=noted("the other hold is here", other.origin),
             )
@@ -112,7 +108,7 @@ def _holds(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[LinkedHold]
         yield linked
 
 
-def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
+def _feet(tree: Tree, mode: Mode) -> Iterator[Foot]:
     """Yield the mounts on which the robot stands in a mode, without duplicates. A mount that the mode also holds is reported."""
     if mode.standing is None:
         return
@@ -125,7 +121,7 @@ def _feet(tree: Tree, mode: Mode, findings: LinkReport) -> Iterator[Foot]:
         met.add((choice.occurrence, choice.mount))
         hold = held.get((choice.occurrence, choice.mount))
         if hold is not None:
-            findings.error(
+            tree.findings.error(
                 Code.STANDING, f"`{choice.path}` is in both `hold` and `standing_on` of mode `{mode.name}`", reference.origin,
                 path=choice.path, help="remove the mount from `hold` or from `standing_on`",
                 notes=noted("the mount is held here", hold.origin),
@@ -175,13 +171,13 @@ def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], withi
     return dict.fromkeys(link_of[member] for member in tree.members(within or tree.top, reference) or ())
 
 
-def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
+def adhesions_of(tree: Tree) -> tuple[Adhesion, ...]:
     """Return all magnets that the modes use, in the order of their first use.
 
     The force of a magnet is the largest force [N] that any mode specifies.
     """
     largest: dict[str, Adhesion] = {}
-    for mode in model.modes:
+    for mode in tree.model.modes:
         for reference, force in mode.adhesion:
             mount = tree.find(tree.top, reference)
             if mount is None:
@@ -222,15 +218,13 @@ def added_of(tree: Tree) -> tuple[RawElement, ...]:
     return tuple(within(instance, element) for instance, definition in tree.assemblies for element in definition.added)
 
 
-def check_poses(
-    poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: LinkReport,
-    loops: Collection[str] = (), *, unset: bool,
-) -> None:
+def check_poses(tree: Tree, joints: Sequence[JointEdge], loops: Collection[str], *, unset: bool) -> None:
     """Report every value in a named pose that is outside the limits of its joint.
 
     With `unset`, which requires that no joints were omitted, joints that are not in the pose are also checked in poses that modes use.
     Joints in `loops` are checked only if the pose contains the joint.
     """
+    poses, modes, findings = tree.model.poses, tree.model.modes, tree.findings
     used = {name for mode in modes for name in mode.poses}
     names = {pose.name for pose in poses}
     for mode in modes:
@@ -303,11 +297,11 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     )
 
 
-def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge | LinkedTendon], findings: LinkReport) -> tuple[LinkedTest, ...]:
+def tests_of(tree: Tree, joints: Sequence[JointEdge | LinkedTendon]) -> tuple[LinkedTest, ...]:
     """Return the tests whose mounts and components are valid. All other tests are reported."""
     by_path = {joint.path: joint for joint in joints}
     linked: list[LinkedTest] = []
-    for test in tests:
+    for test in tree.model.tests:
         mounts: dict[Reference, MountAt] = {}
         components: dict[Reference, tuple[int, ...]] = {}
         lacking = False
@@ -324,7 +318,7 @@ def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge | Lin
                 mounts[reference] = MountAt(occurrence=mount.occurrence, mount=mount.mount)
         link = kinds()[test.kind].link
         if link is not None:
-            link(test, test.check, by_path, findings)
+            link(test, test.check, by_path, tree.findings)
         if not lacking:
             linked.append(LinkedTest(test=test, mounts=mounts, components=components))
     return tuple(linked)

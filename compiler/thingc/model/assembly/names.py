@@ -10,13 +10,13 @@ from thingc.base.source import Origin
 from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Connected, FileNames, JointEdge, LinkedTendon, Occurrence
-from thingc.model.resolve.types import NamedKind, NamedPose, NameInFiles, Reference
+from thingc.model.resolve.types import NamedKind, NameInFiles, Reference
 
 Named = dict[NamedKind, dict[str, tuple[str, Origin]]]
 """Names in output files and their locations in documents, by the kind and path of the element."""
 
 
-def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings: LinkReport) -> FileNames | None:
+def names_of(tree: Tree, robot: Connected) -> FileNames | None:
     """Return the names of elements in output files that documents specify.
 
     Return None if documents do not specify names. Duplicate names are reported.
@@ -39,7 +39,7 @@ def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings:
         "actuators": ((one.path, one.actuator.origin) for one in driven if one.actuator is not None),
         "equalities": (),  # MuJoCo reports duplicate names
         "sensors": ((sensor.path, sensor.origin) for sensor in robot.sensors),
-        "poses": ((pose.name, pose.origin) for pose in poses),
+        "poses": ((pose.name, pose.origin) for pose in tree.model.poses),
     }
     whole = named.get("joints", {})
     for kind, those in things.items():
@@ -48,7 +48,7 @@ def names_of(tree: Tree, robot: Connected, poses: Sequence[NamedPose], findings:
             given = {joint.path: whole[joint.name.joint.replace(".", "/")] for joint in joints if joint.path in whole} | given
             given = named.get("tendons", {}) | given
         if given:
-            _check(those, given, findings)
+            _check(those, given, tree.findings)
     by_kind = {kind: {path: name for path, (name, _) in those.items()} for kind, those in named.items()}
     return FileNames(**by_kind)
 

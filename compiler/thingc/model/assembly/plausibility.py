@@ -18,7 +18,7 @@ from thingc.base.source import Origin
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.plausibility_modes import check_modes, check_nested_simulation
 from thingc.model.assembly.plausibility_prints import check_processes
-from thingc.model.assembly.report import LinkReport, written_at
+from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Assembly, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.model.resolve.plausibility import (
     LARGEST,
@@ -99,35 +99,34 @@ BURDEN = 10.0
 _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 
-def check_plausible(tree: Tree, assembly: Assembly, findings: LinkReport) -> None:
+def check_plausible(tree: Tree, assembly: Assembly) -> None:
     """Warn of implausible values in the documents of an assembly. Call this function only if the documents have no errors."""
-    if findings.earlier:
+    if tree.findings.earlier:
         return
     occurrences, mates, links, modes = assembly.occurrences, assembly.mates, assembly.links, assembly.modes
-    edges = {joint.path: joint for mate in mates for joint in mate.joints}
+    edges, mass = {joint.path: joint for mate in mates for joint in mate.joints}, sum_of(link.properties.mass for link in links)
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
-            _check_limits(instance, joint, findings)
-            _check_drive(instance, joint, edges.get(instance.within(joint.path)), findings)
-    _check_materials(tree, occurrences, findings)
-    check_processes(tree, occurrences, findings)
-    _check_stated(occurrences, findings)
-    odd = _check_sizes(occurrences, findings)
-    if not odd and not findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
-        _check_mass(tree.top, sum_of(link.properties.mass for link in links), findings)
-    _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in assembly.exported if "/" not in mount.path}, findings)
-    _check_mounts(tree, mates, findings)
-    check_mirrored_pairs(assembly, findings)
-    if tree.top.assembly is not None:
-        check_nested_simulation(tree, tree.top.assembly, findings)
-        check_modes(tree.top.assembly, modes, assembly.adhesions, sum_of(link.properties.mass for link in links), findings)
+            _check_limits(instance, joint, tree.findings)
+            _check_drive(instance, joint, edges.get(instance.within(joint.path)), tree.findings)
+    _check_materials(tree, occurrences)
+    check_processes(tree, occurrences)
+    _check_stated(occurrences, tree.findings)
+    odd = _check_sizes(occurrences, tree.findings)
+    if not odd and not tree.findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
+        _check_mass(tree, mass)
+    _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in assembly.exported if "/" not in mount.path})
+    _check_mounts(tree, mates)
+    check_mirrored_pairs(assembly, tree.findings)
+    check_nested_simulation(tree)
+    check_modes(tree.model, modes, assembly.adhesions, mass, tree.findings)
     sizes = {one.index: dist(*one.box) for one in occurrences if one.box is not None}
-    if sizes and all(one.record is None or one.record.exact for one in occurrences):
+    if sizes and all(one.exact for one in occurrences):
         largest = max(sizes, key=lambda index: sizes[index])
-        _check_offsets(tree, occurrences[largest], sizes[largest], findings)
+        _check_offsets(tree, occurrences[largest], sizes[largest])
         reach = sum_of(maximum((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
-        _check_roots(modes, reach, findings)
-        _check_bare_masses(occurrences, links, findings)
+        _check_roots(modes, reach, tree.findings)
+        _check_bare_masses(occurrences, links, tree.findings)
 
 
 # --- parts -------------------------------------------------------------------------------------------------------------
@@ -137,7 +136,7 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
     """Warn of each part with an implausible size, at its first component. Return whether any part has an implausible size."""
     warned: set[str] = set()
     for one in occurrences:
-        if one.box is None or one.record is not None and not one.record.exact or one.definition.text in warned:
+        if one.box is None or not one.exact or one.definition.text in warned:
             continue
         low, high = one.box
         sides = [above - below for below, above in zip(low, high)]
@@ -146,8 +145,7 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
         bound = f"under {1000.0 * SMALLEST:g} mm" if maximum(sides) < SMALLEST else f"over {LARGEST:g} m"
         if findings.warn(
             Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: its bounding box is {measures(one.box)}",
-            one.origin, path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code) if one.record is not None else (),
-            help=unit_meant(one.component.definition, maximum(sides)), allow=True,
+            one.origin, path=one.path, notes=one.written, help=unit_meant(one.component.definition, maximum(sides)), allow=True,
         ):
             warned.add(one.definition.text)
     return bool(warned)
@@ -165,10 +163,8 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
             continue
         stated, what, help = doubt
         where = one.component.located(stated.origin, one.origin) if stated is not None else one.origin
-        notes = () if stated is not None or one.record is None else written_at(f"`{one.definition.label}`", one.record.code)
-        if where not in said and findings.warn(
-            Code.STATED, what, where, path=one.path, help=help, allow=True, notes=notes
-        ):
+        notes = () if stated is not None else one.written
+        if where not in said and findings.warn(Code.STATED, what, where, path=one.path, help=help, allow=True, notes=notes):
             said.add(where)
 
 
@@ -178,7 +174,7 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
     If a value is implausible, return the value (None if the Thing specifies it), the message and the help text. Otherwise, return None.
     """
     mass = one.properties.mass
-    if one.box is None or one.record is not None and not one.record.exact or mass <= 0.0:
+    if one.box is None or not one.exact or mass <= 0.0:
         return None
     (low, high), centre, inertia = one.box, one.properties.centre, one.properties.inertia
     size = dist(low, high)
@@ -195,7 +191,7 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
     return None
 
 
-def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
+def _check_materials(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
     """Warn of an implausible density of a material if no part computes its mass from this density.
 
     All other densities are checked together with the parts.
@@ -209,7 +205,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Li
         for material in definition.materials.values():
             doubt = density_doubt(material.density) if material.density is not None else None
             if doubt is not None and material.density_origin not in weighing:
-                findings.warn(
+                tree.findings.warn(
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin + instance.origin,
                     path=instance.within(material.name),
                     notes=noted(f"no part of `{definition.name}` uses this material for its mass", definition.origin),
@@ -217,15 +213,13 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Li
                 )
 
 
-def _check_mass(top: Instance, mass: float, findings: LinkReport) -> None:
+def _check_mass(tree: Tree, mass: float) -> None:
     """Warn of an implausible mass of the whole robot. A robot whose mass is 0 is not checked."""
-    definition = top.assembly
-    if definition is None or mass <= 0.0 or FEATHER <= mass <= ELEPHANT:
-        return
-    findings.warn(
-        Code.ROBOT_MASS, f"`{definition.name}` has a total mass of {mass_words(mass)}", definition.origin, path="name",
-        help="check units of densities, masses and files; `thingc info` lists the mass of each part", allow=True,
-    )
+    if mass > 0.0 and not FEATHER <= mass <= ELEPHANT:
+        tree.findings.warn(
+            Code.ROBOT_MASS, f"`{tree.model.name}` has a total mass of {mass_words(mass)}", tree.model.origin, path="name",
+            help="check units of densities, masses and files; `thingc info` lists the mass of each part", allow=True,
+        )
 
 
 # --- joints ------------------------------------------------------------------------------------------------------------
@@ -306,9 +300,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
 # --- actuators and mounts ----------------------------------------------------------------------------------------------
 
 
-def _check_actuators(
-    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], shown: Collection[int], findings: LinkReport,
-) -> None:
+def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], shown: Collection[int]) -> None:
     """Warn of parts with an unused actuator.
 
     Parts in `shown` are skipped: the top document exports their mounts, so a parent assembly may use the actuator. Parts on a joint with an
@@ -324,7 +316,7 @@ def _check_actuators(
             if named is not None and named.index is not None:
                 user, other = driving.setdefault(named.index, (path, drive))
                 if user.rpartition("/")[0] != instance.path and (drive.gear or other.gear):  # in one document, it is reported earlier
-                    findings.error(
+                    tree.findings.error(
                         Code.TRANSMISSION, f"actuator `{named.path}` is used twice: it drives `{user}` and `{path}`",
                         drive.origin + instance.origin, path=path, help="remove the actuator from one of the two",
                         notes=noted(f"`{user}` uses it, too", other.origin),
@@ -343,7 +335,7 @@ def _check_actuators(
         help = f"add `drive: {name}` to the joint that `{name}` moves"
         if still:
             help = f"if `{name}` moves joint `{still[0].path}`, add `drive: {name}` to the joint"
-        findings.warn(
+        tree.findings.warn(
             Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, but does not drive a joint", one.origin,
             path=one.path, help=help, allow=True, notes=[
                 note for edge in nearby
@@ -352,7 +344,7 @@ def _check_actuators(
         )
 
 
-def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> None:
+def _check_mounts(tree: Tree, mates: Sequence[Mate]) -> None:
     """Warn of an exported mount that has the name of another mount of the same component, unless a mate uses the other mount."""
     used = {(end, mount) for mate in mates for end, mount in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))}
     for instance, definition in tree.assemblies:
@@ -365,7 +357,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: LinkReport) -> No
             if (namesake.occurrence, namesake.pose) == (mount.occurrence, mount.pose):
                 continue
             meant = ".".join((*reference.path, name))
-            findings.warn(
+            tree.findings.warn(
                 Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, although `{meant}` also exists",
                 reference.origin + instance.origin, path=instance.within(name),
                 help=f"write `{name}: {meant}`, or rename the mount", allow=True,
@@ -389,13 +381,13 @@ class _Offset(FrozenStruct):
     mind: str = "unit (`mm`, `m`)"
 
 
-def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: LinkReport) -> None:
+def _check_offsets(tree: Tree, largest: Occurrence, size: float) -> None:
     """Warn of offsets and joint travels that are large in comparison with `size` [m], the diagonal of the largest part."""
     for instance, definition in tree.assemblies:
         for offset in _offsets(definition, FAR * size):
             times = abs(offset.length) / size
             if times > FAR:
-                findings.warn(
+                tree.findings.warn(
                     Code.FAR, f"{offset.words} {length_words(offset.length)}, {times_words(times)} times the size of the largest part "
                     f"(`{largest.path}`, {length_words(size, 3)} across)", offset.origin + instance.origin,
                     path=instance.within(offset.path), notes=offset.notes, help=f"check the {offset.mind}", allow=True,

@@ -20,15 +20,16 @@ GRAVITY = 9.81
 """Gravity [m/s^2] from which weights are computed, independent of the gravity of a mode."""
 
 
-def check_nested_simulation(tree: Tree, top: AssemblyDefinition, findings: LinkReport) -> None:
+def check_nested_simulation(tree: Tree) -> None:
     """Warn of simulation settings of nested documents that neither the top document nor its modes specify."""
+    top = tree.model
     stated = {*top.simulation, *(key for mode in top.modes for key in mode.simulation)}
     nested = {definition.document: (definition, instance) for instance, definition in tree.assemblies if instance is not tree.top}
     for definition, instance in nested.values():
         unused = {key: f"{value} s" if key == "timestep" else value for key, value in definition.simulation.items() if key not in stated}
         if unused:
             said = ", ".join(f"{key}: {value}" for key, value in unused.items())
-            findings.warn(
+            tree.findings.warn(
                 Code.NESTED_SIMULATION,
                 f"`simulation: {{{said}}}` of the nested document `{definition.name}` is not used, and `{top.name}` does not set it",
                 (definition.step_origin or definition.origin) + instance.origin, path=instance.path,

@@ -37,7 +37,7 @@ class _Doubt(FrozenStruct):
     help: str
 
 
-def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
+def check_processes(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
     """Warn of suspicious values in processes of components, of their materials, and of materials that no component uses."""
     doubts_of: dict[int, Sequence[_Doubt]] = {}
 
@@ -53,18 +53,18 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: Lin
         if under is not None and material is not None:
             used.add(material.process_origin)
             for doubt in doubts(under):
-                _warn(doubt, under, (), one.path, noted(f"`{one.component.name}` is made of this material", one.origin), findings)
+                _warn(doubt, under, (), one.path, noted(f"`{one.component.name}` is made of this material", one.origin), tree.findings)
         if own is not None:
             for doubt in _doubts(merged(own, under) or own, own.origins):
                 notes = noted(f"`{one.component.name}` is printed with this process", one.component.origin)
                 beside = own.origins[doubt.key][0].line == one.component.origin[0].line
-                _warn(doubt, own, one.component.located((), one.origin), one.path, () if beside else notes, findings)
+                _warn(doubt, own, one.component.located((), one.origin), one.path, () if beside else notes, tree.findings)
     for instance, definition in tree.assemblies:
         for material in definition.materials.values():
             if material.process is not None and material.process_origin not in used:
                 notes = noted(f"no part of `{definition.name}` is made of this material", definition.origin)
                 for doubt in doubts(material.process):
-                    _warn(doubt, material.process, instance.origin, instance.within(material.name), notes, findings)
+                    _warn(doubt, material.process, instance.origin, instance.within(material.name), notes, tree.findings)
 
 
 def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, notes: Sequence[Note], findings: LinkReport) -> None:

@@ -17,18 +17,18 @@ from thingc.model.assembly.types import LinkedMount, LinkedTendon, Occurrence, T
 from thingc.model.resolve.types import PathStep, TendonLength, Wrap
 
 
-def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tuple[LinkedTendon, ...]:
+def tendons_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedTendon, ...]:
     """Return the tendons of all documents. References to mounts and joints are resolved. Invalid tendons are reported and omitted."""
     tendons: list[LinkedTendon] = []
     for instance, definition in tree.assemblies:
         for one in definition.tendons:
             steps = [_step(tree, instance, step) for step in one.path]
             whole = tuple(step for step in steps if step is not None)
-            if len(whole) < len(steps) or not all(_beside(step, link_of, findings) for step in whole):
+            if len(whole) < len(steps) or not all(_beside(step, link_of, tree.findings) for step in whole):
                 continue
             limit, dynamics, gear = one.limit, one.dynamics, None if one.drive is None else one.drive.gear
             owner = f"tendon `{one.name}`" if gear is None else f"transmission `{gear.name}`"
-            drive = None if one.drive is None else filled(tree, instance, owner, one.name, one.drive, findings, turns=one.turns)
+            drive = None if one.drive is None else filled(tree, instance, owner, one.name, one.drive, turns=one.turns)
             if drive is not None and gear is not None:
                 limit = replace(limit, effort=drive.effort, velocity=drive.velocity)
                 dynamics = replace(dynamics, armature=drive.armature)
@@ -36,7 +36,7 @@ def tendons_of(tree: Tree, link_of: Sequence[int], findings: LinkReport) -> tupl
             tendons.append(LinkedTendon(
                 **fields, path=instance.within(one.name), moves={instance.within(name.path): factor for name, factor in one.moves},
                 steps=whole,
-                actuator=None if drive is None else actuator_of(instance, owner, drive, limit, findings, turns=one.turns),
+                actuator=None if drive is None else actuator_of(instance, owner, drive, limit, tree.findings, turns=one.turns),
             ))
     return tuple(tendons)
 

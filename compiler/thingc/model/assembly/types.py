@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 
 from msgspec.structs import asdict, replace
 
+from thingc.base.diagnostics import Note
 from thingc.base.export_names import JointPath, LinkPath, SensorPath, SitePath, TendonPath
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties, total
@@ -18,6 +19,7 @@ from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin
 from thingc.geometry.record import DriveType, Mesh, MountRecord, PartRecord
 from thingc.model.assembly.hag import Definition, Hag, hag_of
+from thingc.model.assembly.report import written_at
 from thingc.model.resolve import types as resolved
 from thingc.model.resolve.coordinates import Coordinate
 
@@ -77,6 +79,16 @@ class PartInstance(OneLineRepr, FrozenStruct):
     listed: Listed | None = None
     contacts: dict[str, tuple[Surface, ...]] = {}
     sound: bool = True
+
+    @property
+    def exact(self) -> bool:
+        """Whether the properties of the component are known exactly (see `PartRecord.exact`)."""
+        return self.record is None or self.record.exact
+
+    @property
+    def written(self) -> tuple[Note, ...]:
+        """A note with the location of the part class, if it is known."""
+        return written_at(f"`{self.definition.label}`", self.record.code) if self.record is not None else ()
 
 
 class Unit(OneLineRepr, FrozenStruct):

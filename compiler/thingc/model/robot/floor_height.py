@@ -52,7 +52,7 @@ def _stood(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertices | N
     by_name = {pose.name: pose for pose in assembly.poses}
     start = _height(assembly, mode, by_name.get(mode.pose or ""), mesh_vertices, memo)
     if start is None:
-        if all(one.record is None or one.record.exact for one in assembly.occurrences):
+        if all(one.exact for one in assembly.occurrences):
             report.add(
                 Code.NOTHING_TOUCHES, f"mode `{mode.name}` is `on: floor`, but no part of `{assembly.name}` can touch the floor",
                 mode.origin, path=mode.name, help="set `collision` of a part to a value other than `none`, or write `at: {xyz: ...}`",

@@ -216,7 +216,7 @@ def _seen(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence
     """Yield the visible parts of a link, each with its bounding box and its pose in the world."""
     for member, inner in zip(link.members, link.poses, strict=True):
         part = assembly.occurrences[member]
-        if part.box is not None and part.drawn and (part.record is None or part.record.exact):
+        if part.box is not None and part.drawn and part.exact:
             yield part, part.box, at @ inner
 
 

@@ -33,7 +33,7 @@ def take_snapshot(compilation: Compilation) -> Snapshot:
     reader = _Reader(assembly, DocumentTrees(documents))
     reader.assembly_at("", assembly.definition)
     reader.top()
-    whole = all(occurrence.record is None or occurrence.record.exact for occurrence in assembly.occurrences)
+    whole = all(occurrence.exact for occurrence in assembly.occurrences)
     return Snapshot(
         name=assembly.name, nodes=tuple(reader.nodes), edges=tuple(edges_of(assembly)),
         things={(thing.what, thing.path): thing for thing in reader.things},
