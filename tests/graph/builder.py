@@ -30,6 +30,7 @@ from thingc.geometry.record import (
 )
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition
+from thingc.model.assembly.kinematics import coordinates, forward_kinematics, joints_of, neighbourhood
 from thingc.model.assembly.linking import link
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit, Mimic
@@ -453,6 +454,17 @@ def linked(model: AssemblyDefinition, *records: PartRecord, but: Collection[Code
     assert [d.message for d in report.diagnostics if d.code not in but] == []
     assert found is not None
     return found
+
+
+def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> tuple[Pose, ...]:
+    """Return the poses of all occurrences in document order, given the pose `base` of the assembly's base occurrence.
+
+    `q` maps joint paths to positions [rad or m]. Positions of joints that are not in `q` are computed from mimics, or are 0.
+    """
+    full = coordinates(joints_of(assembly), q)
+    count = len(assembly.occurrences)
+    at = forward_kinematics(assembly.mates, neighbourhood(count, assembly.mates), assembly.base, base, full)
+    return tuple(at[index] for index in range(count))
 
 
 def faults(model: AssemblyDefinition, *records: PartRecord | PartFailure) -> Report:

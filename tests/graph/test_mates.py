@@ -24,6 +24,7 @@ from graph.builder import (
     mated,
     mimic,
     mode,
+    poses,
     rx,
     ry,
     rz,
@@ -32,7 +33,7 @@ from graph.builder import (
     whole,
 )
 from thingc.base.joints.twist import Twist
-from thingc.model.assembly.kinematics import coordinates, joints_of, poses
+from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Assembly
 
 SEAT = t(0.05, 0.01, 0.02) @ ry(0.7)

@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from graph.builder import rz, t
+from graph.builder import poses, rz, t
 from loops.robots import Array, Built, compiled
 from modes.switching_robots import assert_said, mass_matrix
-from thingc.model.assembly.kinematics import joints_of, poses
+from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly
 from thingc.modes import Modes
 

@@ -33,6 +33,7 @@ from graph.builder import (
     linked,
     mated,
     mode,
+    poses,
     ref,
     rx,
     ry,
@@ -43,7 +44,6 @@ from graph.builder import (
 from thingc.base.diagnostics import Code, Report
 from thingc.base.joints.kinds import KINDS
 from thingc.base.pose import NO_POSE
-from thingc.model.assembly.kinematics import poses
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.kinematics import mass_properties, occurrence_poses
 from thingc.model.robot.spanning_tree import root

@@ -7,7 +7,7 @@ from itertools import groupby
 
 from thingc.base.joints.twist import moved, within_turn
 from thingc.base.numeric import hypot
-from thingc.base.pose import NO_POSE, Pose
+from thingc.base.pose import Pose
 from thingc.model.assembly.types import Assembly, JointEdge, Mate
 
 
@@ -172,14 +172,3 @@ def forward_kinematics(
             at[there] = at[here] @ (step if mate.parent == here else step.inverse())
             waiting.append(there)
     return at
-
-
-def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> tuple[Pose, ...]:
-    """Return the poses of all occurrences in document order, given the pose `base` of the assembly's base occurrence.
-
-    `q` maps joint paths to positions [rad or m]. Positions of joints that are not in `q` are computed from mimics, or are 0.
-    """
-    full = coordinates(joints_of(assembly), q)
-    count = len(assembly.occurrences)
-    at = forward_kinematics(assembly.mates, neighbourhood(count, assembly.mates), assembly.base, base, full)
-    return tuple(at[index] for index in range(count))

@@ -38,6 +38,13 @@ def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[T
         yield body.joints[number], twist
 
 
+def with_ancestors(bodies: Sequence[Body], index: int | None) -> Iterator[int]:
+    """Yield the index of a body and the indices of its ancestors in the tree, with the root last. For the world (None), yield nothing."""
+    while index is not None:
+        yield index
+        index = bodies[index].parent
+
+
 def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
     """Compute the poses of all bodies in the world, in the order of `robot.bodies`.
 
@@ -108,11 +115,8 @@ def rates(robot: Robot, tendon: LinkedTendon, q: Mapping[str, float], bodies: Se
         away: Vector = tuple(b - a for a, b in zip(*span.points, strict=True))  # type: ignore[assignment]
         far = numeric.sqrt(dot(away, away))
         for mount, point, sign in zip(span.ends, span.points, (-1.0, 1.0), strict=True):
-            index: int | None = body_of[mount.path] if far > 0.0 else None
-            while index is not None:
-                body = robot.bodies[index]
-                for joint, twist in in_world(body, bodies[index], q):
+            for index in with_ancestors(robot.bodies, body_of[mount.path] if far > 0.0 else None):
+                for joint, twist in in_world(robot.bodies[index], bodies[index], q):
                     rate = sign * dot(away, twist.velocity(point)[0]) / (far * span.divisor)
                     changes[joint.path] = changes.get(joint.path, 0.0) + rate
-                index = body.parent
     return changes

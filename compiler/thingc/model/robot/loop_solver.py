@@ -23,7 +23,7 @@ from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turn_of, turned_about
 from thingc.model.assembly.kinematics import balls, bent, coordinates, in_cones, leaders
 from thingc.model.assembly.types import JointEdge
-from thingc.model.robot.kinematics import carried, in_world
+from thingc.model.robot.kinematics import carried, in_world, with_ancestors
 from thingc.model.robot.least_squares import solve
 from thingc.model.robot.types import Body, Closure
 
@@ -118,7 +118,7 @@ class Loops:
         self.joints = {joint.path: joint for joint in joints}
         self.base = base
         self._balls = tuple(balls(joints))
-        self._ends = [(self._above(c.parent), self._above(c.child)) for c in closures]
+        self._ends = [(tuple(with_ancestors(bodies, c.parent)), tuple(with_ancestors(bodies, c.child))) for c in closures]
         self._needed = sorted({body for pair in self._ends for chain in pair for body in chain})
         self.length = self._extent()
         self.coordinates = _coordinates(self.joints, self.length)
@@ -154,17 +154,6 @@ class Loops:
         bodies = [body if k in self._needed else replace(body, X_PL=NO_POSE, joints=()) for k, body in enumerate(self.bodies)]
         free = {path: replace(joint, limit=replace(joint.limit, lower=None, upper=None)) for path, joint in self.joints.items()}
         return Loops(bodies, self.closures, [free[path] if path in outside else one for path, one in self.joints.items()], self.base)
-
-    def _above(self, body: int | None) -> tuple[int, ...]:
-        """Return the index of a body and the indices of all its ancestors in the tree, with the root last.
-
-        If `body` is None, which means the world, return an empty tuple.
-        """
-        chain: list[int] = []
-        while body is not None:
-            chain.append(body)
-            body = self.bodies[body].parent
-        return tuple(chain)
 
     def _extent(self) -> float:
         """Return the size [m] of the robot, which scales translations in the solver.

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import dist
 from typing import Literal
 
 import numpy as np
@@ -21,11 +22,11 @@ from thingc.base.joints.twist import Twist
 from thingc.base.numeric import hypot, inf, sum_of
 from thingc.base.pose import Pose, Vector
 from thingc.base.primitives import Primitive
-from thingc.model.assembly.kinematics import coordinates, joints_of
+from thingc.model.assembly.kinematics import coordinates, joints_of, leaders
 from thingc.model.assembly.types import Occurrence
 from thingc.model.resolve.coordinates import Mimic
 from thingc.model.resolve.types import JointRange
-from thingc.model.robot.kinematics import in_world, placed_bodies
+from thingc.model.robot.kinematics import in_world, placed_bodies, with_ancestors
 from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Keyframe, Robot
@@ -229,7 +230,7 @@ class Place:
         """
         a, b = pair.bodies
         relative = self.relative(pair)
-        if _distance(a.middle, relative.apply(b.middle)) - a.radius - b.radius >= within:
+        if dist(a.middle, relative.apply(b.middle)) - a.radius - b.radius >= within:
             return within
         low, high = relative.around(b.box)
         between = [max(low[k] - a.box[1][k], a.box[0][k] - high[k], 0.0) for k in range(3)]
@@ -320,27 +321,15 @@ class Sweep:
         driven = {one.joint for one in ranges}
         self._inside = inside if inside & driven else frozenset()
         self._movable = self._inside - driven
-        self._leads = {path: self._leader(path) for path in self._joints}
+        self._leads = {path: leader for path, (leader, _, _) in leaders(self._joints.values(), frame.q).items()}
         self._between: dict[tuple[int, int], tuple[list[int], list[int]]] = {}
-
-    def _leader(self, path: str) -> str:
-        met = {path}
-        while (mimic := self._joints[path].mimic) is not None and mimic.joint.path in self._joints and mimic.joint.path not in met:
-            path = mimic.joint.path
-            met.add(path)
-        return path
 
     def between(self, one: int, other: int) -> tuple[list[int], list[int]]:
         """Return the bodies from each of two parts up to, but not including, the first body that carries both."""
         ends = self.body_of[one], self.body_of[other]
         if ends not in self._between:
-            chains: list[list[int]] = [[], []]
-            for chain, end in zip(chains, ends, strict=True):
-                body: int | None = end
-                while body is not None:
-                    chain.append(body)
-                    body = self.robot.bodies[body].parent
-            self._between[ends] = ([b for b in chains[0] if b not in chains[1]], [b for b in chains[1] if b not in chains[0]])
+            up, down = (list(with_ancestors(self.robot.bodies, end)) for end in ends)
+            self._between[ends] = ([body for body in up if body not in down], [body for body in down if body not in up])
         return self._between[ends]
 
     def moving(self, one: int, other: int) -> tuple[frozenset[int], bool]:
@@ -397,10 +386,6 @@ def _steepest(mimic: Mimic, most: float) -> float:
 
 def _inside(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> bool:
     return all(a < b and c > d for a, b, c, d in zip(outer[0], inner[0], outer[1], inner[1], strict=True))
-
-
-def _distance(a: Vector, b: Vector) -> float:
-    return hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 def prove(sweep: Sweep, pairs: Collection[ComparedPair]) -> None:

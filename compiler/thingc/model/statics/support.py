@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
 from thingc.base.pose import Pose, Vector, cross
-from thingc.model.robot.kinematics import in_world
+from thingc.model.robot.kinematics import in_world, with_ancestors
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 
@@ -73,13 +73,12 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
     for foot in robot.mode.feet:
         choice = foot.mount
         mount = assembly.occurrences[choice.occurrence].mounts[choice.mount]
-        body: int | None = body_of[assembly.link_of[choice.occurrence]]
-        point = bodies[body or 0].apply((placed[choice.occurrence] @ mount.pose).translation)
-        moves: dict[str, Vector] = {}
-        while body is not None:
-            for joint, twist in in_world(robot.bodies[body], bodies[body], q):
-                moves[joint.path] = twist.velocity(point)[0]
-            body = robot.bodies[body].parent
+        own = body_of[assembly.link_of[choice.occurrence]]
+        point = bodies[own].apply((placed[choice.occurrence] @ mount.pose).translation)
+        moves = {
+            joint.path: twist.velocity(point)[0] for body in with_ancestors(robot.bodies, own)
+            for joint, twist in in_world(robot.bodies[body], bodies[body], q)
+        }
         pull = pulls.get((choice.occurrence, choice.mount), 0.0)
         footings.append(FootContact(choice.path, point, moves, foot.friction, pull))
     return footings
