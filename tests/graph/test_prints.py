@@ -25,7 +25,7 @@ from graph.builder import (
 )
 from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import PartRecord, PartSchema
-from thingc.model.assembly.print_settings import likely_slicings, slicings_of
+from thingc.model.assembly.mass import likely_slicings, slicings_of
 from thingc.model.assembly.types import Occurrence
 
 SIZE = (0.1, 0.06, 0.04)

@@ -295,7 +295,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     """
     from thingc.geometry.meshes.cache import mesh_records
     from thingc.model.assembly.linking import link
-    from thingc.model.assembly.print_settings import likely_slicings, slicings_of
+    from thingc.model.assembly.mass import likely_slicings, slicings_of
     from thingc.model.assembly.shape_links import listed_meshes, with_pieces
     from thingc.model.assembly.symmetric_parts import with_own_images
     from thingc.model.resolve.nested_assemblies import decomposed, part_definitions

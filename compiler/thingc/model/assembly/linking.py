@@ -15,12 +15,11 @@ from thingc.base.pose import NO_POSE, Pose
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.model.assembly.inertia_checks import check_links, check_stated
 from thingc.model.assembly.instance_tree import Instance, Tree
-from thingc.model.assembly.interfaces import check_declared, check_interfaces, check_screws
+from thingc.model.assembly.interfaces import check_declared, check_expectations, check_interfaces, check_screws
 from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood, on_loops
 from thingc.model.assembly.links import connected_components, links_between, links_of
 from thingc.model.assembly.mates import check_loops, loops_in, mates_of, stated_joints
 from thingc.model.assembly.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of, tests_of
-from thingc.model.assembly.mount_expectations import check_expectations
 from thingc.model.assembly.names import names_of
 from thingc.model.assembly.part_instances import PartInstances
 from thingc.model.assembly.plausibility import check_plausible

@@ -1,10 +1,13 @@
 """Compute the mass, the centre of mass and the inertia of one component.
 
 The first available source is used: overrides of the component, the methods `mass()` and `matrix_of_inertia()` of the Thing, or density
-times volume. For a part with infill, the printed volume is estimated.
+times volume. For a part with infill, the printed volume is estimated from its print settings, which are part of the requests to the
+geometry service.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
@@ -12,9 +15,10 @@ from thingc.base import numeric
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, MassProperties
 from thingc.base.pose import Matrix, Vector
-from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, SliceResult, Slicing
-from thingc.geometry.record import PartRecord
-from thingc.model.resolve.types import Overrides, Process
+from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, LikelySlicing, SliceResult, Slicing
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.model.resolve.nested_assemblies import assemblies_of
+from thingc.model.resolve.types import AssemblyDefinition, Component, Material, Overrides, Process
 
 NOTHING = MassProperties(mass=0.0)
 
@@ -203,3 +207,53 @@ def _natural(matter: MassProperties, density: Density | None, estimate: str | No
         properties=matter.with_mass(density.value * matter.mass),
         source="estimated" if density.estimated or estimate is not None else "derived",
     )
+
+
+def material_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> Material | None:
+    """Return the material of a component: the material in the document or, if `scope` contains it, the default of the part class."""
+    if component.material is not None or record is None or record.material is None:
+        return component.material
+    return scope.materials.get(record.material)
+
+
+def process_of(component: Component, material: Material | None) -> Process | None:
+    """Return the manufacturing process of a component. Settings of the component take precedence over settings of its material."""
+    return merged(component.overrides.process, material.process if material is not None else None)
+
+
+def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:
+    """Return the slicing settings of all printed parts of a model, keyed by the text of the part's definition.
+
+    If components print the same part differently, the result contains several settings for the part.
+    """
+    slicings: dict[str, set[Slicing]] = {}
+    for definition, component, scope in _parts(model):
+        record = records.get(definition.text)
+        if not isinstance(record, PartRecord):
+            continue
+        process = process_of(component, material_of(component, record, scope))
+        slicing = slicing_of(process, component.overrides, record)
+        if slicing is not None:
+            slicings.setdefault(definition.text, set()).add(slicing)
+    return slicings
+
+
+def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema | PartFailure]) -> dict[str, set[LikelySlicing]]:
+    """Predict the slicing settings of parts before the parts are built. The materials are predicted from the part classes."""
+    likely: dict[str, set[LikelySlicing]] = {}
+    for definition, component, scope in _parts(model):
+        schema, material, up = schemas.get(definition.reference), component.material, component.overrides.up
+        if material is None and isinstance(schema, PartSchema):
+            material = scope.materials.get(schema.material or "")
+        slicing = layers_of(process_of(component, material), up)
+        if slicing is not None:
+            likely.setdefault(definition.text, set()).add((slicing, up is None))
+    return likely
+
+
+def _parts(model: AssemblyDefinition) -> Iterator[tuple[PartDefinition, Component, AssemblyDefinition]]:
+    """Yield the distinct parts of each assembly, with their components."""
+    for scope in assemblies_of(model):
+        for component in scope.components:
+            if isinstance(component.definition, PartDefinition):
+                yield component.definition, component, scope

@@ -1,4 +1,4 @@
-"""Resolve the references in modes, poses, tests, exported mounts and raw attributes of the top document."""
+"""Resolve the references in modes, their contacts, poses, tests, exported mounts and raw attributes of the top document."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from thingc.base.diagnostics import Code, noted
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot, isfinite, maximum
 from thingc.base.sensor_kinds import Measurement
+from thingc.base.source import Origin
 from thingc.base.suggestions import did_you_mean
 from thingc.documents.checks import kinds
-from thingc.model.assembly.contacts import groups_of, pairs_of
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import balls, coordinates
 from thingc.model.assembly.report import LinkReport
@@ -31,7 +31,7 @@ from thingc.model.assembly.types import (
     Occurrence,
 )
 from thingc.model.resolve.raw_protected import NAMING
-from thingc.model.resolve.types import Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference
+from thingc.model.resolve.types import ContactGroup, ContactPair, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference
 
 _ROUNDING = 1e-9
 """Relative tolerance for joint positions at the limits of joints. The tolerance is needed because positions and limits can be results of
@@ -82,7 +82,7 @@ def _mode(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Se
         return None
     return LinkedMode(
         **tree.top.fields_of(mode, ModeSettings), root=root, exclude=tuple(pairs), adhesion=adhesion,
-        pairs=pairs_of(tree, mode, occurrences, link_of), groups=groups_of(tree, mode),
+        pairs=_pairs(tree, mode, occurrences, link_of), groups=_groups(tree, mode),
         holds=tuple(_holds(tree, mode)), feet=tuple(_feet(tree, mode)),
     )
 
@@ -334,3 +334,56 @@ def _references(stated: object) -> Iterator[Reference]:
     elif isinstance(stated, FrozenStruct):
         for name in stated.__struct_fields__:
             yield from _references(getattr(stated, name))
+
+
+def _pairs(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int]) -> tuple[ContactPair[int], ...]:
+    """Return the pairs of occurrences that always collide in a mode. A nested assembly represents all of its occurrences.
+
+    A pair of one link, a pair without collision shapes, and a pair that is listed twice are reported and omitted.
+    """
+    found: dict[frozenset[int], ContactPair[int]] = {}
+    twice: set[Origin] = set()
+    for pair in mode.pairs:
+        sides = [tree.members(tree.top, reference) or () for reference in (pair.one, pair.other)]
+        apart = [(a, b) for a in sides[0] for b in sides[1] if link_of[a] != link_of[b]]
+        for side, reference in zip(sides, (pair.one, pair.other), strict=True):
+            if side and not any(occurrences[one].has_contacts for one in side):
+                tree.findings.error(
+                    Code.CONTACTS, f"`{reference.text}` is in a contact pair, but has no collision shapes", pair.origin,
+                    help="set `collision` of the component, or remove the pair",
+                )
+        if all(sides) and not apart:
+            tree.findings.error(
+                Code.CONTACTS, f"`{pair.one.text}` and `{pair.other.text}` are rigidly connected, so they cannot collide", pair.origin,
+                help="name two components of different links",
+            )
+        for a, b in apart:
+            if not (occurrences[a].has_contacts and occurrences[b].has_contacts):
+                continue
+            linked = ContactPair(one=a, other=b, friction=pair.friction, margin=pair.margin, gap=pair.gap, origin=pair.origin)
+            other = found.setdefault(frozenset((a, b)), linked)
+            if other is not linked and pair.origin not in twice:
+                twice.add(pair.origin)
+                names = " and ".join(f"`{occurrences[index].path.replace('/', '.')}`" for index in (a, b))
+                tree.findings.error(
+                    Code.CONTACTS, f"the contact pair of {names} is listed twice", pair.origin, help="remove one of the two entries",
+                    notes=noted("the other entry is here", other.origin),
+                )
+    return tuple(found.values())
+
+
+def _groups(tree: Tree, mode: Mode) -> tuple[ContactGroup[int], ...]:
+    """Return the contact groups of a mode with their occurrences. An occurrence in two groups is reported."""
+    owners: dict[int, str] = {}
+    made: list[ContactGroup[int]] = []
+    for group in mode.groups:
+        members = {member: reference for reference in group.members for member in tree.members(tree.top, reference) or ()}
+        for member, reference in members.items():
+            if (owner := owners.setdefault(member, group.name)) != group.name:
+                name = tree.occurrences[member].path.replace("/", ".")
+                tree.findings.error(
+                    Code.CONTACTS, f"`{name}` is in two contact groups, `{owner}` and `{group.name}`", reference.origin,
+                    help="remove the component from one of the two groups",
+                )
+        made.append(ContactGroup(name=group.name, members=tuple(members), collides=group.collides))
+    return tuple(made)

@@ -21,11 +21,12 @@ from thingc.model.assembly.mass import (
     component_mass,
     estimate_of,
     layers_too_high,
+    material_of,
     missing_keys,
+    process_of,
     slicing_of,
     unsaid_keys,
 )
-from thingc.model.assembly.print_settings import material_of, process_of
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.shape_links import Meshes, MissingDensity, listed, warn_far, weigh_shapes
 from thingc.model.assembly.types import PartInstance

@@ -10,15 +10,15 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code
 from thingc.base.joints.kinds import coordinates_of
 from thingc.base.source import Path
+from thingc.base.suggestions import did_you_mean
 from thingc.documents.expressions.evaluation import ExpressionValue, words_of
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS, Expression
-from thingc.documents.spec.assembly import AssemblySpec
+from thingc.documents.spec.assembly import AssemblySpec, DetailSpec
 from thingc.geometry.record import definition_label, definition_text
 from thingc.model.resolve import choices as chosen
 from thingc.model.resolve import references
 from thingc.model.resolve.bom import catalog
 from thingc.model.resolve.components import components, nodes
-from thingc.model.resolve.details import omitted
 from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
 from thingc.model.resolve.joints import joints
 from thingc.model.resolve.materials import in_scope, unreadable
@@ -26,6 +26,7 @@ from thingc.model.resolve.mimics import mimics
 from thingc.model.resolve.modes import modes, simulation, step_origin
 from thingc.model.resolve.motions import motions
 from thingc.model.resolve.names import names
+from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.nested_modes import place_in_modes
 from thingc.model.resolve.parameters import canonical, check_bounds, declared, worked_out
 from thingc.model.resolve.placement import Places, check, own_placements
@@ -129,7 +130,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
         motions(context, table, scope)
     made = components(context, table, placements, unreadable=table.materials_unreadable)
     model = _definition(context, table, made, links, top)
-    table.definition = replace(model, omitted=omitted(scope, spec.detail, model)) if top and spec.detail is not None else model
+    table.definition = replace(model, omitted=_omitted(scope, spec.detail, model)) if top and spec.detail is not None else model
 
 
 def _definition(
@@ -187,3 +188,18 @@ def _links(table: DocumentScope, scope: Scope) -> Iterator[LinkName]:
         component = references.component(table, scope, text, path)
         if component is not None:
             yield LinkName(name=name, component=component[0], origin=scope.origin(path, key=True))
+
+
+def _omitted(scope: Scope, detail: DetailSpec, model: AssemblyDefinition) -> dict[str, frozenset[str]]:
+    """Return the levels of detail that each simulation target omits.
+
+    An error is reported for a level to which no component belongs, in this document or in a nested document.
+    """
+    known = {level for one in assemblies_of(model) for component in one.components for level in component.detail}
+    stated = {key: value for key, value in detail if value is not None}
+    for key, levels in stated.items():
+        for name in (one for one in levels if one not in known):
+            help = did_you_mean(name, known, what="levels") if known else f"write `detail: [{name}]` in a component"
+            scope.error(Code.UNKNOWN_CHOICE, f"no component has the level of detail `{name}`", ("detail", key), help=help)
+    common = stated.pop("sim", ())
+    return {target: frozenset(stated.get(target, common)) for target in type(detail).model_fields if target != "sim"}

@@ -1,20 +1,21 @@
-"""Resolve the values of a document that override properties of a part, such as mass, material or collision shape."""
+"""Resolve the values of a document that override properties of a part, such as mass, material or collision shape, and added mounts."""
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Callable
+from typing import Any, Literal
 
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT
+from thingc.base.interfaces import Bolts, Bore, Boss, Connector, MatingFeature, Shank
 from thingc.base.pose import NO_POSE
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import INERTIA, LENGTH, MASS
+from thingc.base.units import ANGLE, INERTIA, LENGTH, MASS
 from thingc.documents.spec.interfaces import InterfaceSpec
 from thingc.documents.spec.link_shapes import ChoiceSpec, CollisionSpec, DecomposeSpec
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaSpec, MassSpec
 from thingc.model.resolve.document_scope import ComponentScope
-from thingc.model.resolve.interfaces import features_of
 from thingc.model.resolve.materials import process
 from thingc.model.resolve.references import ORIGIN
 from thingc.model.resolve.repeats import check_names
@@ -22,6 +23,11 @@ from thingc.model.resolve.scope import DefaultLayers, LayeredValue, Scope
 from thingc.model.resolve.types import CollisionChoice, ExtraMount, Material, Overrides, StatedValue
 
 NONE_SAID = Overrides()
+
+_FEATURES: dict[str, Callable[..., MatingFeature]] = {"bolts": Bolts, "bore": Bore, "boss": Boss, "shank": Shank}
+"""The classes of mating features, by key of an interface."""
+_SIGNED = ("at", "clearance", "start")
+"""Values of mating features that may be negative."""
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
@@ -159,6 +165,33 @@ def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:
         said = spec.interface if isinstance(spec.interface, InterfaceSpec) else InterfaceSpec(name=spec.interface)
         mounts[name] = ExtraMount(
             pose=pose or NO_POSE, interface=said.name, origin=scope.origin(at, key=True),
-            features=features_of(scope, said, (*at, "interface")),
+            features=_features(scope, said, (*at, "interface")),
         )
     return mounts
+
+
+def _features(scope: Scope, spec: InterfaceSpec, path: Path) -> tuple[MatingFeature, ...]:
+    """Return the mating features of the interface at `path`. Invalid features are reported and omitted."""
+    features: list[MatingFeature] = [Connector(spec.connector, spec.side, spec.counterpart)] if spec.connector is not None else []
+    for key, create in _FEATURES.items():
+        said = getattr(spec, key)
+        values = {name: _feature_value(scope, name, one, (*path, key, name)) for name, one in said or () if one is not None}
+        if said is not None and None not in values.values():
+            try:
+                features.append(create(**values))
+            except ValueError as error:
+                scope.error(Code.OUT_OF_RANGE, str(error), (*path, key))
+    return tuple(features)
+
+
+def _feature_value(scope: Scope, name: str, raw: Any, path: Path) -> Any:
+    """Return a value of a feature in SI units. An invalid value is reported, and None is returned."""
+    if isinstance(raw, list):
+        values = tuple(_feature_value(scope, name, one, (*path, index)) for index, one in enumerate(raw))
+        return None if None in values else values
+    if name == "thread":
+        return raw
+    if name == "count":
+        return scope.count(raw, path, "`count`", least=1)
+    above = None if name in _SIGNED else 0.0
+    return scope.number(raw, path, ANGLE if name == "start" else LENGTH, f"`{name}`", above=above)

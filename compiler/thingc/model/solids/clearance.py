@@ -12,7 +12,6 @@ from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import dist
 from typing import Literal
 
 import numpy as np
@@ -230,7 +229,7 @@ class Place:
         """
         a, b = pair.bodies
         relative = self.relative(pair)
-        if dist(a.middle, relative.apply(b.middle)) - a.radius - b.radius >= within:
+        if _distance(a.middle, relative.apply(b.middle)) - a.radius - b.radius >= within:
             return within
         low, high = relative.around(b.box)
         between = [max(low[k] - a.box[1][k], a.box[0][k] - high[k], 0.0) for k in range(3)]
@@ -386,6 +385,10 @@ def _steepest(mimic: Mimic, most: float) -> float:
 
 def _inside(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> bool:
     return all(a < b and c > d for a, b, c, d in zip(outer[0], inner[0], outer[1], inner[1], strict=True))
+
+
+def _distance(a: Vector, b: Vector) -> float:
+    return hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 def prove(sweep: Sweep, pairs: Collection[ComparedPair]) -> None:

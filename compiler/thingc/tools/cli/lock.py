@@ -24,7 +24,7 @@ from thingc.geometry.lock.writer import differences, lock_text, locked
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import PartDefinition, PartFailure
 from thingc.geometry.service import GeometryService
-from thingc.model.assembly.print_settings import slicings_of
+from thingc.model.assembly.mass import slicings_of
 from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, resolve
 from thingc.tools.cli import console

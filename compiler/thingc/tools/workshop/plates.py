@@ -20,7 +20,7 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.pose import Vector
 from thingc.geometry.record import PartDefinition
 from thingc.geometry.store.local import Store
-from thingc.model.assembly.print_settings import process_of
+from thingc.model.assembly.mass import process_of
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.resolve.types import Process
 from thingc.targets import Artifacts, EmitRequest, Loss

@@ -19,7 +19,7 @@ from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.stack import KIND, StackCheck, StackCode
 from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.model.assembly.kinematics import neighbourhood, on_loops
-from thingc.model.assembly.print_settings import process_of
+from thingc.model.assembly.mass import process_of
 from thingc.model.assembly.types import Assembly, Mate, MountAt
 from thingc.model.robot.kinematics import body_poses, in_world, occurrence_poses
 from thingc.model.robot.types import Keyframe, Robot
