@@ -15,7 +15,7 @@ from thingc.base.memo import Memo
 from thingc.base.units import Quantity
 from thingc.batch.families.results import Evaluated
 from thingc.batch.measurements import Results, UnknownMount, measure, measure_tests
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, TracedResults, Tracing
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
@@ -189,8 +189,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
         def traced(compilation: Compilation, tape: Tape) -> Results:
             return self._results(compilation, SearchMemo(tape))
 
-        tracing = Tracing(session=self.session, reader=self.reader, modes=(self.mode,), make=traced, assets=lambda made: {})
-        return self.checked(tracing.plan_for(read, finish, form), tracing.samples(read, form), form, first)
+        return self.new_plan(read, form, first, traced, finish)
 
     def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
         if self.tests:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakKeyDictionary
 
@@ -17,11 +16,11 @@ from thingc.batch.mesh_files import MountedFiles
 from thingc.batch.mujoco_arrays.arrays import TOGETHER, Arrays
 from thingc.batch.mujoco_arrays.entries import NotAnArrayEntry
 from thingc.batch.mujoco_arrays.equality import different_fields
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, Tracing
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
-from thingc.batch.plans.trace_compilation import TraceResult, written
+from thingc.batch.plans.trace_compilation import TraceResult, WrittenModel, written
 from thingc.driver import pipeline
 from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.store.local import BlobMissing, StoreUnusable
@@ -112,10 +111,10 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         if first is None:  # refused settings do not prove that other settings have no plan
             return None
 
-        slower = ""
+        slower, arrays = "", None
 
         def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], Arrays | ModelTemplate]:
-            nonlocal slower
+            nonlocal slower, arrays
             if exchange is not None:
                 template = ModelTemplate(rehearsal, "; ".join(dict.fromkeys(form.modelled.values())), exchange.names)
                 return template.outputs, template
@@ -130,17 +129,14 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
             template.why = slower
             return template.outputs, template
 
-        tracing = Tracing(
-            session=self.session, reader=self.reader, modes=(self.mode,), make=written(self.session, self.mode, floor=self.floor),
-            assets=itemgetter(1),
-        )
-        while True:
-            plan = tracing.plan_for(read, finish, form) if text else tracing.plan(read, finish, form)
-            if plan is None:
-                return None
-            if self.checked(plan, tracing.samples(read, form), form, first) is not None or isinstance(plan.made, ModelTemplate):
-                return plan if form.refused is None else None
-            slower, form.refused = f"with arrays, {form.refused}", None
+        make = written(self.session, self.mode, floor=self.floor)
+        while (plan := self.new_plan(read, form, first, make, finish, applies=text)) is None and arrays is not None:
+            slower, form.refused, arrays = f"with arrays, {form.refused}", None, None
+        return plan
+
+    def assets(self, made: WrittenModel) -> Mapping[str, StoredArtifact]:
+        """Return the meshes of a traced model."""
+        return made[1]
 
     def whole(self, read: ParsedSettings) -> mujoco.MjModel | None:
         """Compile the model of the given settings. Return None if the settings are refused."""

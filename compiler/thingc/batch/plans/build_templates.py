@@ -20,7 +20,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.safe_text import json_text
 from thingc.base.zip_files import MODEL, entries, inflate, zipped
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, TracedResults, Tracing
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
@@ -81,6 +81,8 @@ class Builds(Planner["_Template", Build]):
     fourth, eighth build and so on are compared. If `verify` is 0, no build is compared. MuJoCo also compiles all models of a build that is
     compared.
     """
+
+    exchanges_parts = False
 
     def __init__(
         self, session: Session, reader: SettingsReader, *, modes: Sequence[str], targets: Sequence[str], verify: int | None,
@@ -184,8 +186,7 @@ class Builds(Planner["_Template", Build]):
             template = _Template(rehearsal, first)
             return template.outputs, template
 
-        tracing = Tracing(session=self.session, reader=self.reader, modes=self.modes, make=partial(self._written, read))
-        return self.checked(tracing.plan(read, finish, form), tracing.samples(read, form), form, first)
+        return self.new_plan(read, form, first, partial(self._written, read), finish, applies=False)
 
     def whole(self, read: ParsedSettings) -> Build | None:
         """Create a build by a compilation. Return None if the settings are refused."""

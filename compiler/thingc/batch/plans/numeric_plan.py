@@ -1,31 +1,20 @@
-"""Compute models or results for other numbers with a plan instead of a compilation.
-
-Before a new plan is used, its results are compared with the results of compilations.
-"""
+"""Compute models or results for other numbers with a plan instead of a compilation."""
 
 from __future__ import annotations
 
-import random
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import count
 from typing import Any, Generic, TypeVar
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import nan
-from thingc.base.units import Quantity
 from thingc.batch.plans.columns import Booleans, ColumnFunction, Floats, column_function
 from thingc.batch.plans.part_exchange import Exchange, Exchanged
-from thingc.batch.plans.program import Argument, Program, program_of
-from thingc.batch.plans.tape import Const, Tape, Traced
-from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, pinned, trace_compilation
-from thingc.documents.expressions.value_text import text_of
-from thingc.driver.pipeline import Compilation
-from thingc.driver.session import Session
-from thingc.driver.settings import ParsedSettings, SettingsReader
-from thingc.targets.artifact import StoredArtifact
+from thingc.batch.plans.program import Argument, Program
+from thingc.batch.plans.tape import Const, Traced
+from thingc.driver.settings import ParsedSettings
 
 Made = TypeVar("Made")
 
@@ -33,11 +22,6 @@ MOST = 32
 """Maximum number of plans for settings with the same names and texts. The least recently used plans are dropped."""
 PAYS = 32
 """Number of uses of existing plans after which another plan may be created, because creating a plan takes several compilations."""
-SIDES = (1.0, -1.0)
-"""Directions in which settings are changed to get sample settings. A plan is checked at the samples before it is used.
-
-If a number is at its bound, the sample in one of the two directions is valid.
-"""
 EXCHANGED = (2, 4)
 """The numbers of uses after which a plan with exchanged parts is compared with a compilation, in addition to `verify`."""
 
@@ -202,131 +186,3 @@ class TracedResults:
     def of(self, outputs: Sequence[float]) -> dict[str, Any]:
         """Return a mapping from names to results, in which the traced numbers have the values `outputs`."""
         return {**self._all, **dict(zip(self._names, outputs, strict=True))}
-
-
-Finish = Callable[[TraceResult, Exchange | None], tuple[Sequence[Any], Made]]
-"""A function that returns the inputs that a plan computes, and the object that uses these inputs."""
-
-
-class Tracing(FrozenStruct):
-    """Creates plans from traced compilations of the given modes (none: all modes).
-
-    The function `make` computes a model, files or results from each traced compilation. If `refused` is True, the compilation may fail. The
-    function `assets` returns the meshes of a traced model. If `assets` is None, parts must not depend on traced numbers.
-    """
-
-    session: Session
-    reader: SettingsReader
-    modes: Sequence[str]
-    make: Callable[[Compilation, Tape], Any]
-    refused: bool = False
-    assets: Callable[[Any], Mapping[str, StoredArtifact]] | None = None
-
-    def plan(self, read: ParsedSettings, finish: Finish[Made], form: PlanCache[Made], *, nearby: bool = True) -> NumericPlan[Made] | None:
-        """Create a plan for settings with the same names as these settings.
-
-        If no plan can be created, store the reason in `form` and return None. With `nearby`, the compilation is traced with numbers near
-        the given numbers, because round numbers can be special cases.
-        """
-        while form.refused is None:
-            free = [name for name in read.names if name not in form.why]
-            if not free:
-                form.refused = "no number can be traced"
-                break
-            rehearsal = self._rehearse(read, form, nearby=nearby)
-            if rehearsal is None:  # retry with fewer numbers
-                continue
-            exchange: Exchange | None = None
-            if self.assets is not None and rehearsal.parts is not None:
-                exchange = Exchange(rehearsal.parts, self.session.environment.parts, self.assets(rehearsal.made))
-            try:
-                outputs, made = finish(rehearsal, exchange)
-            except NotTraceable as fault:
-                form.give_up(fault.names, fault.why)
-                continue
-            return NumericPlan(
-                free=tuple(read.names.index(name) for name in free),
-                fixed=tuple((at, read.values[at]) for at, name in enumerate(read.names) if name in form.why),
-                program=program_of(rehearsal.tape, outputs), made=made, exchange=exchange,
-            )
-        return None
-
-    def plan_for(self, read: ParsedSettings, finish: Finish[Made], form: PlanCache[Made]) -> NumericPlan[Made] | None:
-        """Create a plan that applies to the given settings. The compilation is traced with nearby numbers if possible.
-
-        If the resulting plan does not apply to the settings, for example to integers, the compilation is traced with the numbers
-        themselves.
-        """
-        plan = self.plan(read, finish, form)
-        if plan is not None and plan.outputs(read.values) is None:
-            return self.plan(read, finish, form, nearby=False)
-        return plan
-
-    def samples(self, read: ParsedSettings, form: PlanCache[Any]) -> list[ParsedSettings]:
-        """Return settings at which a plan is compared with a compilation: the given settings, and nearby settings with the same parts."""
-        settings = [read]
-        for side in SIDES:
-            source = random.Random(0)
-            quantities = self.reader.quantities(read)
-            values = [
-                read.values[at] if name in form.why or name in form.modelled else _near(quantities[name], source, side).value
-                for at, name in enumerate(read.names)
-            ]
-            settings.append(ParsedSettings(names=read.names, values=tuple(values), texts=read.texts))
-        return list(dict.fromkeys(settings))
-
-    def _rehearse(self, read: ParsedSettings, form: PlanCache[Any], *, nearby: bool) -> TraceResult | None:
-        """Trace a compilation with all settings that are numbers and can be traced.
-
-        If another attempt is necessary because `form` has changed, return None.
-        """
-        quantities = self.reader.quantities(read)
-        free = {name: quantities[name] for name in read.names if name not in form.why}
-        texts = {**{name: text_of(one) for name, one in quantities.items()}, **dict(read.texts)}  # ordered as in `SettingsReader`
-        exact = [name for name in free if name in form.modelled]
-        near = {name: one if name in exact or not nearby else _near(one, random.Random(name)) for name, one in free.items()}
-        rehearsal, fault = self._attempt(near, texts, exact)
-        if fault is not None:
-            rehearsal, other = self._attempt(free, texts, exact)
-            fault = fault if other is not None and other.unused else other  # the document already has this value, so no pass asks for it
-        if fault is not None:
-            named = [name for name in fault.names if name in free]
-            if fault.modelled and self.assets is not None and (new := [name for name in named if name not in exact]):
-                form.modelled.update(dict.fromkeys(new, fault.why))
-            else:
-                form.give_up(named or exact or self._culprits(near, texts), fault.why)
-            return None
-        assert rehearsal is not None
-        if known := pinned(rehearsal):
-            form.give_up(known, "a pass needs the exact value")
-            return None
-        return rehearsal
-
-    def _attempt(
-        self, numbers: Mapping[str, Quantity], texts: Mapping[str, str], exact: Collection[str] = (),
-    ) -> tuple[TraceResult | None, NotTraceable | None]:
-        """Trace a compilation in which the given numbers are variables.
-
-        Return the result of the compilation, or the exception with the reason why the compilation cannot be traced. The settings in `texts`
-        have fixed values. Parts may depend on the numbers in `exact`.
-        """
-        try:
-            return trace_compilation(self.session, self.modes, numbers, texts, self.make, exact, refused=self.refused), None
-        except NotTraceable as fault:
-            return None, fault
-
-    def _culprits(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
-        """Return the names of all numbers that cannot be traced even if no other number is traced."""
-        if len(numbers) == 1:
-            return list(numbers)
-        alone = {name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers}
-        return [name for name, others in alone.items() if self._attempt({name: numbers[name]}, others)[0] is None]
-
-
-def _near(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:
-    """Return a quantity that is close to the given quantity.
-
-    For a quantity near 0, return a positive quantity, because many numbers must not be negative.
-    """
-    share = side * source.uniform(-1e-3, 1e-3)
-    return Quantity(quantity.value * (1.0 + share) if quantity.value else abs(share), quantity.dimension)

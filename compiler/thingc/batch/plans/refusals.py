@@ -12,9 +12,9 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
-from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, Tracing
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache
 from thingc.batch.plans.part_exchange import Exchange
-from thingc.batch.plans.planner import PlanChecker
+from thingc.batch.plans.planner import PlanMaker
 from thingc.batch.plans.tape import Tape
 from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult
@@ -36,14 +36,15 @@ Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], Hashable]
 """A cache key, which consists of the names of numbers, the texts of other settings, and the cause of the refusal."""
 
 
-class Refusals(PlanChecker["DiagnosticsTemplate", Diagnostics]):
+class Refusals(PlanMaker["DiagnosticsTemplate", Diagnostics]):
     """Computes the diagnostics of refused settings with plans.
 
     Each cause of a refusal has separate plans. The cause consists of the codes, locations and paths of the diagnostics. `verify` has the
-    same meaning as in the class `PlanChecker`. `parts` is the number of part definitions for the most recent refused settings.
+    same meaning as in the class `PlanMaker`. `parts` is the number of part definitions for the most recent refused settings.
     """
 
     wrong = "different diagnostics"
+    traces_failures = True
 
     def __init__(self, session: Session, reader: SettingsReader, modes: Sequence[str], *, verify: int | None) -> None:
         super().__init__(session, reader, modes, verify=verify)
@@ -121,8 +122,7 @@ class Refusals(PlanChecker["DiagnosticsTemplate", Diagnostics]):
             template = DiagnosticsTemplate(rehearsal)
             return template.numbers.outputs, template
 
-        tracing = Tracing(session=self.session, reader=self.reader, modes=self.modes, make=reported, refused=True, assets=lambda made: {})
-        return self.checked(tracing.plan_for(read, finish, form), tracing.samples(read, form), form, problems)
+        return self.new_plan(read, form, problems, reported, finish)
 
 
 class DiagnosticsTemplate:
