@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from thingc.batch.families.jax_function import jax_function
-from thingc.batch.mujoco_arrays.arrays import INERTIAL
-from thingc.batch.mujoco_arrays.entries import INERT, TENSED, Entry, NotAnArrayEntry, places
+from thingc.batch.mujoco_arrays.entries import INERTIAL, NotAnArrayEntry, NumberPlaces, affect_constants
 from thingc.batch.results import FamilyError
 
 try:
@@ -183,26 +182,15 @@ class FamilyMjx:
                 "use `collision: box` or another primitive for its component, or use `models`",
             )
         try:
-            placed, inertials = places(root, template.places, model, geometry=True)
+            self._numbers = NumberPlaces(root, template.places, model, geometry=True)
         except NotAnArrayEntry as fault:
             raise self._fixed(f"MuJoCo uses `{fault.attribute}` at compile time") from None
-        by_field: dict[str, list[tuple[int, Entry]]] = {}
-        for column, entry in placed:
-            if not entry.field.startswith(IGNORED):
-                by_field.setdefault(entry.field, []).append((column, entry))
-        self._writes = {name: Write.of(entries) for name, entries in sorted(by_field.items())}
-        self._bodies = np.array([model.body(name).id for name in inertials], dtype=int)
-        words = [word for said in inertials.values() for some in said for word in some]
-        self._constants = np.array([0.0 if word in template.places else float(word) for word in words])
-        count = len(template.outputs)
-        self._inertials = np.array([template.places.get(word, count + k) for k, word in enumerate(words)], dtype=int).reshape(-1, 10)
-        self._relaxed = [model.tendon(one.get("name", "")).id for one in root.iterfind("tendon/*") if "springlength" not in one.attrib]
+        self._writes = {name: write for name, write in self._numbers.writes.items() if not name.startswith(IGNORED)}
         self.ratios = [
             (model.actuator(one.get("name", "")).id, template.places.get(ratio), ratio)
             for one in root.iterfind("actuator/*") if (ratio := one.get("dampratio")) is not None
         ]
-        written = self._writes.keys() | set(INERTIAL if inertials else ())
-        self._recomputes = bool(self.ratios) or not written <= (INERT - TENSED if model.ntendon else INERT)
+        self._recomputes = bool(self.ratios) or affect_constants(self._numbers.written(self._writes), model)
         self._sized = self._rows("geom_size")
         moved = sorted({*self._rows("geom_pos"), *self._rows("geom_quat")})
         self._meshes = np.array([geom for geom in moved if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH], dtype=int)
@@ -268,16 +256,16 @@ class FamilyMjx:
         for name, write in self._writes.items():
             old = self._raw(name)
             fields[name] = old.reshape(-1).at[write.at].set(numbers[write.columns] * write.signs).reshape(old.shape)
-        if len(self._bodies):
-            table = jnp.concatenate([numbers, jnp.asarray(self._constants, dtype=numbers.dtype)])[self._inertials]
+        if len(self._numbers.bodies):
+            table = jnp.concatenate([numbers, jnp.asarray(self._numbers.constants, dtype=numbers.dtype)])[self._numbers.inertials]
             moments, axes = jax.vmap(principal_axes)(table[:, np.array([[4, 7, 8], [7, 5, 9], [8, 9, 6]])])
             for name, values in zip(INERTIAL, (table[:, 0], table[:, 1:4], moments, axes)):
-                fields[name] = getattr(self.base, name).at[self._bodies].set(values)
+                fields[name] = getattr(self.base, name).at[self._numbers.bodies].set(values)
         self._shape(fields)
         model = self.base.tree_replace(fields)
         if self._recomputes:
             ratios = [(actuator, float(word) if column is None else numbers[column]) for actuator, column, word in self.ratios]
-            fields |= with_constants(model, self._data, ratios, self._relaxed)
+            fields |= with_constants(model, self._data, ratios, self._numbers.relaxed)
         return fields, ok & self._wraps_alike(model)
 
     def _shape(self, fields: Fields) -> None:
@@ -305,20 +293,3 @@ class FamilyMjx:
         squares = jnp.sum((model.site_pos[sides] - model.geom_pos[geoms]) ** 2, axis=1)
         inside = (squares < model.geom_size[geoms, 0] ** 2) & (sides >= 0)
         return jnp.all(inside == self.base._impl.is_wrap_inside[: len(wraps)])
-
-
-@dataclass(frozen=True)
-class Write:
-    """The elements of a model field that depend on numbers, as arrays of flat indices, columns of the numbers, and signs."""
-
-    at: npt.NDArray[np.int_]
-    columns: npt.NDArray[np.int_]
-    signs: npt.NDArray[np.float64]
-
-    @classmethod
-    def of(cls, entries: Sequence[tuple[int, Entry]]) -> Write:
-        """Create a `Write` from the elements of a field, each given as a tuple of the column of a number and an entry."""
-        return cls(
-            np.array([entry.index for _, entry in entries]), np.array([column for column, _ in entries]),
-            np.array([entry.sign for _, entry in entries]),
-        )

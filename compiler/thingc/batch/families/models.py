@@ -123,7 +123,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
             if not slower and not text:
                 try:
                     arrays = Arrays(template.slotted, template.places, template.plain, assets, self._load)
-                    return [template.outputs[place] for place in arrays.lines], arrays
+                    return template.outputs, arrays
                 except NotAnArrayEntry as fault:
                     slower = f"MuJoCo uses `{fault.attribute}` at compile time"
             template.why = slower

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from thingc.batch.mujoco_arrays.entries import INERT, TENSED, Entry, places
+from thingc.batch.mujoco_arrays.entries import INERTIAL, NumberPlaces, Write, affect_constants
 from thingc.batch.mujoco_arrays.equality import owner_of, restore
 
 if TYPE_CHECKING:
@@ -117,8 +117,6 @@ BOXES = ("bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid")
 TOGETHER = 128
 """Number of variants for which arrays are computed in one step."""
 
-INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
-"""Names of the fields that contain the mass properties of a body."""
 PLACING = frozenset(("body_ipos", "body_pos", "body_quat", "jnt_pos", "site_pos"))
 """Names of the fields that move elements on which the statistics depend."""
 
@@ -129,8 +127,8 @@ class Arrays:
     """A compiled MuJoCo model, and the elements of its arrays that depend on varying numbers.
 
     `text` is an XML text in which a token replaces each varying number, and `tokens` maps each token to the index of its number. `plain` is
-    the XML text with numbers, `assets` maps file names to meshes, and `compile` compiles an XML text. `lines` contains the indices of the
-    numbers that the method `prepare` expects, in order. Raises `NotAnArrayEntry` if a number does not appear unchanged in an array.
+    the XML text with numbers, `assets` maps file names to meshes, and `compile` compiles an XML text. `written` contains the names of the
+    fields that depend on numbers. Raises `NotAnArrayEntry` if a number does not appear unchanged in an array.
     """
 
     def __init__(self, text: str, tokens: Mapping[str, int], plain: str, assets: Mapping[str, bytes], compile: Compile) -> None:
@@ -141,34 +139,17 @@ class Arrays:
         self._assets = assets
         self.model = compile(self._text)
         root = ElementTree.fromstring(text)
-        placed, inertials = places(root, tokens, self.model)
-        columns: dict[int, int] = {}
-        self.lines: list[int] = []
-
-        def column(line: int) -> int:
-            if line not in columns:
-                columns[line] = len(self.lines)
-                self.lines.append(line)
-            return columns[line]
-
-        self.written = frozenset(place.field for _, place in placed) | (frozenset(INERTIAL) if inertials else frozenset())
-        by_field: dict[str, list[tuple[int, Entry]]] = {}
-        for line, place in placed:
-            by_field.setdefault(place.field, []).append((column(line), place))
-        self._writes: list[tuple[str, Array, Array, Array, Array]] = []
+        self._numbers = NumberPlaces(root, tokens, self.model)
+        self.written = self._numbers.written(self._numbers.writes)
+        self._writes: list[tuple[str, Array, Write]] = []
         self._options: list[tuple[Any, str, int]] = []
-        for field, entries in sorted(by_field.items()):
-            self._take(field, entries)
-        self._bodies = [self.model.body(name).id for name in inertials]
-        self._names = list(inertials)
-        self._inertials: list[list[int | float]] = [
-            [column(tokens[word]) if word in tokens else float(word) for words in said for word in words] for said in inertials.values()
-        ]
-        self._traced = np.array([[word in tokens for words in said for word in words] for said in inertials.values()], dtype=bool)
-        self._resting = [  # tendons whose springs are relaxed if the springs of the joints are relaxed
-            self.model.tendon(tendon.get("name", "")).id for tendon in root.iterfind("tendon/*") if "springlength" not in tendon.attrib
-        ]
-        self._constants = not self._bodies and self.written <= (INERT - TENSED if self.model.ntendon else INERT)
+        for field, write in self._numbers.writes.items():
+            owner, name = owner_of(self.model, field)
+            if isinstance(target := getattr(owner, name), np.ndarray):
+                self._writes.append((field, target.reshape(-1), write))
+            else:
+                self._options.append((owner, name, int(write.columns[-1])))
+        self._recomputes = affect_constants(self.written, self.model)
         self._data = mujoco.MjData(self.model)
         self._first = copy.copy(self.model)  # callers never get this model, so callers cannot modify it
         self._placed = mujoco.MjData(self._first)
@@ -176,7 +157,7 @@ class Arrays:
         self._statistics = Statistics(self.model, self._placed, stated)
         self._is_lent = False
         self._small: dict[int, Bodies] = {}
-        self._geoms = [self._colliding(body) for body in self._bodies]
+        self._geoms = [self._colliding(int(body)) for body in self._numbers.bodies]
 
     def lend(self) -> mujoco.MjModel:
         """Return the compiled model itself instead of a copy.
@@ -192,23 +173,6 @@ class Arrays:
             restore(self.model, self._first)
         self._is_lent = False
 
-    def _take(self, field: str, entries: list[tuple[int, Entry]]) -> None:
-        """Record the elements of a field that depend on numbers. `field` is the name of an array or an option.
-
-        Each number is identified by its column in the values.
-        """
-        import numpy as np
-
-        owner, name = owner_of(self.model, field)
-        target = getattr(owner, name)
-        if isinstance(target, np.ndarray):
-            self._writes.append((
-                field, target.reshape(-1), np.array([place.index for _, place in entries]), np.array([one for one, _ in entries]),
-                np.array([place.sign for _, place in entries]),
-            ))
-        else:
-            self._options.append((owner, name, entries[-1][0]))
-
     def _colliding(self, body: int) -> Array:
         """Return the indices of the colliding geoms of a body, followed by -1. Return an empty array if the body has no colliding geoms."""
         import numpy as np
@@ -219,7 +183,7 @@ class Arrays:
         return np.array([*colliding, -1] if colliding else [], dtype=int)
 
     def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
-        """Compute the array elements of many variants. `values` contains a tuple with the numbers of each variant.
+        """Compute the array elements of many variants. `values` contains a tuple with the numbers of each variant, one per token.
 
         Raises `ValueError` if MuJoCo rejects a variant.
         """
@@ -228,18 +192,16 @@ class Arrays:
 
         first, count = self._first, len(values)
         numbers = np.array(values, dtype=float).reshape(count, -1)
-        writes = [(field, target, at, numbers[:, columns] * signs) for field, target, at, columns, signs in self._writes]
+        writes = [(field, target, write.at, numbers[:, write.columns] * write.signs) for field, target, write in self._writes]
         masses = np.tile(first.body_mass, (count, 1))
-        if self._bodies:
-            inertials = np.empty((count, len(self._bodies), 10))
-            for b, entries in enumerate(self._inertials):
-                for k, entry in enumerate(entries):
-                    inertials[:, b, k] = numbers[:, int(entry)] if self._traced[b, k] else entry
-            masses[:, self._bodies] = inertials[:, :, 0]
+        if self._numbers.names:
+            constants = np.broadcast_to(self._numbers.constants, (count, len(self._numbers.constants)))
+            inertials = np.concatenate([numbers, constants], axis=1)[:, self._numbers.inertials]
+            masses[:, self._numbers.bodies] = inertials[:, :, 0]
             writes += self._inertial_writes(inertials)
         options = [(owner, name, numbers[:, column].tolist()) for owner, name, column in self._options]
         plain = [(target, at, block) for _, target, at, block in writes]
-        if self._constants:
+        if not self._recomputes:
             return Prepared(plain, options, None)
         placing = [(getattr(first, field).reshape(-1), at, block) for field, _, at, block in writes if field in PLACING]
         places = self._statistics.room(count if placing else 1)
@@ -261,7 +223,7 @@ class Arrays:
         copies = 1 if count == 1 else TOGETHER
         small = self._small.get(copies)
         if small is None:
-            small = self._small[copies] = Bodies(self._text, self._assets, self._names, copies)
+            small = self._small[copies] = Bodies(self._text, self._assets, self._numbers.names, copies)
         worked = small.work_out(inertials)
         writes = []
 
@@ -272,8 +234,8 @@ class Arrays:
             writes.append((field, target.reshape(-1), at, block.reshape(len(block), -1)))
 
         for field, block in zip(INERTIAL, (inertials[:, :, 0], inertials[:, :, 1:4], worked.inertia, worked.axes)):
-            write(field, np.array(self._bodies), block)
-        for body, boxes, geoms in zip(self._bodies, worked.boxes, self._geoms):
+            write(field, self._numbers.bodies, block)
+        for body, boxes, geoms in zip(self._numbers.bodies, worked.boxes, self._geoms):
             if len(geoms):
                 rows = int(model.body_bvhadr[body]) + np.arange(int(model.body_bvhnum[body]))
                 for field in BOXES:
@@ -291,8 +253,8 @@ class Arrays:
             setattr(owner, name, values[index])
         if prepared.statistics is not None:
             mujoco.mj_setConst(model, self._data)  # does not set the rest lengths of tendon springs
-            if self._resting:
-                model.tendon_lengthspring[self._resting] = self._data.ten_length[self._resting, None]
+            if relaxed := self._numbers.relaxed:
+                model.tendon_lengthspring[relaxed] = self._data.ten_length[relaxed, None]
             self._statistics.write(prepared.statistics, index)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
@@ -10,6 +11,7 @@ from thingc.base.frozen_struct import FrozenStruct
 
 if TYPE_CHECKING:
     import mujoco
+    import numpy as np
 
 
 class NotAnArrayEntry(Exception):
@@ -44,6 +46,9 @@ INERT = frozenset((
 TENSED = frozenset(("qpos_spring", "site_pos"))
 """Names of fields in `INERT` that affect the computed constants of models with tendons, because tendon lengths depend on these fields."""
 
+INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
+"""Names of the fields that contain the mass properties of a body."""
+
 _JOINT = {
     "damping": "dof_damping", "frictionloss": "dof_frictionloss", "armature": "dof_armature", "stiffness": "jnt_stiffness",
     "range": "jnt_range", "pos": "jnt_pos", "actuatorfrcrange": "jnt_actfrcrange",
@@ -73,6 +78,56 @@ _DRIVES = ("position", "velocity", "motor", "adhesion")
 _TENDONS = ("fixed", "spatial")
 _KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendon")}
 """For MJCF tags whose accessor in `MjModel` has a different name, the name of this accessor."""
+
+
+@dataclass(frozen=True)
+class Write:
+    """The elements of a model field that depend on numbers, as arrays of flat indices, columns of the numbers, and signs."""
+
+    at: np.ndarray[Any, np.dtype[np.int_]]
+    columns: np.ndarray[Any, np.dtype[np.int_]]
+    signs: np.ndarray[Any, np.dtype[np.float64]]
+
+
+class NumberPlaces:
+    """The elements of the fields of a compiled model that depend on the numbers for which an MJCF file has tokens.
+
+    The arguments and exceptions are the same as for the function `places`.
+
+    Attributes:
+        writes: The elements that contain numbers unchanged, by the name of the field.
+        names: The names of the bodies whose mass properties depend on numbers. `bodies` contains their indices.
+        inertials: An array (bodies, 10) of columns for mass, centre of mass and inertia. The columns after those of the numbers refer to
+            `constants`.
+        relaxed: The indices of tendons whose spring length is not specified. Their springs are relaxed if the springs of joints are.
+    """
+
+    def __init__(self, root: Element, tokens: Mapping[str, int], model: mujoco.MjModel, *, geometry: bool = False) -> None:
+        import numpy as np
+
+        placed, inertials = places(root, tokens, model, geometry=geometry)
+        by_field: dict[str, list[tuple[int, Entry]]] = {}
+        for column, entry in placed:
+            by_field.setdefault(entry.field, []).append((column, entry))
+        self.writes = {
+            name: Write(*map(np.array, zip(*((entry.index, column, entry.sign) for column, entry in entries), strict=True)))
+            for name, entries in sorted(by_field.items())
+        }
+        self.names = list(inertials)
+        self.bodies = np.array([model.body(name).id for name in inertials], dtype=int)
+        words = [word for said in inertials.values() for some in said for word in some]
+        self.constants = np.array([0.0 if word in tokens else float(word) for word in words])
+        self.inertials = np.array([tokens.get(word, len(tokens) + k) for k, word in enumerate(words)], dtype=int).reshape(-1, 10)
+        self.relaxed = [model.tendon(one.get("name", "")).id for one in root.iterfind("tendon/*") if "springlength" not in one.attrib]
+
+    def written(self, fields: Collection[str]) -> frozenset[str]:
+        """Add the fields with mass properties to the names of fields, if mass properties depend on numbers."""
+        return frozenset(fields) | frozenset(INERTIAL if self.names else ())
+
+
+def affect_constants(fields: frozenset[str], model: mujoco.MjModel) -> bool:
+    """Return whether the constants that MuJoCo computes depend on one of these fields of a model."""
+    return not fields <= (INERT - TENSED if model.ntendon else INERT)
 
 
 def places(

@@ -117,7 +117,7 @@ class _Kind:
         try:
             if others or self._arrays is None:
                 self._arrays = self._with(others)
-            return self._arrays.prepare([self._numbers(self._arrays, pieces) for pieces in texts])
+            return self._arrays.prepare([self._numbers(pieces) for pieces in texts])
         except NotAnArrayEntry:
             self._slow = True
         except ValueError:  # MuJoCo rejects one of the models: compile each to find out which
@@ -153,7 +153,6 @@ class _Kind:
         first = self._first
         return Arrays('"'.join(tokened), tokens, first.text, first.assets(), lambda text: first.compiled())
 
-    def _numbers(self, arrays: Arrays, pieces: Sequence[str]) -> tuple[float, ...]:
-        """Return the numbers in the XML text of a model, in the order that the method `prepare` of `arrays` requires."""
-        words = [float(word) for k in self._gaps for word in pieces[k].split()]
-        return tuple(words[line] for line in arrays.lines)
+    def _numbers(self, pieces: Sequence[str]) -> tuple[float, ...]:
+        """Return the numbers in the XML text of a model, in the order of their tokens."""
+        return tuple(float(word) for k in self._gaps for word in pieces[k].split())
