@@ -190,11 +190,11 @@ def test_noise_has_the_standard_deviation_of_the_document_and_acts_after_the_del
             torques = []
             for _ in range(2):
                 env.reset(seed=4)
-                own = env._world._worlds[0][2].simulations[0]  # type: ignore[index]
+                episode = env._world._worlds[0][2]  # type: ignore[index]
                 source = np.random.default_rng(7)
                 for _ in range(2000):
-                    own.effects.step(own.data, 1, source)
-                    torques.append(own.data.actuator_force[1])
+                    episode.simulations[0].effects.step(episode.data, 1, source)
+                    torques.append(episode.data.actuator_force[1])
             assert np.std(torques) == pytest.approx(0.05, rel=0.05) and torques[:2000] == torques[2000:]
             assert abs(np.mean(torques)) < 0.005
 

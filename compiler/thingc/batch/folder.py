@@ -24,13 +24,12 @@ from thingc.driver.up_to_date import state_of
 from thingc.geometry.store.file_digests import Digests
 
 KIND = "batch/1"
-_VARIANT = re.compile(r"[0-9a-f]{12}")
-_CHUNK = re.compile(r"[0-9]{6}(\.run)?\.parquet|[0-9]{6}\.jsonl")
-_ASSET = re.compile(r"[0-9a-f]{64}")
-_PICTURE = re.compile(r"[0-9a-f]{12}\.png")
 _OLD = re.compile(r"\.old-[0-9]+-[0-9a-f]{8}")
-INNER = (folder_layout.VARIANTS, folder_layout.CHUNKS, folder_layout.ASSETS, folder_layout.PICTURES)
-"""Names of the subfolders of a batch folder."""
+INNER = {
+    folder_layout.VARIANTS: re.compile(r"[0-9a-f]{12}"), folder_layout.CHUNKS: re.compile(r"[0-9]{6}(\.run)?\.parquet|[0-9]{6}\.jsonl"),
+    folder_layout.ASSETS: re.compile(r"[0-9a-f]{64}"), folder_layout.PICTURES: re.compile(r"[0-9a-f]{12}\.png"),
+}
+"""The names of the subfolders of a batch folder, and patterns of the names of files and folders in them."""
 FOLDERS, PACKED = "folders", "packed"
 """Names of the layouts: `folders` stores each variant in a folder, and `packed` stores many variants in one file."""
 MANY = 2000
@@ -249,10 +248,7 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
     """
     known: Digests = {}  # variants share meshes
     paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in folder_layout.OWN and not _OLD.fullmatch(name)]
-    for inner, pattern in (
-        (folder_layout.VARIANTS, _VARIANT), (folder_layout.CHUNKS, _CHUNK), (folder_layout.ASSETS, _ASSET),
-        (folder_layout.PICTURES, _PICTURE),
-    ):
+    for inner, pattern in INNER.items():
         place = os.path.join(folder, inner)
         for name in os.listdir(place) if os.path.isdir(place) else ():  # an unreadable variant can contain any files
             if name.startswith(folder_layout.NEW):

@@ -9,7 +9,7 @@ import contextlib
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity
@@ -37,21 +37,6 @@ OnPicture = Callable[[int, int], None]
 def usual(count: int) -> int:
     """Return the default number of pictures for a batch with `count` variants."""
     return MOST if count <= MANY else 0
-
-
-def chosen(folder: str, mode: str, most: int) -> list[int]:
-    """Choose at most `most` built variants for pictures, and return their indices in the order of the plan.
-
-    Only variants with a model in the given mode are chosen. The function `along_the_axes` makes the choice from the settings of these
-    variants.
-    """
-    records = BuildRecords(folder)
-    settings: list[Sequence[Any]] = []
-    for index in records.built:
-        line = records.line(index)
-        settings.append((*line["parameters"].values(), *line["choices"].values()))
-    places_of = range(len(settings)) if len(settings) <= most else along_the_axes(settings, most)
-    return [index for index in (records.built[k] for k in places_of) if _model(records.files(index), mode) is not None]
 
 
 def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
@@ -97,30 +82,29 @@ def _model(files: VariantFiles, mode: str) -> str | None:
     return models[0] if models else None
 
 
-@contextlib.contextmanager
-def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[tuple[str, str]]]:
-    """Yield groups of variants for rendering.
+def _laid_out(folder: str, mode: str, most: int, scratch: str) -> list[tuple[str, str]]:
+    """Choose at most `most` built variants for pictures, and return the id and the path of the model of each variant.
 
-    Each variant is a tuple of its id and the path of its model, whose meshes are in the same folder. For a packed batch, the files are
-    written to a temporary folder, which exists until the next group is requested.
+    The function `along_the_axes` makes the choice from the settings of the variants. Variants without a model in the mode are omitted. The
+    meshes of a model are in the same folder. For a packed batch, the files are written to the folder `scratch`.
     """
-    if not indices:
-        yield []
-        return
     records = BuildRecords(folder)
-    with tempfile.TemporaryDirectory(prefix="thingc-pictures-") as scratch:
-        models: list[tuple[str, str]] = []
-        for index in indices:
-            id, files = str(records.line(index)["id"]), records.files(index)
-            name = _model(files, mode)
-            assert name is not None
-            place = os.path.join(folder_layout.variant_folder(folder, id), "mjcf")
-            if packed(folder):
-                place = os.path.join(scratch, id)
-                meshes = {f"{id}/assets/{mesh}": path for mesh, (_, path) in files.meshes().items()}
-                write_tree(scratch, {f"{id}/{name}": files.read(f"mjcf/{name}")}, meshes)
-            models.append((id, os.path.join(place, name)))
-        yield models
+    settings: list[Sequence[Any]] = []
+    for line in map(records.line, records.built):
+        settings.append((*line["parameters"].values(), *line["choices"].values()))
+    models: list[tuple[str, str]] = []
+    for k in range(len(settings)) if len(settings) <= most else along_the_axes(settings, most):
+        id, files = str(records.line(records.built[k])["id"]), records.files(records.built[k])
+        name = _model(files, mode)
+        if name is None:
+            continue
+        place = os.path.join(folder_layout.variant_folder(folder, id), "mjcf")
+        if packed(folder):
+            place = os.path.join(scratch, id)
+            meshes = {f"{id}/assets/{mesh}": path for mesh, (_, path) in files.meshes().items()}
+            write_tree(scratch, {f"{id}/{name}": files.read(f"mjcf/{name}")}, meshes)
+        models.append((id, os.path.join(place, name)))
+    return models
 
 
 def draw(
@@ -132,8 +116,8 @@ def draw(
     writing fails.
     """
     place = os.path.join(folder, folder_layout.PICTURES)
-    with _laid_out(folder, mode, chosen(folder, mode, most) if most != 0 else ()) as shots:
-        return _draw(place, pose, shots, jobs, on_picture)
+    with tempfile.TemporaryDirectory(prefix="thingc-pictures-") as scratch:
+        return _draw(place, pose, _laid_out(folder, mode, most, scratch) if most != 0 else (), jobs, on_picture)
 
 
 def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: int, on_picture: OnPicture | None) -> Diagnostic | None:

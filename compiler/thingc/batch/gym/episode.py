@@ -44,33 +44,35 @@ def as_actions(actions: Any, shape: tuple[int, ...] | None) -> Array:
 
 
 class ModeSimulation:
-    """The MuJoCo model and data of a robot in the mode `name`.
+    """The MuJoCo model of a robot in the mode `name`.
 
-    `spans` contains the lower and the upper bounds of the controls. For each control of the model, `controls` contains its index in an
-    action. `effects` simulates the model.
+    For each control of the model, `controls` contains its index in an action. `spans` contains the lower and the upper bounds of the
+    controls. `effects` simulates the model.
     """
 
-    def __init__(
-        self, name: str, model: mujoco.MjModel, data: mujoco.MjData, spans: tuple[Array, Array], effects: DriveEffects,
-        controls: Any = None,
-    ) -> None:
+    def __init__(self, name: str, model: mujoco.MjModel, controls: Any, *, undelayed: bool = False) -> None:
         self.name = name
         self.model = model
-        self.data = data
-        self.spans = spans
-        self.controls = np.arange(model.nu) if controls is None else controls
-        self.effects = effects
+        self.controls = controls
+        self.spans = spans_of(model)
+        self.effects = DriveEffects(model, undelayed=undelayed)
 
 
 class Episode:
-    """An episode of one robot. `simulations` contains one simulation for each mode, and `robot` switches between the modes.
+    """An episode of one robot. `simulations` and `states` contain the simulation and the MuJoCo data for each mode.
+
+    `robot` switches between the modes.
 
     To start an episode, call the method `begin`. For each action, then call the methods `ask`, `run` and `judge`. The method `run` executes
     the simulation. Several episodes can run in parallel threads. `variant` is the variant that the episode simulates.
     """
 
-    def __init__(self, simulations: Sequence[ModeSimulation], variant: Any, rules: EnvRules, robot: Modes | None = None) -> None:
+    def __init__(
+        self, simulations: Sequence[ModeSimulation], states: Sequence[mujoco.MjData], variant: Any, rules: EnvRules,
+        robot: Modes | None = None,
+    ) -> None:
         self.simulations = simulations
+        self.states = states
         self.robot = robot
         self.variant = variant
         self.mode = 0
@@ -93,7 +95,7 @@ class Episode:
     @property
     def data(self) -> mujoco.MjData:
         """The MuJoCo data of the current mode."""
-        return self.simulations[self.mode].data
+        return self.states[self.mode]
 
     def begin(self, source: np.random.Generator, name: str, size: int = 0) -> None:
         """Start the episode in the first mode: set the initial state, and add random noise to it.
@@ -103,8 +105,8 @@ class Episode:
         """
         import mujoco
 
-        for number, simulation in enumerate(self.simulations):
-            _reset(simulation, self._rules.pose if number == 0 else None, name)
+        for number, (simulation, data) in enumerate(zip(self.simulations, self.states, strict=True)):
+            _reset(simulation.model, data, self._rules.pose if number == 0 else None, name)
         self.mode = self.steps = 0
         self.refused, self._source, self.action = None, source, np.zeros(size)
         if self._rules.noise:
@@ -138,13 +140,13 @@ class Episode:
         own, rules = self.simulations[self.mode], self._rules
         low, high = own.spans
         if rules.action_scale is None:
-            own.data.ctrl[:] = low + (action[own.controls] + 1.0) / 2.0 * (high - low)
+            self.data.ctrl[:] = low + (action[own.controls] + 1.0) / 2.0 * (high - low)
             return
         scaled = action * np.asarray(rules.action_scale)
         offset = own.model.key_ctrl[0] if rules.action_offset is None and own.model.nkey else np.zeros(own.model.nu)
         if rules.action_offset is not None:
             offset = np.broadcast_to(np.asarray(rules.action_offset, np.float64), action.shape)[own.controls]
-        own.data.ctrl[:] = np.clip(offset + scaled[own.controls], low, high)
+        self.data.ctrl[:] = np.clip(offset + scaled[own.controls], low, high)
 
     def _switch(self, mode: int) -> str | None:
         """Switch the robot to the mode with this index. Return None after a switch, or the reason if the switch is refused."""
@@ -153,14 +155,14 @@ class Episode:
         from thingc.modes import ModesError
 
         old, new, rules = self.simulations[self.mode], self.simulations[mode], self._rules
-        if rules.may_switch is not None and not rules.may_switch(old.data, old.name, new.name):
+        if rules.may_switch is not None and not rules.may_switch(self.data, old.name, new.name):
             return f"`may_switch` does not allow a switch from `{old.name}` to `{new.name}`"
         assert self.robot is not None
         try:
-            self.robot.switch((old.name, old.data), (new.name, new.data), on_motion=rules.on_motion)
+            self.robot.switch((old.name, self.data), (new.name, self.states[mode]), on_motion=rules.on_motion)
         except ModesError as fault:
             return str(fault)
-        mujoco.mj_forward(new.model, new.data)
+        mujoco.mj_forward(new.model, self.states[mode])
         self.mode = mode
         self.start = np.array(new.model.key_qpos[0] if new.model.nkey else new.model.qpos0)
         return None
@@ -222,10 +224,9 @@ def _number(reward: Any) -> float:
     return number
 
 
-def _reset(simulation: ModeSimulation, pose: str | None, name: str) -> None:
+def _reset(model: mujoco.MjModel, data: mujoco.MjData, pose: str | None, name: str) -> None:
     import mujoco
 
-    model, data = simulation.model, simulation.data
     if pose is None and not model.nkey:
         mujoco.mj_resetData(model, data)
     else:

@@ -13,9 +13,8 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.families.family import RobotFamily, as_many
 from thingc.batch.families.results import NoModel
-from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.env_options import Draw, EnvRules, Settings
-from thingc.batch.gym.episode import Episode, ModeSimulation, spans_of
+from thingc.batch.gym.episode import Episode, ModeSimulation
 from thingc.batch.gym.rewards import Array, Descriptor
 from thingc.batch.results import FamilyError, UnknownVariant
 
@@ -39,24 +38,21 @@ class MorphologyDistribution(FrozenStruct):
 
 
 class Morphology:
-    """A robot with given settings: a MuJoCo model in each mode, a descriptor, and the bounds `spans` and the `effects` of its drives.
+    """A robot with given settings: a simulation of each mode, and a descriptor.
 
     If there are several modes, the object `robot` switches between the modes. `layout` contains sizes and names of the models. Robots with
     an equal `layout` can share an `MjData`.
     """
 
-    def __init__(
-        self, models: Sequence[mujoco.MjModel], robot: Modes | None, settings: Settings, described: Array, *, undelayed: bool,
-    ) -> None:
-        self.models = models
+    def __init__(self, simulations: Sequence[ModeSimulation], robot: Modes | None, settings: Settings, described: Array) -> None:
+        self.simulations = simulations
+        self.models = [one.model for one in simulations]
         self.robot = robot
         self.settings = settings
         self.described = described
-        self.spans = [spans_of(model) for model in models]
-        self.effects = [DriveEffects(model, undelayed=undelayed) for model in models]
-        names = [name for name in dir(models[0]) if name.startswith("n")]
-        sizes = [[getattr(model, name) for name in names] for model in models]
-        self.layout = [(model.names, *(size for size in own if isinstance(size, int))) for model, own in zip(models, sizes, strict=True)]
+        names = [name for name in dir(self.models[0]) if name.startswith("n")]
+        sizes = [[getattr(model, name) for name in names] for model in self.models]
+        self.layout = [(model.names, *(size for size in own if isinstance(size, int))) for model, own in zip(self.models, sizes)]
 
     @property
     def sizes(self) -> list[tuple[int, int, int]]:
@@ -82,6 +78,7 @@ class Morphologies:
             self._likely = np.full(len(choices.many), 1.0 / len(choices.many)).cumsum()  # as in `choice` of numpy
             self._likely /= self._likely[-1]
         self._first: Morphology | None = None
+        self.actuators: Sequence[str] = ()
         for key, settings in enumerate(choices.many or ({},)):
             first = self.made([key if choices.many else ()], [settings])[0]
             if isinstance(first, Morphology):
@@ -89,9 +86,6 @@ class Morphologies:
         if isinstance(first, NoModel):
             raise refusal(first)
         self._first = self.first = first
-        self.actuators: Sequence[str] = list(dict.fromkeys(
-            model.actuator(number).name for model in first.models for number in range(model.nu)
-        ))
 
     def drawn(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
         """Draw the settings of a robot, or return the settings of the variant `wanted`.
@@ -143,8 +137,15 @@ class Morphologies:
         for one in (*models, robot):
             if isinstance(one, NoModel):
                 return one
-        switched, undelayed = None if isinstance(robot, NoModel) else robot, self._rules.action_delay is not None
-        made = Morphology(built, switched, settings, self._descriptor(settings), undelayed=undelayed)
+        assert not isinstance(robot, NoModel)
+        if self._first is None:
+            self.actuators = list(dict.fromkeys(model.actuator(number).name for model in built for number in range(model.nu)))
+        undelayed = self._rules.action_delay is not None
+        simulations = [
+            ModeSimulation(mode, model, np.arange(model.nu) if robot is None else self._controls(model), undelayed=undelayed)
+            for mode, model in zip(self.modes, built, strict=True)
+        ]
+        made = Morphology(simulations, robot, settings, self._descriptor(settings))
         for mode, mine, others in zip(self.modes, made.sizes, made.sizes if self._first is None else self._first.sizes):
             if mine != others:
                 sizes = [f"nq, nv, nu = {', '.join(map(str, one))}" for one in (mine, others)]
@@ -158,17 +159,12 @@ class Morphologies:
         """
         import mujoco
 
+        states: Sequence[mujoco.MjData]
         if before is not None and before[1].layout == morphology.layout:
-            states = [one.data for one in before[2].simulations]
+            states = before[2].states
         else:
             states = [mujoco.MjData(model) for model in morphology.models]
-        simulations = [
-            ModeSimulation(mode, model, data, spans, effects, self._controls(model) if morphology.robot is not None else None)
-            for mode, model, data, spans, effects in zip(
-                self.modes, morphology.models, states, morphology.spans, morphology.effects, strict=True,
-            )
-        ]
-        return Episode(simulations, morphology.settings, self._rules, morphology.robot)
+        return Episode(morphology.simulations, states, morphology.settings, self._rules, morphology.robot)
 
     def _controls(self, model: mujoco.MjModel) -> Any:
         """For each control of a model, return its index in an action. An action has one element for each actuator of any mode."""

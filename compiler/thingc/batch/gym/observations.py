@@ -34,9 +34,8 @@ def _joints(episode: Episode) -> Array:
 
     if episode.robot is None:
         raise FamilyError("expected `modes` for the observation `joints`", "use `qpos` and `qvel` in one mode")
-    own = episode.simulations[episode.mode]
-    mode = episode.robot[own.name]
-    state = read_state(mode, map_model(mode, own.model), own.data)
+    mode = episode.robot[episode.simulations[episode.mode].name]
+    state = read_state(mode, map_model(mode, episode.model), episode.data)
     return np.concatenate([state.q, state.v])
 
 

@@ -21,9 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.env_options import EnvRules
-from thingc.batch.gym.episode import Episode, ModeSimulation, as_actions, known_options, spans_of
+from thingc.batch.gym.episode import Episode, ModeSimulation, as_actions, known_options
 from thingc.batch.gym.rewards import TASKS, Array, Reward, StepInfo, Terminated
 from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, Sizes, load
 from thingc.batch.run_options import as_names
@@ -127,8 +126,8 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         episode = self._episodes.get(variant.id)
         if episode is None:
             (model,) = self.family.models([variant], self.mode, scene=self._rules.floor, visual=self._rules.shows_visual)
-            simulation = ModeSimulation(self.mode, model, mujoco.MjData(model), spans_of(model), DriveEffects(model))
-            episode = self._episodes[variant.id] = Episode([simulation], variant, self._rules)
+            simulation = ModeSimulation(self.mode, model, np.arange(model.nu))
+            episode = self._episodes[variant.id] = Episode([simulation], [mujoco.MjData(model)], variant, self._rules)
             while len(self._episodes) > self._rules.cache:
                 self._episodes.popitem(last=False)
         self._episodes.move_to_end(variant.id)
