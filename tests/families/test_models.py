@@ -328,14 +328,18 @@ def test_numbers_are_told_from_others_of_the_same_value(tmp_path: Path, more: di
     assert form.plans and form.refused is None
 
 
+def with_constant_mass(plan: Any) -> None:
+    """Make a plan wrong: the mass of a body is a constant."""
+    numbers = plan.made._numbers
+    numbers.constants[0], numbers.inertials[0, 0] = 1.25, len(plan.program.outputs)
+
+
 def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
     with thingc.family(workspace / "everything.yaml", verify=2) as family:
         many = settings(5, 5, {"load": 0.5})
         list(family.models(many, visual=True))
         (form,) = family._of(None, True).forms.values()
-        arrays = form.plans[0].made
-        arrays._inertials[0][0] = 1.25  # the mass of a body
-        arrays._traced[0, 0] = False
+        with_constant_mass(form.plans[0])
         models = list(family.models(many, visual=True))
         assert form.plans == [] and "a plan gave a different `" in str(form.refused)
         for one, model in zip(many, models, strict=True):  # one in two is looked at: the first of these, and then nothing follows the plan
@@ -348,8 +352,7 @@ def test_each_plan_is_looked_at_however_many_models_others_gave(workspace: Path)
         many = settings(3, 5, {"components.crank.mass": 0.3})
         list(family.models(many[:2]))
         _, form = family._of(None, False).forms.values()
-        form.plans[0].made._inertials[0][0] = 1.25  # the mass of a body
-        form.plans[0].made._traced[0, 0] = False
+        with_constant_mass(form.plans[0])
         (model,) = family.models(many[2:])  # the second that this plan gives
         assert form.plans == [] and "a plan gave a different `" in str(form.refused)
         assert different_fields(model, compiled(family, many[2], "standing")) == []
