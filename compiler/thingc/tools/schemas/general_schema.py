@@ -85,6 +85,8 @@ def _field_texts(node: ast.ClassDef) -> Iterator[tuple[str, str]]:
         match statements:
             case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
                 yield name, inspect.cleandoc(text)
+            case _:
+                pass
 
 
 def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
