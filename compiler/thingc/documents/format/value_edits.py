@@ -118,7 +118,7 @@ def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
         at = max((source.range(one.span)[1] for one in node.entries.values()), default=start + 1)
         return text[:at] + (", " if node.entries else "") + _entry(rest, value) + text[at:]
     indent = next(iter(node.keys.values())).column - 1
-    line = _last_line(source, node)
+    line = last_line(source, node)
     at = source.starts[line - 1] + len(source.line(line - 1))
     lines = _lines(source, node, rest, value)
     return text[:at] + "".join(("\r\n" if "\r\n" in text else "\n") + (" " * indent + one if one else "") for one in lines) + text[at:]
@@ -145,7 +145,7 @@ def _out_of_yaml(document: Document, keys: Keys) -> str:
     key, value = node.keys[keys[-1]], node.entries[keys[-1]]
     start, end = source.range(key)[0], source.range(value.span)[1]
     if text[source.range(node.span)[0]] != "{":
-        last = _last_line(source, value)
+        last = last_line(source, value)
         return text[: source.starts[key.line - 1]] + (text[source.starts[last] :] if last < len(source.starts) else "")
     if where + 1 < len(order):
         return text[:start] + text[source.range(node.keys[order[where + 1]])[0] :]
@@ -153,13 +153,13 @@ def _out_of_yaml(document: Document, keys: Keys) -> str:
     return text[:before] + text[end:]
 
 
-def _last_line(source: Source, node: Node) -> int:
+def last_line(source: Source, node: Node) -> int:
     """Return the number of the last line of a value. Line numbers start at 1."""
     start, end = source.range(node.span)
     if source.text[start : start + 1] not in ("{", "["):
         inner = list(node.entries.values()) if isinstance(node, MappingNode) else list(getattr(node, "items", ()))
         if inner:
-            return max(_last_line(source, one) for one in inner)
+            return max(last_line(source, one) for one in inner)
     return source.line_at(start + len(source.text[start:end].rstrip())) + 1
 
 

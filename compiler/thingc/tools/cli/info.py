@@ -47,7 +47,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.no_code and arguments.document.lower().endswith(".xacro"):
         raise console.WrongCommandLine("--no-code cannot read a xacro file, which contains Python expressions", "expand it with `xacro`")
     if robot_files.select_robot_files([arguments.document]):
-        compilation = robot_files.compile_robot(arguments.document, options, robot_files.import_request(arguments))
+        from thingc.tools.importing.imported_document import compile_robot
+
+        compilation = compile_robot(arguments.document, options, robot_files.import_request(arguments))
     else:
         console.require_document(arguments.document)
         compilation = attempted(arguments.document, replace(options, code=not arguments.no_code), compile)

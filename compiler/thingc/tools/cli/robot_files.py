@@ -15,7 +15,6 @@ from thingc.base.filesystem import beginning
 from thingc.base.one_line_repr import counted
 from thingc.base.source import line_of
 from thingc.driver.environment import Options
-from thingc.driver.pipeline import Compilation, settings_of
 from thingc.driver.up_to_date import packed, unpacked
 from thingc.tools.cli import console
 from thingc.tools.importing.import_request import ENDINGS, ImportRequest
@@ -143,16 +142,6 @@ def _remark(path: str, source: ImportRequest, losses: int) -> str | None:
     options = [*(text for pair in words for text in pair), *([] if source.meshes else ["--no-meshes"])]
     command = shlex.join(["thingc", "import", path, *options, "--check"])
     return f"{path}: {counted(losses, 'element')} not checked, listed by `{command}`"
-
-
-def compile_robot(path: str, options: Options, source: ImportRequest) -> Compilation:
-    """Import and compile a robot file, without writing a document. Diagnostics are at the elements of the file."""
-    from thingc.tools.importing.imported_document import imported_document
-
-    report = Report()
-    with imported_document(path, options, report, source) as document:
-        compilation = Compilation(settings=settings_of(options), report=report) if document is None else document.compile(report)
-    return replace(compilation, report=report)
 
 
 def check_robots(paths: Iterable[str], check: Callable[[str], Result], remarks: list[str]) -> dict[str, list[Diagnostic]]:

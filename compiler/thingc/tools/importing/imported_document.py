@@ -16,7 +16,7 @@ from thingc.base.source import Document, Path, Span, node_at
 from thingc.documents.workspace import OWN_FILE
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
-from thingc.driver.pipeline import Compilation
+from thingc.driver.pipeline import Compilation, settings_of
 from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.update_import import RECORD
@@ -100,3 +100,11 @@ def imported_document(path: str, options: Options, report: Report, source: Impor
         document = os.path.join(folder, f"{os.path.basename(path)}.yaml")  # two robots in a folder are different documents
         texts = {document: imported.files[imported.document], os.path.join(folder, OWN_FILE): _WORKSPACE}
         yield ImportedDocument(path=document, options=replace(options, texts=texts, code=True, lock=False), imported=imported)
+
+
+def compile_robot(path: str, options: Options, source: ImportRequest) -> Compilation:
+    """Import and compile a robot file, without writing a document. Diagnostics are at the elements of the file."""
+    report = Report()
+    with imported_document(path, options, report, source) as document:
+        compilation = Compilation(settings=settings_of(options), report=report) if document is None else document.compile(report)
+    return replace(compilation, report=report)

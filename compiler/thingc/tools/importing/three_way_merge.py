@@ -14,6 +14,7 @@ from typing import Any
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import MappingNode, Node, Path, Plain, ScalarNode, SequenceNode, Span, dotted, node_at
+from thingc.documents.format.value_edits import last_line
 from thingc.documents.load.documents import read_tree
 from thingc.documents.load.text import Source
 
@@ -272,20 +273,11 @@ def _is_block(text: Text, parent: Node | None, key: Any) -> bool:
     return not isinstance(node, ScalarNode) and not _is_flow(text, node)
 
 
-def _last_line(text: Text, node: Node) -> int:
-    """Return the index of the last line of a value in a YAML document."""
-    if isinstance(node, ScalarNode) or _is_flow(text, node):
-        start, end = text.source.range(node.span)
-        return text.source.line_at(start + len(text.source.text[start:end].rstrip()))
-    inner = node.entries.values() if isinstance(node, MappingNode) else node.items
-    return max(_last_line(text, one) for one in inner)
-
-
 def _lines(text: Text, parent: Node, key: Any) -> tuple[int, int]:
     """Return the indices of the first and the last line of an entry in a YAML document."""
     assert isinstance(parent, MappingNode)
     where: Span = parent.keys[key]
-    return where.line - 1, max(where.line - 1, _last_line(text, parent.entries[key]))
+    return where.line - 1, max(where.line, last_line(text.source, parent.entries[key])) - 1
 
 
 def _leading(text: Text, path: Path, key: Any) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence, Set
 from typing import TypeVar
 
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.graphs import circle_words, find_cycles
+from thingc.base.graphs import DisjointSets, circle_words, find_cycles
 from thingc.base.safe_text import quoted
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
@@ -86,22 +86,15 @@ def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tup
     tree: list[Attachment] = []
     closing: list[Attachment] = []
     below: set[str] = set()
-    whole: dict[str, str] = {}
-
-    def head(name: str) -> str:
-        while name in whole:
-            name = whole[name]
-        return name
-
+    numbers = {name: number for number, name in enumerate(dict.fromkeys(name for one in hangings for name in (one.parent, one.child)))}
+    bodies = DisjointSets(len(numbers))
     for one in hangings:
-        first, second = head(one.parent), head(one.child)
-        if first == second:
+        if not bodies.join(numbers[one.parent], numbers[one.child]):
             closing.append(one)
             continue
         if one.child in below and one.parent not in below:
             one = one.turned()
         below.add(one.child)
-        whole[second] = first
         tree.append(one)
     return tuple(tree), tuple(closing)
 

@@ -24,15 +24,13 @@ from thingc.tools.joints.proposals import ComponentBody, JointProposal, JointSea
 class JointProposals(FrozenStruct):
     """The joints that the geometry of a document suggests. `document` is None if the document has errors, which `found` contains.
 
-    `frames` maps the components of the document to the poses of their frames, `groups` lists the components that are rigidly connected, and
-    `base` is the component that the document does not place.
+    `frames` maps the components of the document to the poses of their frames, and `base` is the component that the document does not place.
     """
 
     found: tuple[Diagnostic, ...]
     document: Document | None = None
     proposals: tuple[JointProposal, ...] = ()
     frames: Mapping[str, Pose] = {}
-    groups: tuple[tuple[str, ...], ...] = ()
     base: str = ""
     search: JointSearch | None = None
 
@@ -55,10 +53,9 @@ def propose_joints(path: str, options: Options, *, strict: bool = False) -> Join
     bodies, contacts, moved = _bodies_and_contacts(assembly, features)
     rigid, joined = _mated(assembly)
     search = JointSearch(bodies, contacts, [*rigid, *moved], joined)
-    proposals, groups = search.proposals()
     return JointProposals(
-        found=found, document=compilation.documents.root, proposals=tuple(proposals), frames=_frames(assembly),
-        groups=tuple(map(tuple, groups)), base=_component(assembly.occurrences[_bases(assembly, "")[0]]), search=search,
+        found=found, document=compilation.documents.root, proposals=tuple(search.proposals()), frames=_frames(assembly),
+        base=_component(assembly.occurrences[_bases(assembly, "")[0]]), search=search,
     )
 
 

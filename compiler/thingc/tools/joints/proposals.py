@@ -81,23 +81,22 @@ class JointSearch:
         self.released: dict[Pair, set[Pair]] = {}
         self.found: list[JointProposal] = []
 
-    def proposals(self) -> tuple[list[JointProposal], list[list[str]]]:
-        """Return the proposals, and the groups of components that are rigidly connected if the proposals without doubt are accepted."""
+    def proposals(self) -> list[JointProposal]:
+        """Return the proposals. Those without a doubt can be accepted together."""
         circles = [*self._bolt_circles()]
         found = [*self._turning(circles), *self._sliding(), *circles]
         connected = {*self.rigid, *self.joined}
         found = [*{one.key: one for one in reversed(found) if self._pair(one.parent, one.child) not in connected}.values()][::-1]
         self.found = found
         while True:
-            groups = self.groups([one for one in found if one.doubt is None])
-            of = {name: number for number, group in enumerate(groups) for name in group}
+            accepted = [one for one in found if one.doubt is None]
+            of = {name: number for number, group in enumerate(self.groups(accepted)) for name in group}
             kept: dict[frozenset[int], list[JointProposal]] = {}
-            for one in found:
-                if one.doubt is None:
-                    kept.setdefault(frozenset((of[one.parent], of[one.child])), []).append(one)
+            for one in accepted:
+                kept.setdefault(frozenset((of[one.parent], of[one.child])), []).append(one)
             doubts = {one.key: doubt for ends, joints in kept.items() for one, doubt in _doubts_between(ends, joints)}
             if not doubts:
-                return self._named(found), groups
+                return self._named(found)
             found = [replace(one, doubt=doubts.get(one.key, one.doubt)) for one in found]
 
     def groups(self, accepted: Sequence[JointProposal]) -> list[list[str]]:

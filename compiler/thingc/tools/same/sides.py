@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from thingc.base.diagnostics import Report, Severity
+from thingc.base.diagnostics import Severity
 from thingc.driver.environment import Options
 from thingc.modes.errors import ModesError
 from thingc.modes.modes_file import load_modes
@@ -12,7 +12,7 @@ from thingc.tools.diff.arguments import UnknownComparison
 from thingc.tools.diff.cached_snapshots import BrokenDocument
 from thingc.tools.diff.checkouts import BrokenSide, Checkout, DocumentPair, broken_side, read_completely, subject
 from thingc.tools.importing.import_request import ImportRequest
-from thingc.tools.importing.imported_document import imported_document
+from thingc.tools.importing.imported_document import compile_robot
 from thingc.tools.same.mechanism import Mechanism, mechanism_of_assembly, mechanism_of_mode
 
 NO_MESHES = ImportRequest(meshes=False)
@@ -56,9 +56,7 @@ def read_side(laid: Checkout, options: Options, source: ImportRequest = NO_MESHE
 
 def _imported(path: str, options: Options, source: ImportRequest) -> Mechanism:
     """Import a robot, and compile the document. Raises `BrokenDocument`."""
-    report = Report()
-    with imported_document(path, options, report, source) as document:
-        compilation = None if document is None else document.compile(report)
-    if compilation is None or compilation.assembly is None:
-        raise BrokenDocument([one for one in report.ordered() if one.severity is Severity.ERROR])
+    compilation = compile_robot(path, options, source)
+    if compilation.assembly is None:
+        raise BrokenDocument([one for one in compilation.report.ordered() if one.severity is Severity.ERROR])
     return mechanism_of_assembly(compilation.assembly)
