@@ -6,7 +6,7 @@ Unsupported content is recorded as losses.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from xml.parsers import expat
 
 from thingc.base.diagnostics import Code, Note, Report
@@ -184,13 +184,10 @@ class _Reading:
 
 
 class Losses:
-    """Collects the losses of an import, which are parts of the source that cannot be imported.
+    """Collects the losses of an import, which are parts of the source that cannot be imported."""
 
-    `before` are losses that were recorded earlier.
-    """
-
-    def __init__(self, before: Iterable[SourceLoss] = ()) -> None:
-        self._noted = list(before)
+    def __init__(self) -> None:
+        self._noted: list[SourceLoss] = []
 
     def note(self, what: str, why: str, where: Span) -> None:
         """Record an import loss. `what` describes the lost information, and `why` is the reason."""

@@ -70,15 +70,14 @@ class Added:
         if not acts_on or not all(words) or model.actuator_plugin[number] >= 0:
             return False
         wanted = [*zip(("dyntype", "gaintype", "biastype"), words, strict=True)]
-        wanted += [(f"{word}prm", numbers(getattr(model, f"actuator_{word}prm")[number])) for word in ("dyn", "gain", "bias")]
-        wanted += [("gear", numbers(model.actuator_gear[number]))]
+        wanted += self.original.texts(number, {name: f"actuator_{name}" for name in ("dynprm", "gainprm", "biasprm", "gear")})
         for word in ("ctrl", "force", "act"):
             if (bounds := self.original.bounds(f"actuator_{word}", number)) is not None:
                 wanted.append((f"{word}range", numbers(bounds)))
         if any(floats(model.actuator_lengthrange[number])):
-            wanted.append(("lengthrange", numbers(model.actuator_lengthrange[number])))
+            wanted += self.original.texts(number, {"lengthrange": "actuator_lengthrange"})
         if int(model.actuator_trntype[number]) == AT_CRANK:
-            wanted.append(("cranklength", numbers([model.actuator_cranklength[number]])))
+            wanted += self.original.texts(number, {"cranklength": "actuator_cranklength"})
         usual = {"dyntype": "none", "gaintype": "fixed", "biastype": "none", "gear": "1 0 0 0 0 0"}
         return self._add("actuator", "general", number, (*acts_on, *differing(wanted, usual)))
 
@@ -103,8 +102,8 @@ class Added:
         referred = any(model.qpos0[model.jnt_qposadr[joint]] for joint in self.kept["joint"] if int(model.jnt_type[joint]) > 1)
         if referred or int(model.eq_type[number]) != OF_TENDONS:
             return False
-        said = [("polycoef", numbers(model.eq_data[number][:5])), ("solref", numbers(model.eq_solref[number]))]
-        said.append(("solimp", numbers(model.eq_solimp[number])))
+        said = [("polycoef", numbers(model.eq_data[number][:5]))]
+        said += self.original.texts(number, {"solref": "eq_solref", "solimp": "eq_solimp"})
         tied = [(f"tendon{k}", self._target("tendon", at)) for k, at in enumerate(ends, 1)]
         return self._add("equality", "tendon", number, (*tied, *differing(said, {"solref": SOLREF, "solimp": SOLIMP})))
 
@@ -115,10 +114,11 @@ class Added:
         """
         model, place = self.model, int(self.original.spec.pairs[number].id)
         ends = [(f"geom{k}", self._target("geom", int(getattr(model, f"pair_geom{k}")[place]))) for k in (1, 2)]
-        said = [(word, floats(getattr(model, f"pair_{word}")[place])) for word in ("friction", "solref", "solreffriction", "solimp")]
-        said += [(word, (float(getattr(model, f"pair_{word}")[place]),)) for word in ("margin", "gap")]
-        values = [(word, numbers(value)) for word, value in said if word != "solreffriction" or any(value)]
-        return self._add("contact", "pair", number, (*ends, ("condim", numbers([model.pair_dim[place]])), *values))
+        names = ["friction", "solref", "solreffriction", "solimp", "margin", "gap"]
+        if not any(model.pair_solreffriction[place]):
+            names.remove("solreffriction")
+        values = self.original.texts(place, {"condim": "pair_dim"} | {name: f"pair_{name}" for name in names})
+        return self._add("contact", "pair", number, (*ends, *values))
 
     def sensor(self, number: int) -> bool:
         """Add a sensor to the MuJoCo model if all elements that it refers to are imported. Return whether the sensor was added."""

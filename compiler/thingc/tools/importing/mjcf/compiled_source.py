@@ -13,7 +13,7 @@ from thingc.tools.importing.document_names import plain_name
 from thingc.tools.importing.mjcf.flattened_source import FlattenedSource
 from thingc.tools.importing.quantities import same_place
 from thingc.tools.importing.source_model import Raw
-from thingc.tools.importing.xml_source import Losses, SourceElement
+from thingc.tools.importing.xml_source import SourceElement
 
 WORLD = 0
 KINDS = ("body", "joint", "geom", "site", "camera", "actuator", "sensor", "equality", "tendon")
@@ -34,14 +34,16 @@ class CompiledSource:
     """A MuJoCo model before compilation (`spec`) and after compilation (`model`).
 
     The arguments of methods are indices of elements in `model`. All elements have names. Names that are missing in the source are
-    generated. `geoms_of` and `sites_of` contain the indices of the geoms and sites of each body. `frames_of` contains, for each body, the
-    sites that coincide with the frame of the body. `second_names` maps the name of a site to the names of its duplicates.
+    generated. `geoms_of`, `sites_of` and `joints_of` contain the indices of the geoms, sites and joints of each body. `frames_of` contains,
+    for each body, the sites that coincide with the frame of the body. `second_names` maps the name of a site to those of its duplicates.
     """
 
     def __init__(self, flat: FlattenedSource, spec: Any, model: Any) -> None:
         self.flat, self.spec, self.model = flat, spec, model
-        self.losses = Losses(flat.losses)
-        self.geoms_of, self.sites_of = _by_body(model.geom_bodyid, model.nbody), _by_body(model.site_bodyid, model.nbody)
+        self.losses = flat.losses
+        self.geoms_of, self.sites_of, self.joints_of = (
+            _by_body(bodies, model.nbody) for bodies in (model.geom_bodyid, model.site_bodyid, model.jnt_bodyid)
+        )
         self.written = {kind: {one.id: one for one in getattr(spec, MANY.get(kind, f"{kind}s"))} for kind in KINDS}
         self.names: dict[str, dict[int, str]] = {}
         self.bodies = self._names("body", lambda one: "body")
@@ -58,7 +60,6 @@ class CompiledSource:
         self.equalities = self._names("equality", lambda one: f"{one.name1}_to_{one.name2}")
         self.custom: dict[str, dict[str, tuple[float, ...]]] = {}
         self._read_numbers()
-        self.speeds = {name: own["velocity"][0] for name, own in self.custom.items() if "velocity" in own}
 
     def _read_numbers(self) -> None:
         """Read the velocity limits of joints and the properties of actuators that MJCF does not support.
@@ -121,6 +122,18 @@ class CompiledSource:
         low, high = floats(getattr(self.model, f"{name}range")[number])
         return low, high
 
+    def texts(self, number: int, arrays: Mapping[str, str]) -> list[tuple[str, str]]:
+        """Return the XML attributes of an element. `arrays` maps their names to arrays of the compiled model."""
+        return [(name, numbers(getattr(self.model, array)[number])) for name, array in arrays.items()]
+
+    def lose_nonlinear(self, kind: str, number: int, arrays: Mapping[str, int]) -> None:
+        """Record a loss if the damping or the stiffness of a joint or tendon is a polynomial, in an array at an index."""
+        for array, index in arrays.items():
+            polynomial = getattr(self.model, array, None)  # older versions of MuJoCo have no such arrays
+            if polynomial is not None and any(floats(polynomial[index])):
+                what = f"nonlinear damping or stiffness of {kind} `{self.names[kind][number]}`"
+                self.lose(kind, number, what, "damping and stiffness in a document are numbers")
+
     def frame(self, written: Any) -> Pose:
         """Return the pose of an element relative to its body, as specified in the source.
 
@@ -148,8 +161,8 @@ def _by_body(bodies: Iterable[Any], count: int) -> list[list[int]]:
 
 
 def floats(values: Any) -> tuple[float, ...]:
-    """Convert an array to a tuple of floats, and replace -0 by 0."""
-    return tuple(float(one) + 0.0 for one in values)
+    """Convert an array or a number to a tuple of floats, and replace -0 by 0."""
+    return tuple(float(one) + 0.0 for one in (values if isinstance(values, Iterable) else (values,)))
 
 
 def pose_of(pos: Any, quat: Any) -> Pose:

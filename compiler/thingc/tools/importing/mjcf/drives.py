@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
 from thingc.targets.mjcf.drives import delay_steps
 from thingc.tools.importing.mjcf.adding import Added
@@ -22,22 +21,8 @@ UNSAID = ("actlimited", "actearly", "armature")
 """Attributes of actuators that documents cannot express. The default value of these attributes is 0."""
 
 
-class _Length(FrozenStruct, kw_only=False):
-    """The limits of a joint or tendon with actuators.
-
-    `ends` limits the coordinate or length [rad or m], and `most` the total actuator force [N m or N]. None means unlimited.
-    """
-
-    ends: tuple[float, float] | None
-    most: tuple[float, float] | None
-
-    def effort(self, force: tuple[float, float] | None) -> float | None:
-        """Return the maximum effort [N m or N] of the drive of this joint or tendon, or None if the effort is unlimited.
-
-        `force` is the force range of the actuator, which has precedence over the force range of the joint or tendon.
-        """
-        bounds = self.most if force is None else force
-        return None if bounds is None else max(map(abs, bounds))
+Bounds = tuple[float, float] | None
+"""The lower and the upper bound of a value. None means unlimited."""
 
 
 class Actuators:
@@ -71,15 +56,15 @@ class Actuators:
                 else:
                     lower, upper = one.ends.lower, one.ends.upper
                     ends = None if lower is None or upper is None else (lower, upper)
-                    length = _Length(ends, original.bounds("tendon_actfrc", target))
-                    why = self._driving(number, SourceTarget(kind="tendon", name=one.name), target, self.of_tendon, length)
+                    most = original.bounds("tendon_actfrc", target)
+                    why = self._driving(number, SourceTarget(kind="tendon", name=one.name), target, self.of_tendon, ends, most)
             elif transmission not in (AT_JOINT, AT_PARENT) or int(self.model.jnt_type[target]) not in (HINGE, SLIDE):
                 why = "a drive in a document needs a tendon, or a joint that rotates about or slides along an axis"
             elif target not in joints:
                 why = "the joint of the actuator is not imported"
             else:
-                length = _Length(original.bounds("jnt_", target), original.bounds("jnt_actfrc", target))
-                why = self._driving(number, SourceTarget(kind="joint", name=original.joints[target]), target, self.of_joint, length)
+                ends, most = original.bounds("jnt_", target), original.bounds("jnt_actfrc", target)
+                why = self._driving(number, SourceTarget(kind="joint", name=original.joints[target]), target, self.of_joint, ends, most)
             if why and not added.actuator(number):
                 original.lose("actuator", number, what, why)
             else:
@@ -87,14 +72,17 @@ class Actuators:
                 self._unsaid(number, what)
         self.adhesions = tuple(adhesions)
 
-    def _driving(self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], length: _Length) -> str:
+    def _driving(
+        self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], ends: Bounds, most: Bounds,
+    ) -> str:
         """Convert an actuator to a drive, and add the drive to `drives` under the index of the driven joint or tendon.
 
+        `ends` limits the coordinate or length [rad or m], and `most` the total actuator force [N m or N].
         Return the reason why a document cannot express the actuator, or an empty string if the drive was added.
         """
         if target in drives:
             return f"`{what.name}` is already driven by `{drives[target].name}`, and a {what.kind} in a document has one drive"
-        drive = self._drive(number, length)
+        drive = self._drive(number, ends, most)
         if drive is None:
             return "a drive in a document is a motor, a position drive or a velocity drive"
         drives[target] = self._with_effects(number, drive)
@@ -119,7 +107,7 @@ class Actuators:
             if values is not None and float(values[number]):
                 self.original.lose("actuator", number, f"`{name}` of {what}", "documents do not support this property")
 
-    def _drive(self, number: int, length: _Length) -> SourceDrive | None:
+    def _drive(self, number: int, ends: Bounds, most: Bounds) -> SourceDrive | None:
         """Convert an actuator to a drive. Return None for a kind of actuator that documents do not support."""
         model = self.model
         gain, *gains = floats(model.actuator_gainprm[number])
@@ -132,24 +120,24 @@ class Actuators:
             return None
         control, force = self.original.bounds("actuator_ctrl", number), self.original.bounds("actuator_force", number)
         if not affine and int(model.actuator_biastype[number]) == NO_BIAS and dynamic == NOT_DYNAMIC:
-            return self._motor(number, gain, gear, control, force, length)
+            return self._motor(number, gain, gear, control, force, most)
         kv = -velocity
         if not affine or constant or any(others) or kv < 0.0 or gain < 0.0:
             return None
-        effort = length.effort(None if force is None else (force[0] * abs(gear), force[1] * abs(gear)))
+        effort = _largest(most if force is None else (force[0] * abs(gear), force[1] * abs(gear)))
         wanted = [
-            ("gear", numbers([gear])), ("kv", numbers([kv])), *_range_keys("ctrl", control).items(), *_range_keys("force", force).items(),
+            ("gear", numbers(gear)), ("kv", numbers(kv)), *_range_keys("ctrl", control).items(), *_range_keys("force", force).items(),
         ]
-        otherwise = {"gear": "1", "kv": numbers([kv * gear * gear]), **_range_keys("force", None if effort is None else (-effort, effort))}
+        otherwise = {"gear": "1", "kv": numbers(kv * gear * gear), **_range_keys("force", None if effort is None else (-effort, effort))}
         drive = SourceDrive(
             name=self.original.actuators[number], kind="position", where=self.original.where("actuator", number), kv=kv * gear * gear,
             effort=effort,
         )
         if position == -gain and dynamic in (NOT_DYNAMIC, EXACT):
-            wanted.append(("kp", numbers([gain])))
+            wanted.append(("kp", numbers(gain)))
             if dynamic == EXACT:
-                wanted.append(("timeconst", numbers([model.actuator_dynprm[number][0]])))
-            otherwise |= {"kp": numbers([gain * gear * gear]), **_range_keys("ctrl", length.ends)}
+                wanted.append(("timeconst", numbers(model.actuator_dynprm[number][0])))
+            otherwise |= {"kp": numbers(gain * gear * gear), **_range_keys("ctrl", ends)}
             return replace(drive, kp=gain * gear * gear, kv=drive.kv or None, raw=differing(wanted, otherwise))
         if position == 0.0 and kv == gain and dynamic == NOT_DYNAMIC:
             fastest = None if control is None else max(map(abs, control)) / abs(gear)
@@ -157,10 +145,7 @@ class Actuators:
             return replace(drive, kind="velocity", velocity=fastest, raw=differing(wanted, otherwise))
         return None
 
-    def _motor(
-        self, number: int, gain: float, gear: float, control: tuple[float, float] | None, force: tuple[float, float] | None,
-        length: _Length,
-    ) -> SourceDrive:
+    def _motor(self, number: int, gain: float, gear: float, control: Bounds, force: Bounds, most: Bounds) -> SourceDrive:
         """Convert an actuator to a motor. The gear ratio is multiplied by the gain, because motors in a document do not have a gain.
 
         The control range does not change.
@@ -173,8 +158,8 @@ class Actuators:
             original.lose("actuator", number, what, why)
         bounds = [max(map(abs, one)) for one in (control, ends) if one is not None]
         effort = None if not bounds else min(bounds) * abs(gear * gain)
-        effort = length.effort(None if effort is None else (-effort, effort))
-        wanted = [("gear", numbers([gear * gain])), *_range_keys("ctrl", control).items(), *_range_keys("force", ends).items()]
+        effort = _largest(most) if effort is None else effort
+        wanted = [("gear", numbers(gear * gain)), *_range_keys("ctrl", control).items(), *_range_keys("force", ends).items()]
         otherwise = {"gear": "1", "forcelimited": "false", **_range_keys("ctrl", None if effort is None else (-effort, effort))}
         return SourceDrive(
             name=original.actuators[number], kind="motor", where=original.where("actuator", number), effort=effort,
@@ -186,13 +171,17 @@ class Actuators:
         force = gain * control[1]
         why = "thingc writes stiffer contacts for adhesion"
         self.original.lose("actuator", number, f"the softness of contacts of `{link}`", why)
-        wanted = [("gain", numbers([gain])), ("ctrlrange", numbers(control))]
+        wanted = [("gain", numbers(gain)), ("ctrlrange", numbers(control))]
         return SourceAdhesion(
             name=self.original.actuators[number], link=link, force=force, where=self.original.where("actuator", number),
             raw=differing(wanted, {"gain": "1", "ctrlrange": numbers([0.0, force])}),
         )
 
 
-def _range_keys(kind: str, bounds: tuple[float, float] | None) -> dict[str, str]:
+def _largest(bounds: Bounds) -> float | None:
+    return None if bounds is None else max(map(abs, bounds))
+
+
+def _range_keys(kind: str, bounds: Bounds) -> dict[str, str]:
     """Return the XML attributes that specify the control range (`ctrl`) or the force range (`force`) of an actuator."""
     return {f"{kind}limited": "false"} if bounds is None else {f"{kind}range": numbers(bounds)}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 from msgspec.structs import replace
 
@@ -16,6 +15,8 @@ from thingc.tools.importing.mjcf.drives import Actuators
 from thingc.tools.importing.source_model import FAR, Kind, Raw, SourceJoint, SourceLimits, SourceLoop, SourceMimic
 
 CONNECT, WELD, JOINT = 0, 1, 2
+SOFTNESS = {"solref": "eq_solref", "solimp": "eq_solimp"}
+"""Maps the attributes of equality constraints that documents cannot express to arrays of MuJoCo models."""
 STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
 """Attributes of the equality constraint that thingc writes for a mimic. `STIFF` in `targets/mjcf` contains the same values."""
 
@@ -48,8 +49,7 @@ class Equalities:
         self.loops = tuple(loops)
 
     def _raw(self, number: int, otherwise: dict[str, str]) -> Raw:
-        wanted = [("solref", numbers(self.model.eq_solref[number])), ("solimp", numbers(self.model.eq_solimp[number]))]
-        return differing(wanted, otherwise)
+        return differing(self.original.texts(number, SOFTNESS), otherwise)
 
     def _follow(self, number: int) -> str:
         """Convert an equality constraint between joints to a mimic, and add the mimic to `follows`.
@@ -140,8 +140,8 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
                 original.losses.note(f"unlimited slide `{name}`", f"the document specifies limits of +-{FAR:g} m", where)
         case _:
             kind, ends = ("revolute", SourceLimits(lower=lower, upper=upper)) if limited else ("continuous", SourceLimits())
-    if name in original.speeds and kind != "ball":
-        ends = replace(ends, velocity=original.speeds[name])
+    if kind != "ball":
+        ends = replace(ends, velocity=original.custom.get(name, {}).get("velocity", (None,))[0])
     weakest, strongest = floats(model.jnt_actfrcrange[joint])
     if drive is None and kind != "ball" and model.jnt_actfrclimited[joint] and weakest == -strongest:
         ends = replace(ends, effort=strongest)
@@ -151,39 +151,34 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
     if start:
         why = "a document specifies the softness at q = 0"
         original.losses.note(f"the softness of constraints at the reference of joint `{name}`, {start:g}", why, where)
-    for what in ("jnt_stiffnesspoly", "dof_dampingpoly"):
-        polynomial = getattr(model, what, None)
-        if polynomial is not None and any(floats(polynomial[joint if what.startswith("jnt") else dof])):
-            original.losses.note(
-                f"nonlinear damping or stiffness of joint `{name}`", "damping and stiffness in a document are numbers", where,
-            )
+    original.lose_nonlinear("joint", joint, {"jnt_stiffnesspoly": joint, "dof_dampingpoly": dof})
     (x, y, z), (u, v, w) = floats(model.jnt_pos[joint]), floats(model.jnt_axis[joint])
     return SourceJoint(
         name=name, kind=kind, axis=(u, v, w), anchor=(x, y, z), where=where, ends=ends, start=start, begin=begin, stiffness=stiffness,
         rest=rest if stiffness else 0.0,
         damping=float(model.dof_damping[dof]), friction=float(model.dof_frictionloss[dof]), armature=float(model.dof_armature[dof]),
-        follows=follows, drive=drive, raw=_raw(model, joint, dof, ends.effort),
+        follows=follows, drive=drive, raw=_raw(original, joint, dof, ends.effort),
     )
 
 
 def free_joint(original: CompiledSource, joint: int) -> Raw:
     """Return the attributes of a free joint that a document cannot express, such as stiffness and damping."""
-    model, dof = original.model, int(original.model.jnt_dofadr[joint])
-    wanted = [("stiffness", numbers([model.jnt_stiffness[joint]]))]
-    wanted += [(name, numbers([getattr(model, f"dof_{name}")[dof]])) for name in ("damping", "frictionloss", "armature")]
-    return *differing(wanted, {name: "0" for name, _ in wanted}), *_raw(model, joint, dof, None)
+    dof = int(original.model.jnt_dofadr[joint])
+    wanted = original.texts(joint, {"stiffness": "jnt_stiffness"})
+    wanted += original.texts(dof, {name: f"dof_{name}" for name in ("damping", "frictionloss", "armature")})
+    return *differing(wanted, {name: "0" for name, _ in wanted}), *_raw(original, joint, dof, None)
 
 
-def _raw(model: Any, joint: int, dof: int, effort: float | None) -> Raw:
+def _raw(original: CompiledSource, joint: int, dof: int, effort: float | None) -> Raw:
     """Return the attributes of a joint that a document cannot express. `effort` is the effort limit in the document [N m or N]."""
+    model = original.model
     wanted = [
-        ("solreflimit", numbers(model.jnt_solref[joint])), ("solimplimit", numbers(model.jnt_solimp[joint])),
-        ("solreffriction", numbers(model.dof_solref[dof])), ("solimpfriction", numbers(model.dof_solimp[dof])),
-        ("margin", numbers([model.jnt_margin[joint]])),
-        ("actuatorgravcomp", "true" if model.jnt_actgravcomp[joint] else "false"),
+        *original.texts(joint, {"solreflimit": "jnt_solref", "solimplimit": "jnt_solimp"}),
+        *original.texts(dof, {"solreffriction": "dof_solref", "solimpfriction": "dof_solimp"}),
+        *original.texts(joint, {"margin": "jnt_margin"}), ("actuatorgravcomp", "true" if model.jnt_actgravcomp[joint] else "false"),
     ]
     if model.jnt_actfrclimited[joint]:
-        wanted.append(("actuatorfrcrange", numbers(model.jnt_actfrcrange[joint])))
+        wanted += original.texts(joint, {"actuatorfrcrange": "jnt_actfrcrange"})
     return differing(wanted, {
         "solreflimit": SOLREF, "solimplimit": SOLIMP, "solreffriction": SOLREF, "solimpfriction": SOLIMP, "margin": "0",
         "actuatorgravcomp": "false", **({} if effort is None else {"actuatorfrcrange": numbers([-effort, effort])}),

@@ -11,14 +11,11 @@ import hashlib
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import quoteattr
 
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span
 from thingc.tools.importing.packages import NotFound, Packages
-from thingc.tools.importing.source_model import SourceLoss
 from thingc.tools.importing.xml_source import Losses, SourceElement, read_xml
 from thingc.tools.importing.xml_values import NOT_FINITE
 
@@ -44,22 +41,35 @@ SMALL_SOLID = b"v 0 0 0\nv .001 0 0\nv 0 .001 0\nv 0 0 .001\nf 1 3 2\nf 1 2 4\nf
 FOLDERS = ("meshdir", "assetdir", "texturedir", "strippath")
 
 
-class FlattenedSource(FrozenStruct):
-    """An MJCF file and its included files as one text, with the source location of each line.
+class FlattenedSource:
+    """An MJCF file and its included files, which the method `text` flattens to one text for MuJoCo.
 
-    `lines` contains the source element of each line of `text`. `files` maps file names in the text to contents. `meshes` maps the same
-    names to paths relative to the folder of the source. `models` contains the texts of attached models. `included` contains the root
-    elements of included files.
+    `lines` contains the source element of each line of the text. `files` maps file names in the text to contents. `meshes` maps the same
+    names to paths relative to the folder of the source. `models` contains the texts of attached models, and `roots` the root elements of
+    included files. If `with_meshes` is False, each mesh that cannot be read is replaced by a small solid.
     """
 
-    root: SourceElement
-    text: str
-    lines: tuple[SourceElement, ...]
-    files: Mapping[str, bytes]
-    models: Mapping[str, bytes]
-    meshes: Mapping[str, str]
-    included: tuple[SourceElement, ...]
-    losses: tuple[SourceLoss, ...]
+    def __init__(self, root: SourceElement, packages: Packages, report: Report, with_meshes: bool) -> None:
+        self.root, self.packages, self.report, self.with_meshes = root, packages, report, with_meshes
+        self.included: dict[str, Span] = {}
+        self.texts: list[str] = []
+        self.lines: list[SourceElement] = []
+        self.files: dict[str, bytes] = {}
+        self.meshes: dict[str, str] = {}
+        self.losses = Losses()
+        self.roots: list[SourceElement] = []
+        self.strip, self.folder = False, ""
+        self.made = self.mesh_bytes = 0
+        self.names: set[str | None] = set()
+        self.models: dict[str, bytes] = {}
+        self.words: dict[int, str] = {}
+        self.sizes: dict[str, int] = {}
+
+    def text(self) -> str | None:
+        """Return the flattened text. If a file is missing or invalid, report an error and return None."""
+        before = len(self.report.diagnostics)
+        text = self._file(self.root)
+        return text if len(self.report.diagnostics) == before else None
 
     def element(self, said: str) -> SourceElement:
         """Return the source element of the line that a MuJoCo message mentions, such as `line 7`.
@@ -74,47 +84,13 @@ class FlattenedSource(FrozenStruct):
 
         The result is the root element of the element's file, or of the main file if the element's file does not specify a model name.
         """
-        roots = (one for one in self.included if one.where.file == element.where.file and one.attributes.get("model", "").strip())
-        return next(roots, self.root)
+        named = (one for one in self.roots if one.where.file == element.where.file and one.attributes.get("model", "").strip())
+        return next(named, self.root)
 
     def place(self, said: str, attribute: str | None = None) -> Span:
         """Return the source location of the line that a MuJoCo message mentions."""
         element = self.element(said)
         return element.where if attribute is None else element.place(attribute)
-
-
-class Flattening:
-    """Flattens an MJCF file and its included files to one text for MuJoCo.
-
-    If `meshes` is False, each mesh that cannot be read is replaced by a small solid.
-    """
-
-    def __init__(self, root: SourceElement, packages: Packages, report: Report, meshes: bool) -> None:
-        self.root, self.packages, self.report, self.with_meshes = root, packages, report, meshes
-        self.included: dict[str, Span] = {}
-        self.texts: list[str] = []
-        self.lines: list[SourceElement] = []
-        self.files: dict[str, bytes] = {}
-        self.meshes: dict[str, str] = {}
-        self.losses = Losses()
-        self.elements: dict[int, tuple[SourceElement, ...]] = {}
-        self.strip, self.folder = False, ""
-        self.made = self.mesh_bytes = 0
-        self.names: set[str | None] = set()
-        self.models: dict[str, bytes] = {}
-        self.words: dict[int, str] = {}
-        self.sizes: dict[str, int] = {}
-
-    def flat(self) -> FlattenedSource | None:
-        """Return the flattened MJCF file. If a file is missing or invalid, report an error and return None."""
-        before = len(self.report.diagnostics)
-        text = self._file(self.root)
-        if len(self.report.diagnostics) > before:
-            return None
-        return FlattenedSource(
-            root=self.root, text=text, models=self.models, lines=tuple(self.lines), files=self.files, meshes=self.meshes,
-            included=tuple(one for roots in self.elements.values() for one in roots), losses=self.losses.all(),
-        )
 
     def _file(self, root: SourceElement) -> str:
         """Return the flattened text of a file. The texts of attached models are flattened first.
@@ -122,15 +98,14 @@ class Flattening:
         Line numbers are unique across all texts.
         """
         self._include(root)
-        sections = [*self._children(root)]
-        for model in (one for section in sections if section.tag == "asset" for one in self._children(section) if one.tag == "model"):
+        for model in (one for section in root.all("asset") for one in section.all("model")):
             if (attached := self._read(model)) is not None:
                 made, name = self.made, model.attributes.get("name") or attached.attributes.get("model", "")
                 self.models[f"{len(self.models)}.xml"] = self._file(attached).encode()
                 self.words[id(model)] = f"{len(self.models) - 1}.xml"
                 self.sizes[name] = max(self.sizes.get(name, 0), self.made - made)
         settings: dict[str, str] = {}
-        for compiler in (one for one in sections if one.tag == "compiler"):
+        for compiler in root.all("compiler"):
             settings |= compiler.attributes
         self.strip = settings.get("strippath") == "true"
         beside = os.path.relpath(os.path.dirname(root.where.file), self.packages.folder)
@@ -139,29 +114,19 @@ class Flattening:
         self._write(root, 1)
         return "\n" * start + "\n".join(self.texts[start:])
 
-    def _children(self, element: SourceElement) -> Iterator[SourceElement]:
-        """Yield the child elements of an element. Each `<include>` is replaced by the elements of the included file."""
-        for child in element.children:
-            if id(child) in self.elements:
-                for one in self.elements[id(child)]:
-                    yield from self._children(one)
-            else:
-                yield child
-
     def _include(self, element: SourceElement) -> None:
-        """Read the files of all `<include>` elements inside an element, recursively."""
-        waiting = [element]
-        while waiting:
-            one = waiting.pop()
-            self.names.add(one.attributes.get("name"))
-            inner = one
-            if one.tag == "include":
-                included = self._read(one)
-                self.elements[id(one)] = () if included is None else (included,)
-                if included is None:
-                    continue
-                inner = included
-            waiting += reversed(inner.children)
+        """Replace each `<include>` inside an element by the elements of the included file, recursively."""
+        self.names.add(element.attributes.get("name"))
+        children: list[SourceElement] = []
+        for child in element.children:
+            if child.tag != "include":
+                self._include(child)
+                children.append(child)
+            elif (included := self._read(child)) is not None:
+                self.roots.append(included)
+                self._include(included)
+                children += included.children
+        element.children[:] = children
 
     def _read(self, element: SourceElement) -> SourceElement | None:
         """Read an included file and return its root element. If the file is missing or invalid, report an error and return None.
@@ -230,7 +195,7 @@ class Flattening:
         elif element.tag == "mesh" and "file" in attributes:
             attributes |= self._mesh(element)
         self._line(f"<{element.tag}{''.join(f' {name}={quoteattr(value)}' for name, value in attributes.items())}>", element)
-        for child in self._children(element):
+        for child in element.children:
             self._write(child, copies)
         self._line(f"</{element.tag}>", element)
 

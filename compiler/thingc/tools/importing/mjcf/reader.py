@@ -16,7 +16,7 @@ from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import WORLD, CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
 from thingc.tools.importing.mjcf.equalities import Equalities, free_joint, joint_of
-from thingc.tools.importing.mjcf.flattened_source import ABSENT, FlattenedSource, Flattening
+from thingc.tools.importing.mjcf.flattened_source import ABSENT, FlattenedSource
 from thingc.tools.importing.mjcf.sensing import sensors
 from thingc.tools.importing.mjcf.settings import options, poses, simulation, touching
 from thingc.tools.importing.mjcf.shapes import Geoms
@@ -35,17 +35,18 @@ def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes
 
     If `meshes` is false, meshes that cannot be read have no mass.
     """
-    flat = Flattening(root, packages, report, meshes).flat()
-    original = None if flat is None else _compiled(flat, report)
+    flat = FlattenedSource(root, packages, report, meshes)
+    text = flat.text()
+    original = None if text is None else _compiled(flat, text, report)
     return None if original is None else _Reader(original, report).robot()
 
 
-def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
+def _compiled(flat: FlattenedSource, text: str, report: Report) -> CompiledSource | None:
     """Compile the flattened MJCF source with MuJoCo, and report MuJoCo's errors at their source locations."""
     import mujoco
 
     try:
-        spec = mujoco.MjSpec.from_string(flat.text, include=dict(flat.models), assets=dict(flat.files))
+        spec = mujoco.MjSpec.from_string(text, include=flat.models, assets=flat.files)
         spec.compiler.fusestatic = spec.compiler.discardvisual = False
         spec.compiler.alignfree = False
         absent = [geom for geom in spec.geoms if geom.meshname and ABSENT in spec.mesh(geom.meshname).file]
@@ -57,12 +58,12 @@ def _compiled(flat: FlattenedSource, report: Report) -> CompiledSource | None:
             warnings.simplefilter("ignore")  # MuJoCo warns about nearly singular inertias, which are checked per link
             model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as fault:
-        text = str(fault)
+        message = str(fault)
         for word, uri in flat.meshes.items():
-            text = text.replace(word, uri)
-        said = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", text.split("\nElement")[0]).strip()
+            message = message.replace(word, uri)
+        said = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", message.split("\nElement")[0]).strip()
         attribute = re.search(r"attribute:? '(\w+)'", said)
-        where = flat.place(text, None if attribute is None else attribute[1])
+        where = flat.place(message, None if attribute is None else attribute[1])
         report.add(Code.SOURCE_VALUE, f"MuJoCo cannot load this: {said}", where, help="fix the element at this line")
         return None
     original = CompiledSource(flat, spec, model)
@@ -75,9 +76,7 @@ class _Reader:
     def __init__(self, original: CompiledSource, report: Report) -> None:
         self.original, self.model, self.report = original, original.model, report
         self.parents = [int(one) for one in self.model.body_parentid]
-        self.joints: list[list[int]] = [[] for _ in self.parents]
-        for joint, body in enumerate(self.model.jnt_bodyid):
-            self.joints[int(body)].append(joint)
+        self.joints = original.joints_of
         self.free = {body for body, joints in enumerate(self.joints) for joint in joints if self.model.jnt_type[joint] == FREE}
         self.mocap = {body for body in range(len(self.parents)) if self.model.body_mocapid[body] >= 0}
         self._released: dict[int, Pose] = {}
@@ -294,7 +293,7 @@ class _Reader:
         gravcomp = float(self.model.body_gravcomp[body])
         return SourceLink(
             name=original.bodies[body], where=where, weight=self._weight(body), shapes=self.shapes.of(body), sites=sites,
-            frames=frames, raw=(("gravcomp", numbers([gravcomp])),) if gravcomp else (),
+            frames=frames, raw=(("gravcomp", numbers(gravcomp)),) if gravcomp else (),
         )
 
     def _weight(self, body: int) -> Weight | None:

@@ -6,33 +6,20 @@ import math
 from collections.abc import Mapping
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.pose import Pose, turned_y
+from thingc.base.pose import Pose
 from thingc.base.sensor_kinds import ReadingName, SensorType
+from thingc.targets.mjcf.sensors import ELEMENTS, LOOKING
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import SITE, CompiledSource, pose_of
 from thingc.tools.importing.mjcf.shapes import KINDS, sizes_of
-from thingc.tools.importing.source_model import ShapeKind, Sizes, SourceSensor, SourceTarget
+from thingc.tools.importing.source_model import ShapeKind, SourceSensor, SourceTarget
 
-AT_SITE: dict[str, tuple[SensorType, ReadingName]] = {
-    "force": ("force", "force"), "torque": ("force", "torque"),
-    "accelerometer": ("accelerometer", "accelerometer"), "gyro": ("gyro", "gyro"), "magnetometer": ("magnetometer", "magnetometer"),
-    "velocimeter": ("velocimeter", "velocity"), "rangefinder": ("rangefinder", "distance"), "touch": ("touch", "force"),
-    "framepos": ("pose", "position"), "framequat": ("pose", "quat"),
-    "framelinvel": ("twist", "linear"), "frameangvel": ("twist", "angular"),
+SENSORS: dict[str, tuple[SensorType, ReadingName]] = {
+    tag.removesuffix("actuatorfrc") + "actfrc" if tag in ("jointactuatorfrc", "tendonactuatorfrc") else tag: (kind, reading)
+    for kind, elements in ELEMENTS.items() if kind not in ("imu", "contact") for reading, tag in elements.items()
 }
-AT_JOINT: dict[str, ReadingName] = {"jointpos": "position", "jointvel": "velocity", "jointactfrc": "effort"}
-OF_TENDON: dict[str, ReadingName] = {"tendonpos": "length", "tendonvel": "velocity", "tendonactfrc": "effort"}
-OF_DRIVE: dict[str, ReadingName] = {"actuatorpos": "position", "actuatorvel": "velocity", "actuatorfrc": "effort"}
-OF_ALL: dict[str, tuple[SensorType, ReadingName]] = {
-    "clock": ("clock", "time"), "e_potential": ("energy", "potential"), "e_kinetic": ("energy", "kinetic"),
-}
-OF_ROOT: dict[str, ReadingName] = {"subtreecom": "position", "subtreelinvel": "velocity", "subtreeangmom": "momentum"}
+"""The kind and the reading of each type of sensor in MuJoCo's enum `mjtSensor`."""
 IMU: frozenset[SensorType] = frozenset({"accelerometer", "gyro"})
-LOOKING = turned_y(math.pi)
-"""Rotation from a MuJoCo camera, which looks along -z, to a camera mount in a document, which looks along z.
-
-In both frames, the y axis points up.
-"""
 
 
 class _Place(FrozenStruct):
@@ -90,31 +77,36 @@ class _Sensing:
         return self.kinds.get(int(self.model.sensor_type[number]), "sensor")
 
     def _place(self, number: int) -> tuple[_Place, ReadingName] | None:
-        model, original, kind = self.model, self.original, self._kind(number)
+        model, original = self.model, self.original
         thing, of = int(model.sensor_objid[number]), int(model.sensor_objtype[number])
-        if kind in AT_SITE and of == SITE and int(model.site_bodyid[thing]) in self.kept and int(model.sensor_dim[number]) <= 4:
-            sensor, reading = AT_SITE[kind]
-            reference, reference_type = int(model.sensor_refid[number]), int(model.sensor_reftype[number])
-            if reference >= 0 and (reference_type != SITE or int(model.site_bodyid[reference]) not in self.kept):
+        kind, reading = SENSORS.get(self._kind(number), (None, None))
+        place = None
+        match kind:
+            case None:
                 return None
-            if sensor == "touch" and int(model.site_type[thing]) not in KINDS:
-                return None
-            seen_from = original.sites[reference] if reference >= 0 else None
-            return _Place(kind=sensor, site=original.sites[thing], seen_from=seen_from), reading
-        if kind in AT_JOINT and int(model.jnt_bodyid[thing]) in self.kept:
-            return _Place(kind="joint", joint=original.joints[thing]), AT_JOINT[kind]
-        if kind in OF_DRIVE and thing in self.driven:
-            what = self.driven[thing]
-            place = _Place(kind="drive", tendon=what.name) if what.kind == "tendon" else _Place(kind="drive", joint=what.name)
-            return place, OF_DRIVE[kind]
-        if kind in OF_TENDON and thing in self.tendons:
-            return _Place(kind="tendon", tendon=self.tendons[thing].name), OF_TENDON[kind]
-        if kind in OF_ROOT and thing == self.root:
-            return _Place(kind="centre"), OF_ROOT[kind]
-        if kind in OF_ALL:
-            sensor, reading = OF_ALL[kind]
-            return _Place(kind=sensor), reading
-        return None
+            case "joint" if int(model.jnt_bodyid[thing]) in self.kept:
+                place = _Place(kind="joint", joint=original.joints[thing])
+            case "drive" if thing in self.driven:
+                what = self.driven[thing]
+                place = _Place(kind="drive", tendon=what.name) if what.kind == "tendon" else _Place(kind="drive", joint=what.name)
+            case "tendon" if thing in self.tendons:
+                place = _Place(kind="tendon", tendon=self.tendons[thing].name)
+            case "centre" if thing == self.root:
+                place = _Place(kind="centre")
+            case "clock" | "energy":
+                place = _Place(kind=kind)
+            case _ if of == SITE and int(model.site_bodyid[thing]) in self.kept and int(model.sensor_dim[number]) <= 4:
+                place = self._at_site(number, kind, thing)
+        return None if place is None or reading is None else (place, reading)
+
+    def _at_site(self, number: int, kind: SensorType, site: int) -> _Place | None:
+        model, sites = self.model, self.original.sites
+        reference, reference_type = int(model.sensor_refid[number]), int(model.sensor_reftype[number])
+        if reference >= 0 and (reference_type != SITE or int(model.site_bodyid[reference]) not in self.kept):
+            return None
+        if kind == "touch" and int(model.site_type[site]) not in KINDS:
+            return None
+        return _Place(kind=kind, site=sites[site], seen_from=sites[reference] if reference >= 0 else None)
 
     def _sensor(self, place: _Place, readings: list[tuple[int, ReadingName]]) -> SourceSensor:
         """Combine several MuJoCo sensors at the same element to one sensor of the document."""
@@ -128,7 +120,7 @@ class _Sensing:
                     original.lose("sensor", number, what, f"a document cannot specify this value for a `{reading}`")
                 elif value:
                     said[reading] = value
-        volume: tuple[ShapeKind, Sizes] | None = None
+        volume: tuple[ShapeKind, tuple[float, ...]] | None = None
         if place.kind == "touch":
             site = int(model.sensor_objid[readings[0][0]])
             shape = KINDS[int(model.site_type[site])]

@@ -68,7 +68,7 @@ def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]
 
 
 def _format_setting(name: str, value: Any) -> str:
-    return WORDS[name][int(value)] if name in WORDS else numbers(value if getattr(value, "shape", ()) else [value])
+    return WORDS[name][int(value)] if name in WORDS else numbers(value)
 
 
 def touching(

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from thingc.base.pose import IDENTITY, Pose, Vector, rotate, transpose
 from thingc.tools.importing.meshes import READ
 from thingc.tools.importing.mjcf.compiled_source import SOLIMP, SOLREF, CompiledSource, differing, floats, numbers, pose_of
-from thingc.tools.importing.source_model import Raw, ShapeKind, Sizes, SourceShape
+from thingc.tools.importing.source_model import Raw, ShapeKind, SourceShape
 
 KINDS: dict[int, ShapeKind] = {0: "plane", 2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 HIDDEN = 3
@@ -121,9 +121,7 @@ class Geoms:
 
         The default values include the priority that thingc sets for a geom with friction, so that its friction applies on any floor.
         """
-        model = self.model
-        wanted = [(name, numbers(values if getattr(values, "shape", ()) else [values])) for name in USUAL
-                  for values in [getattr(model, f"geom_{name}")[geom]]]
+        wanted = self.original.texts(geom, {name: f"geom_{name}" for name in USUAL})
         otherwise = dict(USUAL)
         if friction:
             otherwise |= {
@@ -133,17 +131,6 @@ class Geoms:
         return differing(wanted, otherwise)
 
 
-def sizes_of(kind: ShapeKind, sizes: Any) -> Sizes:
-    """Convert the three size parameters of a MuJoCo geom to the dimensions of a `SourceShape` [m]."""
-    a, b, c = floats(sizes)
-    match kind:
-        case "sphere":
-            return (a,)
-        case "cylinder" | "capsule":
-            return (a, 2.0 * b)
-        case "ellipsoid":
-            return (a, b, c)
-        case "plane":
-            return (2.0 * a, 2.0 * b)
-        case _:
-            return (2.0 * a, 2.0 * b, 2.0 * c)
+def sizes_of(kind: ShapeKind, sizes: Any) -> tuple[float, ...]:
+    """Return those of the three size parameters of a MuJoCo geom [m] that its kind has."""
+    return floats(sizes)[: {"sphere": 1, "cylinder": 2, "capsule": 2, "plane": 2}.get(kind, 3)]

@@ -16,10 +16,17 @@ JOINT, PULLEY, SITE, SPHERE, CYLINDER = 1, 2, 3, 4, 5
 HINGE = 3
 WIDTH = 0.003
 USUAL = {
-    "stiffness": "0", "damping": "0", "frictionloss": "0", "armature": "0", "margin": "0", "group": "0", "width": numbers([WIDTH]),
+    "stiffness": "0", "damping": "0", "frictionloss": "0", "armature": "0", "margin": "0", "group": "0", "width": numbers(WIDTH),
     "rgba": "0.5 0.5 0.5 1", "solreflimit": SOLREF, "solimplimit": SOLIMP, "solreffriction": SOLREF, "solimpfriction": SOLIMP,
 }
 """MuJoCo's default values of tendon attributes."""
+
+
+SOFTNESS = {
+    "solreflimit": "tendon_solref_lim", "solimplimit": "tendon_solimp_lim", "solreffriction": "tendon_solref_fri",
+    "solimpfriction": "tendon_solimp_fri",
+}
+"""Maps the attributes of tendons that specify the softness of constraints to arrays of MuJoCo models."""
 
 
 class Tendons:
@@ -87,19 +94,15 @@ class Tendons:
                 joint = int(model.wrap_objid[wrap])
                 moves[original.joints[joint]] = moves.get(original.joints[joint], 0.0) + float(model.wrap_prm[wrap])
                 turns = turns and int(model.jnt_type[joint]) == HINGE
-        limited, (lower, upper) = bool(model.tendon_limited[number]), floats(model.tendon_range[number])
+        lower, upper = original.bounds("tendon_", number) or (0.0, 0.0)
         if not moves:
             lower = max(lower, 0.0)  # the length of a path cannot be negative
-        ends = SourceLimits(lower=lower, upper=upper) if limited and lower < upper else SourceLimits()
+        ends = SourceLimits(lower=lower, upper=upper) if lower < upper else SourceLimits()
         damping, friction, armature, stiffness = (
             max(float(getattr(model, f"tendon_{word}")[number]), 0.0) for word in ("damping", "frictionloss", "armature", "stiffness")
         )
         rest = float(model.tendon_lengthspring[number][0]) if stiffness else 0.0
-        for what in ("stiffnesspoly", "dampingpoly"):
-            polynomial = getattr(model, f"tendon_{what}", None)
-            if polynomial is not None and any(floats(polynomial[number])):
-                what = f"nonlinear damping or stiffness of tendon `{original.tendons[number]}`"
-                original.lose("tendon", number, what, "damping and stiffness in a document are numbers")
+        original.lose_nonlinear("tendon", number, {"tendon_stiffnesspoly": number, "tendon_dampingpoly": number})
         made = SourceTendon(
             name=original.tendons[number], where=original.where("tendon", number), moves=tuple(moves.items()), turns=bool(moves) and turns,
             steps=() if moves else tuple(map(self._step, wraps)), ends=ends, damping=damping, friction=friction, armature=armature,
@@ -127,30 +130,28 @@ class Tendons:
         """Return the attributes of a tendon that a document cannot express, or whose default value in documents differs from MuJoCo's."""
         model = self.model
         plain = ("stiffness", "damping", "frictionloss", "armature", "margin", "group", *(() if made.moves else ("width",)))
-        wanted = [(word, numbers([getattr(model, f"tendon_{word}")[number]])) for word in plain]
+        wanted = self.original.texts(number, {word: f"tendon_{word}" for word in plain})
         otherwise = USUAL | {
-            "stiffness": numbers([made.stiffness]), "damping": numbers([made.damping]), "frictionloss": numbers([made.friction]),
-            "armature": numbers([made.armature]),
+            "stiffness": numbers(made.stiffness), "damping": numbers(made.damping), "frictionloss": numbers(made.friction),
+            "armature": numbers(made.armature),
         }
         if made.width:
-            otherwise["width"] = numbers([made.width / 2.0])
+            otherwise["width"] = numbers(made.width / 2.0)
         if model.tendon_stiffness[number]:
             spring = floats(model.tendon_lengthspring[number])
             wanted.append(("springlength", numbers(spring if spring[0] != spring[1] else spring[:1])))
-            otherwise |= {"springlength": numbers([made.rest])} if made.stiffness else {}
+            otherwise |= {"springlength": numbers(made.rest)} if made.stiffness else {}
         if model.tendon_limited[number]:
-            wanted.append(("range", numbers(model.tendon_range[number])))
+            wanted += self.original.texts(number, {"range": "tendon_range"})
             if made.ends.lower is not None and made.ends.upper is not None:
                 otherwise["range"] = numbers([made.ends.lower, made.ends.upper])
         if model.tendon_actfrclimited[number]:
-            wanted.append(("actuatorfrcrange", numbers(model.tendon_actfrcrange[number])))
+            wanted += self.original.texts(number, {"actuatorfrcrange": "tendon_actfrcrange"})
         if not made.moves:
             material = int(model.tendon_matid[number])
             color = floats(model.tendon_rgba[number])
             if color == GREY and material >= 0:
                 color = floats(model.mat_rgba[material])
             wanted.append(("rgba", numbers([round(one, 6) for one in color])))
-        for word, short in (("limit", "lim"), ("friction", "fri")):
-            for kind in ("solref", "solimp"):
-                wanted.append((f"{kind}{word}", numbers(getattr(model, f"tendon_{kind}_{short}")[number])))
+        wanted += self.original.texts(number, SOFTNESS)
         return differing(wanted, otherwise)
