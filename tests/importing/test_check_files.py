@@ -127,7 +127,7 @@ def test_places_of_shapes_and_mimics(here: Path) -> None:
     magnets, drives = (places_with(here / name, key) for name, key in (("suckers.xml", "mounts"), ("constructs.xml", "drive")))
     assert any(one.startswith("<adhesion") for one in magnets)
     assert drives and all(re.match("<(motor|position|velocity|general)", one) for one in drives)
-    assert starts["components", "wheel", "mounts", "spin"].startswith('<joint name="spin"')
+    assert starts["components", "motor", "mounts", "spin"].startswith('<joint name="spin"')
 
 
 def test_a_workspace_around_a_robot_does_not_matter(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,10 +8,11 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from thingc.base.export_names import TAKEN, is_file_name
 from thingc.base.pose import Pose
+from thingc.base.source import Path, Span
 from thingc.documents.load.yaml_scalars import core_value
 from thingc.documents.spec.name_types import RESERVED
-from thingc.tools.importing.quantities import same_place
-from thingc.tools.importing.source_model import Attachment, SourceLink, SourceMotion, SourceRobot, SourceShape
+from thingc.tools.importing.quantities import TURNS, same_place, was
+from thingc.tools.importing.source_model import Attachment, SourceLink, SourceMotion, SourceRobot, SourceShape, SourceThing
 from thingc.tools.importing.tree import by_parent, downwards
 from thingc.tools.importing.update_import import PreviousImport
 
@@ -63,7 +64,9 @@ class DocumentNaming:
 
     Most attributes map a source name to a document name. `links` contains the links that become components, and `frames` the links that
     become mounts of their parents. `order` lists the attachments of the kinematic tree, starting at the root. `shown` lists the mounts that
-    the document exports. `meshes` maps the mesh URIs of shapes to file paths. Elements keep their names from an `earlier` import.
+    the document exports. `meshes` maps the mesh URIs of shapes to file paths. Elements keep their names from an `earlier` import. `moving`
+    lists the joints, and `turning` contains the names of those whose coordinates are angles. `places` maps key paths of the document to
+    elements of the source, and is filled while the document is written.
     """
 
     def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: PreviousImport | None) -> None:
@@ -73,6 +76,9 @@ class DocumentNaming:
         self.below = by_parent(robot.hangings)
         self.order = tuple(downwards(robot.root, robot.hangings))
         self.above = {one.child: one for one in self.order}
+        self.moving = [joint for one in self.order for joint in one.joints]
+        self.turning = {joint.name for joint in self.moving if joint.kind in TURNS}
+        self.places: dict[Path, Span] = {(): robot.where}
         mounts = [one.child for one in self.order if self._is_mount(one)]
         names = distinct([robot.root, *(one.child for one in self.order)], "link", earlier=None if earlier is None else earlier.links)
         self.links = {name: word for name, word in names.items() if name not in mounts}
@@ -80,7 +86,7 @@ class DocumentNaming:
         self.points = self._points(names.values())
         sites = [site.name for link in robot.links for site in link.sites]
         self.sites = distinct(sites, "mount", taken=names.values(), earlier=self._paths(sites))
-        moving = [joint.name for one in self.order for joint in one.joints]
+        moving = [joint.name for joint in self.moving]
         self.joints = distinct(moving, "joint", earlier=None if earlier is None else earlier.joints)
         self.loops = distinct([loop.name for loop in robot.loops], "loop", taken=self.joints.values())
         # the mounts of joints and the exported mounts of a component must have different names
@@ -105,7 +111,7 @@ class DocumentNaming:
         for sensor in robot.sensors:
             things = self.joints if sensor.joint is not None else self.tendons if sensor.tendon is not None else self.sites
             self.sensors += distinct([things.get(sensor.name, sensor.name)], "sensor", taken=self.sensors).values()
-        both: list[tuple[str, SourceMotion]] = [(self.joints[one.name], one) for of in self.order for one in of.joints]
+        both: list[tuple[str, SourceMotion]] = [(self.joints[one.name], one) for one in self.moving]
         both += [(self.tendons[one.name], one) for one in robot.tendons]
         self.driven = [(word, one.name, one.drive) for word, one in both if one.drive is not None]
         drives = [word for name, word in (*self.joints.items(), *self.tendons.items()) if name != word]
@@ -116,6 +122,11 @@ class DocumentNaming:
         owners = Counter(name for _, name in {(link, name) for link, _, name in named})
         self.repeated = {name for (_, _, name), count in named.items() if count > 1 or owners[name] > 1}
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
+
+    def entry(self, section: str, word: str, thing: SourceThing) -> str:
+        """Return the line that begins an entry of a section of the document, and record the source location of the entry."""
+        self.places[section, word] = thing.where
+        return f"  {word}:{was(word, thing.name)}"
 
     @property
     def geared(self) -> set[str]:
@@ -245,7 +256,7 @@ class DocumentNaming:
 
     def _tied(self) -> dict[str, str]:
         """Map the source name of each MuJoCo equality to the default name of the equality in generated models."""
-        tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for hanging in self.order for one in hanging.joints if one.follows}
+        tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for one in self.moving if one.follows}
         tied |= {one.equality: f"{self.loops[one.name]}:loop" for one in self.robot.loops} | self._of("equality")
         return {name: word for name, word in tied.items() if name}
 

@@ -27,12 +27,13 @@ from thingc.tools.importing.inertias import RepairedLink, repaired, warn_of_mirr
 from thingc.tools.importing.meshes import gathered, matter_of, warn_of_units
 from thingc.tools.importing.mjcf.reader import read_mjcf
 from thingc.tools.importing.packages import Packages
+from thingc.tools.importing.quantities import dimensions_of
 from thingc.tools.importing.sdf import read_sdf
 from thingc.tools.importing.source_model import SourceLoss, SourceRobot
 from thingc.tools.importing.tree import warn_of_depth
 from thingc.tools.importing.update_import import RECORD, PreviousImport
 from thingc.tools.importing.urdf import expanded, read_urdf
-from thingc.tools.importing.write_document import DocumentWriter, WrittenDocument
+from thingc.tools.importing.write_document import DocumentWriter
 from thingc.tools.importing.xml_source import MOST_BYTES, read_xml
 
 _METRES = "check the unit: lengths are in metres"
@@ -41,9 +42,10 @@ _METRES = "check the unit: lengths are in metres"
 def refuse_endless(robot: SourceRobot, report: Report) -> None:
     """Report an error for each mass that is not finite, and for each size, distance or mass that is so large that computations overflow."""
     for link in robot.links:
-        far = {shape.where: shape for shape in link.shapes if shape.kind != "mesh" and not max(map(abs, shape.size)) <= FARTHEST}
-        for where, shape in far.items():
-            message = f"this {shape.kind} measures {max(map(abs, shape.size)):.3g} m, but at most {FARTHEST:g} m is supported"
+        sizes = {one.where: (one.kind, max(map(abs, dimensions_of(one.kind, one.size)))) for one in link.shapes if one.kind != "mesh"}
+        far = {where: shape for where, shape in sizes.items() if not shape[1] <= FARTHEST}
+        for where, (kind, size) in far.items():
+            message = f"this {kind} measures {size:.3g} m, but at most {FARTHEST:g} m is supported"
             report.add(Code.SOURCE_VALUE, message, where, help=_METRES)
         if link.weight is None or far:
             continue
@@ -118,16 +120,17 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
     if report.failed:
         return None
     origin, hows = escape_control(os.path.basename(path)), {one.link.name: one.how for one in mended}
-    written = DocumentWriter(robot, roots, origin, hows, placed_meshes, before, keep=keep).written()
-    document = f"{written.name}.yaml" if before is None else before.document
-    renamed = {name: word for kind in ("links", "frames", "joints") for name, word in written.names[kind].items() if name != word}
+    writer = DocumentWriter(robot, roots, origin, hows, placed_meshes, before, keep=keep)
+    document, text = f"{writer.name}.yaml" if before is None else before.document, writer.text()
+    names = {"links": writer.links, "frames": writer.frames, "joints": writer.joints}
     imported = Imported(
-        name=written.name, document=document, robot=robot, files={**files, document: written.text.encode()},
-        losses=(*robot.losses, *left_out), renamed=renamed, repaired=mended, places=written.places,
-        earlier=before,
+        name=writer.name, document=document, robot=robot, files={**files, document: text.encode()},
+        losses=(*robot.losses, *left_out), repaired=mended, places=writer.places, earlier=before,
+        renamed={name: word for kind in names.values() for name, word in kind.items() if name != word},
     )
     asked = {"roots": roots, "repair": repair, "meshes": meshes, **({"keep": True} if keep else {})}
-    return replace(imported, files={**imported.files, RECORD: _record(imported, written, asked, path, data)})
+    record = _record(imported, text, {**names, **writer.others()}, asked, path, data)
+    return replace(imported, files={**imported.files, RECORD: record})
 
 
 def _content(path: str, report: Report) -> bytes | None:
@@ -158,7 +161,9 @@ def _load_source(
     return read_sdf(path, data, packages, report) if path.lower().endswith(".sdf") else read_urdf(path, data, report)
 
 
-def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, object], path: str, data: bytes) -> bytes:
+def _record(
+    imported: Imported, text: str, names: Mapping[str, Mapping[str, str]], asked: Mapping[str, object], path: str, data: bytes,
+) -> bytes:
     """Return the JSON data of the file `import.json`, which describes an import.
 
     The next import of the same robot reads this file. The data contain the source, the options, the names, the repairs, the losses, and the
@@ -172,7 +177,7 @@ def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, ob
         "source": {"file": os.path.basename(path), "sha256": hashlib.sha256(data).hexdigest(), "robot": imported.robot.name},
         "asked": asked,
         "meshes": {name: hashlib.sha256(content).hexdigest() for name, content in imported.files.items() if name != imported.document},
-        "names": written.names,
+        "names": names,
         "repaired": [
             {
                 "link": one.link.name, "how": one.how, "old": _weight(one.link.weight.properties if one.link.weight is not None else None),
@@ -182,7 +187,7 @@ def _record(imported: Imported, written: WrittenDocument, asked: Mapping[str, ob
         ],
         "losses": losses,
         "document": {
-            "file": imported.document, "sha256": hashlib.sha256(written.text.encode()).hexdigest(), "lines": written.text.splitlines(),
+            "file": imported.document, "sha256": hashlib.sha256(text.encode()).hexdigest(), "lines": text.splitlines(),
         },
     }
     return (json.dumps(said, indent=2, ensure_ascii=False) + "\n").encode()

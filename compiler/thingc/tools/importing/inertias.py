@@ -177,30 +177,19 @@ def _solid(shapes: Sequence[SourceShape], matter: Matter) -> MassProperties | No
     If there are collision shapes, the visual shapes are ignored.
     """
     chosen = [shape for shape in shapes if shape.use == "collision"] or list(shapes)
-    bodies = [one for shape in chosen if (one := _volume(shape) if shape.kind != "mesh" else _held(shape, matter)) is not None]
+    bodies = [one for shape in chosen if (one := _volume(shape, matter)) is not None]
     return total(bodies) if bodies and len(bodies) == len(chosen) else None
 
 
-def _held(shape: SourceShape, matter: Matter) -> MassProperties | None:
-    """Compute the mass properties of the mesh of a shape at density 1, in the frame of the link.
+def _volume(shape: SourceShape, matter: Matter) -> MassProperties | None:
+    """Compute the mass properties of a shape at density 1, in the frame of the link.
 
-    Return None if the mesh is not closed or cannot be read.
+    Return None for a mesh that is not closed or cannot be read.
     """
+    if shape.kind != "mesh":
+        return Primitive(shape=shape.kind, size=shape.size, pose=shape.pose).matter
     held = matter(shape)
     return None if held is None else held.seen_from(shape.pose)
-
-
-def _volume(shape: SourceShape) -> MassProperties:
-    """Compute the mass properties of a primitive shape at density 1, in the frame of the link."""
-    assert shape.kind != "mesh"
-    match shape.kind:
-        case "sphere" | "ellipsoid":
-            size: tuple[float, ...] = shape.size
-        case "cylinder" | "capsule":
-            size = (shape.size[0], shape.size[-1] / 2.0)
-        case _:
-            size = tuple(one / 2.0 for one in shape.size)
-    return Primitive(shape=shape.kind, size=size, pose=shape.pose).matter
 
 
 _MIRRORED = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))

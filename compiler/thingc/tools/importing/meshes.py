@@ -45,7 +45,7 @@ def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | No
         from thingc.geometry.store.shared_store import opened
 
         try:
-            path, (x, y, z) = packages.find(shape.mesh or ""), shape.size if len(shape.size) == 3 else (1.0, 1.0, 1.0)
+            path, (x, y, z) = packages.find(shape.mesh or ""), shape.size
             record = measured(mesh_file(path, f"{FOLDER}/{os.path.basename(path)}", (x, y, z)), opened(None))
         except (NotFound, OSError, BadMesh):
             return None

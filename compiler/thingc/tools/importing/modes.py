@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+from thingc.base.joints.twist import SLIDE, TURN
 from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.base.sensor_kinds import SENSORS
-from thingc.base.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
+from thingc.base.units import ANGLE, LENGTH, Dimension
 from thingc.tools.importing.document_names import DocumentNaming, distinct
-from thingc.tools.importing.quantities import TURNS, angle, length, pose_words, quantity, quaternion_words, scaled, shape_words, was
+from thingc.tools.importing.quantities import TURNS, angle, flow, length, pose_words, quantity, quaternion_words, shape_words, si_unit, was
 from thingc.tools.importing.source_model import SOURCE_MODE, SourceDrive, SourceMotion, SourcePose, SourceSensor, SourceStep, SourceTendon
 
 
@@ -19,7 +20,7 @@ def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
     Also return the first pose of the source that can replace these start values, or None. Such a pose satisfies the limits of each joint
     whose start value in the source violates the limits.
     """
-    moving = [joint for one in words.order for joint in one.joints if joint.follows is None]
+    moving = [joint for joint in words.moving if joint.follows is None]
     outside = {
         joint: (joint.ends.lower, joint.ends.upper) for joint in moving
         if joint.ends.lower is not None and joint.ends.upper is not None and not joint.ends.lower <= joint.start <= joint.ends.upper
@@ -35,20 +36,23 @@ def _start(words: DocumentNaming) -> tuple[dict[str, str], str | None]:
     return {words.joints[one.name]: (angle if one.kind in TURNS else length)(value) for one, value in begins.items()}, next(stated, None)
 
 
-def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
-    """Yield the lines of the sections `poses`, `modes` and `simulation`. The modes are `source` and one mode for each link in `roots`."""
+def mode_sections(words: DocumentNaming, roots: Sequence[str]) -> dict[str, Iterable[str]]:
+    """Return the lines of the sections `poses` and `modes`. The modes are `source` and one mode for each link in `roots`.
+
+    The section `simulation` follows the modes.
+    """
     start, stated = _start(words)
     word = stated or distinct(["start"], "pose", taken=words.poses.values())["start"]
-    if start or words.poses:
-        yield "poses:"
-        for state in words.robot.poses:
-            values = ", ".join(f"{joint}: {value}" for joint, value in _state(words, state).items())
-            yield f"  {words.poses[state.name]}: {{{values}}}{was(words.poses[state.name], state.name)}"
-        if start and stated is None:
-            yield f"  {word}: {{{', '.join(f'{joint}: {value}' for joint, value in start.items())}}}  # from the source"
-        yield ""
-    yield "modes:"
-    at, begin, shared = pose_words(words.robot.pose), f", pose: {word}" if start else "", _shared(words)
+    poses = [f"  {words.poses[one.name]}: {flow(_state(words, one))}{was(words.poses[one.name], one.name)}" for one in words.robot.poses]
+    words.places |= {("poses", words.poses[one.name]): one.where for one in words.robot.poses}
+    if start and stated is None:
+        poses.append(f"  {word}: {flow(start)}  # from the source")
+    return {"poses": poses, "modes": _modes(words, roots, f", pose: {word}" if start else "")}
+
+
+def _modes(words: DocumentNaming, roots: Sequence[str], begin: str) -> Iterator[str]:
+    """Yield the lines of the modes. `begin` contains the key of the pose in which they begin, if any."""
+    at, shared = pose_words(words.robot.pose), _shared(words)
     place, more = (f", at: {{{at}}}" if at else ""), "".join(f", {key}: {value}" for key, value in shared.items())
     moved = {words.poses[state.name]: pose_words(state.at) or "xyz: 0 0 0" for state in words.robot.poses if state.at is not None}
     place += f", at_in: {{{', '.join(f'{name}: {{{said}}}' for name, said in moved.items())}}}" if moved else ""
@@ -77,7 +81,7 @@ def mode_lines(words: DocumentNaming, roots: Sequence[str]) -> Iterator[str]:
         yield ""
         said = {key: quantity(value, "s" if key == "timestep" else "") if isinstance(value, float) else value
                 for key, value in words.robot.simulation}
-        yield f"simulation: {{{', '.join(f'{key}: {value}' for key, value in said.items())}}}"
+        yield f"simulation: {flow(said)}"
 
 
 def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
@@ -86,7 +90,6 @@ def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
     If the robot has no closed loops, zeros are omitted. In a closed loop, the value of an unspecified joint is computed and can differ from
     0.
     """
-    kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
     said: dict[str, str] = {}
     for name, value in state.q.items():
         if isinstance(value, Pose):
@@ -96,7 +99,7 @@ def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
             if words.loops or value != (1.0, 0.0, 0.0, 0.0):
                 said[words.joints[name]] = f"{{quat: [{', '.join(quantity(one, '') for one in value)}]}}"
         elif value or words.loops:
-            said[words.joints[name]] = (angle if kinds[name] in TURNS else length)(value)
+            said[words.joints[name]] = (angle if name in words.turning else length)(value)
     return said
 
 
@@ -115,10 +118,7 @@ def _shared(words: DocumentNaming) -> dict[str, str]:
 
 
 def sensor_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of the section `sensors`. Yield nothing if the robot has no sensors."""
-    if words.robot.sensors:
-        yield from ("", "sensors:")
-    turning = {joint.name for hanging in words.order for joint in hanging.joints if joint.kind in TURNS}
+    """Yield the lines of the section `sensors`."""
     winding = {tendon.name for tendon in words.robot.tendons if tendon.turns}
     for one, word in zip(words.robot.sensors, words.sensors, strict=True):
         said: dict[str, str] = {"type": one.kind}
@@ -132,14 +132,15 @@ def sensor_lines(words: DocumentNaming) -> Iterator[str]:
         said |= {key: frames[site] for key, site in (("at", one.site), ("in", one.seen_from)) if site is not None}
         if one.volume is not None:
             said["volume"] = f"{{{shape_words(*one.volume)}}}"
-        turns = one.joint in turning or one.tendon in winding
+        turns = one.joint in words.turning or one.tendon in winding
         if one.kind == "rangefinder" and one.cutoff:
             said["range"] = length(one.cutoff["distance"])
         said |= {
             key: _readings(one, numbers, turns) for key, numbers in (("noise", one.noise), ("cutoff", one.cutoff))
             if numbers and "range" not in said
         }
-        yield f"  {word}: {{{', '.join(f'{key}: {value}' for key, value in said.items())}}}"
+        words.places["sensors", word] = one.where
+        yield f"  {word}: {flow(said)}"
 
 
 def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> str:
@@ -153,15 +154,8 @@ def _readings(one: SourceSensor, numbers: Mapping[str, float], turns: bool) -> s
         unit = units[name]
         if isinstance(unit, str):
             unit = (TURN if turns else SLIDE)[unit]
-        said[name] = length(value) if unit == LENGTH else angle(value) if unit == ANGLE else quantity(value, UNITS[unit])
-    return next(iter(said.values())) if len(units) == 1 else f"{{{', '.join(f'{name}: {value}' for name, value in said.items())}}}"
-
-
-TURN = {"lower": ANGLE, "velocity": ANGULAR_VELOCITY, "effort": TORQUE}
-SLIDE = {"lower": LENGTH, "velocity": VELOCITY, "effort": FORCE}
-"""Physical dimensions of the readings of a linear joint coordinate."""
-UNITS = {ACCELERATION: "m/s^2", ANGULAR_VELOCITY: "rad/s", VELOCITY: "m/s", FORCE: "N", TORQUE: "N*m"}
-"""Units of the noise levels and cutoffs of sensors, by physical dimension."""
+        said[name] = length(value) if unit == LENGTH else angle(value) if unit == ANGLE else quantity(value, si_unit(unit))
+    return next(iter(said.values())) if len(units) == 1 else flow(said)
 
 
 def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
@@ -170,35 +164,29 @@ def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
     `turns` specifies whether the joint coordinate, or the length of the tendon, is an angle. For a tendon that has stiffness and runs along
     a path, the result always contains `rest`.
     """
-    units = ("N*m*s/rad", "N*m", "kg*m^2", "N*m/rad") if turns else ("N*s/m", "N", "kg", "N/m")
-    values = {"damping": of.damping, "friction": of.friction, "armature": of.armature, "stiffness": of.stiffness}
-    said = {key: quantity(value, unit) for (key, value), unit in zip(values.items(), units, strict=True) if value}
+    units, keys = TURN if turns else SLIDE, ("damping", "friction", "armature", "stiffness")
+    said = {key: quantity(value, si_unit(units[key])) for key in keys if (value := getattr(of, key))}
     rests = of.rest or isinstance(of, SourceTendon) and of.steps and of.stiffness
     return said | ({"rest": (angle if turns else length)(of.rest)} if rests else {})
 
 
 def drive_words(drive: SourceDrive, turns: bool) -> dict[str, str]:
     """Return the keys and values of the mapping `drive` of a joint or tendon: kind, gains and limits."""
-    values = {
-        "kp": (drive.kp, "N*m/rad" if turns else "N/m"), "kv": (drive.kv, "N*m*s/rad" if turns else "N*s/m"),
-        "effort": (drive.effort, "N*m" if turns else "N"), "velocity": (drive.velocity, "rad/s" if turns else "m/s"),
-        "stall": (drive.stall, "N*m" if turns else "N"), "delay": (drive.delay, "s"),
-    }
-    command = {"position": "rad" if turns else "m", "velocity": values["velocity"][1], "motor": values["effort"][1]}[drive.kind]
-    values |= {"deadband": (drive.deadband, command), "noise": (drive.noise, command)}
-    return {"kind": drive.kind, **{key: quantity(value, unit) for key, (value, unit) in values.items() if value is not None}}
+    units = dict(TURN if turns else SLIDE)
+    command = units[{"position": "lower", "velocity": "velocity", "motor": "effort"}[drive.kind]]
+    units |= {"deadband": command, "noise": command}
+    keys = ("kp", "kv", "effort", "velocity", "stall", "delay", "deadband", "noise")
+    said = {key: quantity(value, si_unit(units[key])) for key in keys if (value := getattr(drive, key)) is not None}
+    return {"kind": drive.kind, **said}
 
 
 def tendon_lines(words: DocumentNaming) -> Iterator[str]:
-    """Yield the lines of the section `tendons`. Yield nothing if the robot has no tendons."""
-    if words.robot.tendons:
-        yield "tendons:"
-    kinds = {joint.name: joint.kind for one in words.order for joint in one.joints}
+    """Yield the lines of the section `tendons`."""
     for one in words.robot.tendons:
-        yield f"  {words.tendons[one.name]}:{was(words.tendons[one.name], one.name)}"
+        yield words.entry("tendons", words.tendons[one.name], one)
         if one.moves:
-            factors = (f"{words.joints[name]}: {_factor(one, kinds[name] in TURNS, value)}" for name, value in one.moves)
-            yield f"    joints: {{{', '.join(factors)}}}"
+            factors = {words.joints[name]: _factor(one, name in words.turning, value) for name, value in one.moves}
+            yield f"    joints: {flow(factors)}"
         else:
             yield f"    path: [{', '.join(_step(words, step) for step in one.steps)}]"
         if one.width:
@@ -209,29 +197,24 @@ def tendon_lines(words: DocumentNaming) -> Iterator[str]:
             values["limit"] = {"lower": place(one.ends.lower), "upper": place(one.ends.upper)}
         if one.drive is not None:
             values["drive"] = drive_words(one.drive, one.turns)
+            words.places["tendons", words.tendons[one.name], "drive"] = one.drive.where
         for key in ("limit", "dynamics", "drive"):
             if values.get(key):
-                yield f"    {key}: {{{', '.join(f'{name}: {value}' for name, value in values[key].items())}}}"
-    if words.robot.tendons:
-        yield ""
+                yield f"    {key}: {flow(values[key])}"
 
 
 def transmission_lines(words: DocumentNaming) -> Iterator[str]:
     """Yield the lines of the section `transmissions`. The limits of the joints specify the efforts at the joints."""
-    if words.robot.transmissions:
-        yield "transmissions:"
     for one in words.robot.transmissions:
         word, joints = words.transmissions[one.name], [words.joints[name] for name in one.joints]
         rows = [f"[{', '.join(quantity(value, '') for value in row)}]" for row in one.matrix]
-        yield f"  {word}:{was(word, one.name)}"
+        yield words.entry("transmissions", word, one)
         if len(rows) == 1:
             yield from ("    actuator: {kind: motor}", f"    joint: {joints[0]}", f"    ratio: {rows[0][1:-1]}")
             continue
         yield "    differential:"
         yield f"      actuators: [{', '.join('{kind: motor}' for _ in rows)}]"
         yield from (f"      joints: [{', '.join(joints)}]", f"      matrix: [{', '.join(rows)}]")
-    if words.robot.transmissions:
-        yield ""
 
 
 def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
@@ -240,7 +223,7 @@ def _factor(tendon: SourceTendon, turns: bool, value: float) -> str:
     The text contains a unit of length, divided by the unit of the joint coordinate.
     """
     unit = "" if tendon.turns or not turns else "m/rad"
-    return f"{scaled(value, 0)} {unit}".rstrip()
+    return f"{quantity(value, '')} {unit}".rstrip()
 
 
 def _step(words: DocumentNaming, step: SourceStep) -> str:
@@ -248,4 +231,4 @@ def _step(words: DocumentNaming, step: SourceStep) -> str:
         side = "" if step.around.side is None else f", side: {words.sites[step.around.side]}"
         centre = f"{words.links[step.around.link]}.{words.centres[step.around.name]}"
         return f"{{around: {centre}, {step.around.kind}: {length(step.around.radius)}{side}}}"
-    return f"{{pulley: {scaled(step.divisor, 0)}}}" if step.divisor is not None else words.sites[step.site or ""]
+    return f"{{pulley: {quantity(step.divisor, '')}}}" if step.divisor is not None else words.sites[step.site or ""]

@@ -8,15 +8,21 @@ written. Angles that are round numbers of degrees are written in degrees.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
 
+from thingc.base import units
 from thingc.base.pose import Pose, Vector, rpy_of
 from thingc.base.safe_text import escape_control
-from thingc.tools.importing.source_model import ShapeKind, Sizes
+from thingc.tools.importing.source_model import ShapeKind
 
 TURNS = ("revolute", "continuous", "ball", "screw")
 """Kinds of joints whose coordinate q is an angle."""
+IN_NEWTONS = {
+    units.FORCE: "N", units.TORQUE: "N*m", units.LINEAR_DAMPING: "N*s/m", units.ANGULAR_DAMPING: "N*m*s/rad",
+    units.LINEAR_STIFFNESS: "N/m", units.ANGULAR_STIFFNESS: "N*m/rad",
+}
+"""Units of physical dimensions that are not written in SI base units."""
 NOISE = 1e-12
 """Lengths [m] and components of unit vectors below this value are rounding errors, and are written as 0."""
 ROUNDED, SHORT = 4, 12
@@ -64,17 +70,25 @@ def lengths(values: Sequence[float]) -> str:
     return _shared([scaled(value, 3, largest) if abs(value) >= NOISE else "0" for value in values], "mm")
 
 
-def shape_words(kind: ShapeKind, size: Sizes) -> str:
-    """Format the dimensions of a primitive shape, given in metres: `box: 10 20 30 mm`, `sphere: {radius: 5 mm}`."""
+def dimensions_of(kind: ShapeKind, size: Sequence[float]) -> Sequence[float]:
+    """Return the dimensions [m] of a primitive shape, as in documents, from its size as in `Primitive`."""
+    if kind in ("cylinder", "capsule"):
+        return size[0], 2.0 * size[1]
+    return [2.0 * one for one in size] if kind in ("box", "plane") else size
+
+
+def shape_words(kind: ShapeKind, size: Sequence[float]) -> str:
+    """Format the dimensions of a primitive shape, whose size [m] is as in `Primitive`: `box: 10 20 30 mm`, `sphere: {radius: 5 mm}`."""
+    first, *others = dimensions_of(kind, size)
     match kind:
         case "sphere":
-            return f"sphere: {{radius: {length(size[0])}}}"
+            return f"sphere: {{radius: {length(first)}}}"
         case "cylinder" | "capsule":
-            return f"{kind}: {{radius: {length(size[0])}, length: {length(size[-1])}}}"
+            return f"{kind}: {{radius: {length(first)}, length: {length(others[0])}}}"
         case "plane":
-            return f"plane: [{length(size[0])}, {length(size[-1])}]"
+            return f"plane: [{length(first)}, {length(others[0])}]"
         case _:
-            return f"{kind}: {lengths(size)}"
+            return f"{kind}: {lengths([first, *others])}"
 
 
 def same_place(one: Pose, other: Pose) -> bool:
@@ -120,6 +134,18 @@ def quantity(value: float, unit: str) -> str:
     return "0" if value == 0.0 else f"{scaled(value, 0)} {unit}".rstrip()
 
 
+def si_unit(dimension: units.Dimension) -> str:
+    """Return the SI unit of a physical dimension, in the form `rad^-2` instead of `1/rad^2`."""
+    above, _, below = dimension.symbol.partition("/")
+    base, _, power = below.partition("^")
+    return IN_NEWTONS.get(dimension) or (f"{base}^-{power or 1}" if above == "1" else dimension.symbol)
+
+
+def flow(values: Mapping[str, str]) -> str:
+    """Format a mapping in YAML on one line."""
+    return f"{{{', '.join(f'{key}: {value}' for key, value in values.items())}}}"
+
+
 def was(word: str, name: str) -> str:
     """Return a YAML comment with the source name of an element, or an empty string if the element has the same name in the document."""
     return "" if word == name else f"  # {escape_control(repr(name))} in the source"
@@ -130,8 +156,8 @@ def pose_words(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> st
 
     A result that is not empty starts with the text `before`. `rpy` [rad] are the angles in the source, if known.
     """
-    said = [f"{key}: {value}" for key, value in pose_entries(pose, rpy).items()]
-    return f"{before if said else ''}{', '.join(said)}"
+    entries = pose_entries(pose, rpy)
+    return before + flow(entries)[1:-1] if entries else ""
 
 
 def pose_entries(pose: Pose, rpy: Vector | None = None) -> dict[str, str]:

@@ -17,18 +17,21 @@ from thingc.tools.importing.quantities import quantity
 from thingc.tools.importing.source_model import Raw, SourceAdded, SourceJoint, SourcePose, SourceShape, SourceTarget
 
 
-def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
-    """Return the attributes that are written only to the MuJoCo model, keyed by path.
+def raw_of(words: DocumentNaming) -> dict[str, Any]:
+    """Return the attributes that are written only to the MuJoCo model, as nested mappings.
 
     An attribute with the same value for all collision shapes is set in their default class.
     """
-    robot, by_path = words.robot, dict[tuple[str, ...], str]()
+    robot, tree = words.robot, dict[str, Any]()
 
-    def lay(kind: str, name: str, raw: Raw) -> None:
-        by_path.update(((kind, name, key), value) for key, value in raw)
+    def lay(raw: Raw, *path: str) -> None:
+        at = tree
+        for word in path if raw else ():
+            at = at.setdefault(word, {})
+        at.update(raw)
 
-    for path, value in robot.options:
-        by_path[path] = value
+    for (*path, key), value in robot.options:
+        lay(((key, value),), *path)
     touching = (touch for name in words.links for _, touch in words.items(words.link_of[name]) if touch is not None)
     shapes = [(words.title(touch) or words.usual[id(touch)], touch) for touch in touching]
     common: set[tuple[str, str]] = set()
@@ -36,29 +39,29 @@ def raw_of(words: DocumentNaming) -> dict[tuple[str, ...], str]:
         values = [dict(shape.raw).get(key) for _, shape in shapes if not _says(shape, key)]
         if len(values) > 1 and len(set(values)) == 1 and values[0] is not None:
             common.add((key, values[0]))
-            by_path["default", "collision", "geom", key] = values[0]
+            lay(((key, values[0]),), "default", "collision", "geom")
     for name in words.links:
-        lay("body", words.links[name], words.link_of[name].raw)
-    for joint in (joint for one in words.order for joint in one.joints):
+        lay(words.link_of[name].raw, "body", words.links[name])
+    for joint in words.moving:
         word = words.joints[joint.name]
-        lay("joint", word, joint.raw)
+        lay(joint.raw, "joint", word)
         if joint.drive is not None:
-            lay("actuator", word, joint.drive.raw)
+            lay(joint.drive.raw, "actuator", word)
         if joint.follows is not None:
-            lay("equality", f"{word}:mimic", joint.follows.raw)
+            lay(joint.follows.raw, "equality", f"{word}:mimic")
     for tendon in robot.tendons:
-        lay("tendon", words.tendons[tendon.name], tendon.raw)
+        lay(tendon.raw, "tendon", words.tendons[tendon.name])
         if tendon.drive is not None:
-            lay("actuator", words.tendons[tendon.name], tendon.drive.raw)
+            lay(tendon.drive.raw, "actuator", words.tendons[tendon.name])
     for magnet in robot.adhesions:
-        lay("actuator", f"{words.links[magnet.link]}.{words.magnets[magnet.name]}", magnet.raw)
+        lay(magnet.raw, "actuator", f"{words.links[magnet.link]}.{words.magnets[magnet.name]}")
     for loop in robot.loops:
-        lay("equality", f"{words.loops[loop.name]}:loop", loop.raw)
+        lay(loop.raw, "equality", f"{words.loops[loop.name]}:loop")
     for word, shape in shapes:
-        lay("geom", word, tuple(one for one in shape.raw if one not in common or _says(shape, one[0])))
+        lay(tuple(one for one in shape.raw if one not in common or _says(shape, one[0])), "geom", word)
     for state in robot.poses:
-        lay("key", words.poses[state.name], _controls(words, state))
-    return by_path
+        lay(_controls(words, state), "key", words.poses[state.name])
+    return tree
 
 
 def _controls(words: DocumentNaming, state: SourcePose) -> Raw:
@@ -67,7 +70,7 @@ def _controls(words: DocumentNaming, state: SourcePose) -> Raw:
     The default control is q for a position drive, the force in the mode for an adhesion, and 0 for other drives.
     """
     usual: dict[str, float | None] = {one.name: one.force for one in words.robot.adhesions}
-    driven = [*(joint for one in words.order for joint in one.joints), *words.robot.tendons]
+    driven = [*words.moving, *words.robot.tendons]
     for one in driven:
         if one.drive is not None and one.drive.kind == "position":
             q = state.q.get(one.name, 0.0)
@@ -93,10 +96,7 @@ def _says(shape: SourceShape, attribute: str) -> bool:
 
 def name_lines(words: DocumentNaming) -> Iterator[str]:
     """Yield the lines of the section `names:`. Yield nothing if all elements have default names in generated models."""
-    kinds = words.in_files()
-    if kinds:
-        yield from ("", "names:")
-    for kind, names in kinds.items():
+    for kind, names in words.in_files().items():
         yield f"  {kind}:"
         yield from (f"    {word}: {quoted(name)}" for word, name in names.items())
 
@@ -109,17 +109,10 @@ def quoted(name: str) -> str:
 
 def raw_lines(words: DocumentNaming) -> Iterator[str]:
     """Yield the lines of the section `raw: {mjcf: ...}`. Yield nothing if the section would be empty."""
-    attributes, added = raw_of(words), words.robot.added
+    tree, added = raw_of(words), words.robot.added
     orders = {kind: order for kind in words.robot.order if len(order := order_of(words, kind)) > 1}
-    if not attributes and not added and not orders:
-        return
-    tree: dict[str, Any] = {}
-    for path, value in attributes.items():
-        at = tree
-        for word in path[:-1]:
-            at = at.setdefault(word, {})
-        at[path[-1]] = value
-    yield from ("", "raw:", "  mjcf:")
+    if tree or added or orders:
+        yield "  mjcf:"
     for kind, things in tree.items():
         if any(isinstance(one, str) for one in things.values()):
             yield f"    {kind}: {_flow(things)}"

@@ -24,7 +24,6 @@ from thingc.base.source import Span
 Kind = Literal["revolute", "continuous", "prismatic", "planar", "ball", "screw", "free"]
 SourceBase = Literal["fixed", "free", "held"]
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "ellipsoid", "plane", "mesh"]
-Sizes = Vector | tuple[float, float] | tuple[float]
 Raw = tuple[tuple[str, str], ...]
 """Names and values of XML attributes that documents cannot express, and that are written only to models for the simulator of the source."""
 SOURCE_MODE = "source"
@@ -51,8 +50,7 @@ class SourceShape(FrozenStruct):
     """A visual or collision shape of an imported link.
 
     Attributes:
-        size: The dimensions [m], depending on `kind`: the sides of a box, the radius of a sphere, the radius and the length along z of a
-            cylinder or capsule, the half axes of an ellipsoid, the two sides of a plane, or the scale factors of a mesh.
+        size: The size [m] of a `Primitive`, such as the half sides of a box, or the scale factors of a mesh.
         pose: The pose in the link. `rpy` [rad] are the angles of this pose in the source, if specified.
         mesh: The URI of the mesh in the source.
         color: Red, green, blue and alpha from 0 to 1.
@@ -63,7 +61,7 @@ class SourceShape(FrozenStruct):
 
     kind: ShapeKind
     use: Literal["visual", "collision"]
-    size: Sizes
+    size: tuple[float, ...]
     pose: Pose
     where: Span
     rpy: Vector | None = None
@@ -324,7 +322,7 @@ class SourceSensor(SourceThing):
     link: str | None = None
     pose: Pose = NO_POSE
     fovy: float = 0.0
-    volume: tuple[ShapeKind, Sizes] | None = None
+    volume: tuple[ShapeKind, tuple[float, ...]] | None = None
     noise: Mapping[str, float] = {}
     cutoff: Mapping[str, float] = {}
     parts: tuple[tuple[str, str], ...] = ()

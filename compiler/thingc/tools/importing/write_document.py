@@ -14,16 +14,16 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.base.diagnostics import Report
-from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.joints.twist import SLIDE, TURN
 from thingc.base.pose import MATE, NO_POSE, Pose, Vector, along, shifted
 from thingc.base.source import Path, Span
+from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.format.formatting import format_document
 from thingc.tools.importing.document_names import DocumentNaming
-from thingc.tools.importing.modes import drive_words, dynamics_words, mode_lines, sensor_lines, tendon_lines, transmission_lines
-from thingc.tools.importing.quantities import TURNS, angle, length, lengths, mass, pose_words, quantity, shape_words, was
+from thingc.tools.importing.modes import drive_words, dynamics_words, mode_sections, sensor_lines, tendon_lines, transmission_lines
+from thingc.tools.importing.quantities import TURNS, angle, flow, length, lengths, mass, pose_words, quantity, shape_words, si_unit, was
 from thingc.tools.importing.raw import name_lines, quoted, raw_lines
 from thingc.tools.importing.source_model import Attachment, SourceJoint, SourceLink, SourceRobot, SourceShape
-from thingc.tools.importing.source_places import places_of
 from thingc.tools.importing.update_import import PreviousImport
 
 _ALIGNED = 1e-12
@@ -35,19 +35,6 @@ FRICTION = ("slide", "torsion", "roll")
 SAY_THEIR_UNIT = (".dae", ".glb")
 UNITS: dict[tuple[float, ...], str] = {(1.0, 1.0, 1.0): "m", (0.01, 0.01, 0.01): "cm", (0.001, 0.001, 0.001): "mm"}
 """Maps scale factors of a mesh to the corresponding unit."""
-
-
-class WrittenDocument(FrozenStruct):
-    """A document that was generated for an imported robot.
-
-    `names` maps the kind and the source name of each element to the name in the document.
-    `places` maps key paths of the document to elements of the source.
-    """
-
-    name: str
-    text: str
-    names: Mapping[str, Mapping[str, str]]
-    places: Mapping[Path, Span]
 
 
 class DocumentWriter(DocumentNaming):
@@ -65,52 +52,56 @@ class DocumentWriter(DocumentNaming):
         super().__init__(robot, meshes, earlier)
         self.roots, self.origin, self.repaired, self.keep = roots, origin, repaired, keep
 
-    def written(self) -> WrittenDocument:
-        """Return the generated document in canonical layout."""
-        text = "\n".join((
-            f"# From {self.origin}. Losses are listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
-            *self._components(), "", *self._joints(), *tendon_lines(self), *transmission_lines(self),
-            *self._shown(), *mode_lines(self, self.roots), *sensor_lines(self), *name_lines(self), *raw_lines(self), "",
-        ))
+    def text(self) -> str:
+        """Return the text of the generated document in canonical layout."""
+        sections = {
+            "components": self._components(), "joints": self._joints(), "tendons": tendon_lines(self),
+            "transmissions": transmission_lines(self), "mounts": self._shown(), **mode_sections(self, self.roots),
+            "sensors": sensor_lines(self), "names": name_lines(self), "raw": raw_lines(self),
+        }
+        head = f"# From {self.origin}. Losses are listed in import.json.\nthingc: assembly/1\nname: {self.name}\n"
+        texts = ["\n".join((f"{key}:", *lines, "")) for key, section in sections.items() if (lines := [*section])]
         report = Report()
-        formatted = format_document(f"{self.name}.yaml", text.encode(), report)
+        formatted = format_document(f"{self.name}.yaml", "\n".join((head, *texts)).encode(), report)
         assert formatted is not None, report.diagnostics
-        names = {"links": self.links, "frames": self.frames, "joints": self.joints, **self.others()}
-        return WrittenDocument(name=self.name, text=formatted.decode(), names=names, places=places_of(self))
+        return formatted.decode()
 
     def _components(self) -> Iterator[str]:
-        yield "components:"
         for name in self.links:
-            link, above = self.link_of[name], self.above.get(name)
-            yield f"  {self.links[name]}:{was(self.links[name], name)}"
-            shapes = [*self._shapes(link)]
+            link, above, path = self.link_of[name], self.above.get(name), ("components", self.links[name])
+            yield self.entry(*path, link)
+            shapes = [*self._shapes(link, path)]
             yield "    link: true" if shapes else "    frame: true"
             if name not in self.points:
-                yield from self._weight(link, shapes=bool(shapes))
+                yield from self._weight(link, path, shapes=bool(shapes))
             if shapes:
                 yield "    shapes:"
                 yield from shapes
             if above is not None and not above.joints:
+                self.places[(*path, "at")] = above.where
                 yield f"    at: {{in: {self.links[above.parent]}.origin{pose_words(above.pose, above.rpy, before=', ')}}}"
                 yield from ["    keep: true"] if self.keep else []
             mounts = [*self._mounts(name)]
             if mounts:
                 yield "    mounts:"
-                yield from (f"      {word}: {{{pose}}}{comment}" for word, pose, comment in mounts)
+                yield from (f"      {word}: {{{pose}}}{comment}" for word, pose, comment, _ in mounts)
+                self.places |= {(*path, "mounts", word): where for word, _, _, where in mounts if where is not None}
             if name in self.points:  # without an inertia, thingc would distribute the mass of a link over its shapes
                 yield f"  {self.points[name]}:  # the mass of the link, which has no inertia in the source"
                 yield "    frame: true"
-                yield from self._weight(link)
+                yield from self._weight(link, ("components", self.points[name]))
                 yield f"    at: {{in: {self.links[name]}.origin}}"
 
-    def _weight(self, link: SourceLink, *, shapes: bool = False) -> Iterator[str]:
-        """Yield the lines of the mass properties of a link.
+    def _weight(self, link: SourceLink, path: Path, *, shapes: bool = False) -> Iterator[str]:
+        """Yield the lines of the mass properties of a link, which are at a path of the document.
 
         For a link with shapes, the lines always include `com`, because the default of `com` is the centre of the shapes.
         """
         if link.weight is None:
             return
         of = link.weight.properties
+        self.places.setdefault(path, link.weight.where)
+        self.places |= {(*path, key): link.weight.where for key in ("mass", "com", "inertia")}
         mended = link.name in self.repaired
         if mended:
             yield f"    # repaired ({self.repaired[link.name]}): the original values are in import.json"
@@ -124,18 +115,19 @@ class DocumentWriter(DocumentNaming):
             least = ROUNDED * max(map(abs, moments.values()))
             moments |= {key: value for key, value in products.items() if abs(value) > least}
             said = {key: quantity(value, "kg*m^2") for key, value in moments.items()}
-            yield from _mapping("inertia", {"value": f"{{{_entries(said)}}}", "source": "repaired"} if mended else said)
+            yield from _mapping("inertia", {"value": flow(said), "source": "repaired"} if mended else said)
 
-    def _shapes(self, link: SourceLink) -> Iterator[str]:
+    def _shapes(self, link: SourceLink, path: Path) -> Iterator[str]:
         """Yield the lines of the key `shapes` of a link. A visual shape and an equal collision shape become one item."""
-        for shape, touch in self.items(link):
+        for number, (shape, touch) in enumerate(self.items(link)):
+            self.places[(*path, "shapes", number)] = shape.where
             said = [self._geometry(shape), *([f"at: {{{pose}}}"] if (pose := pose_words(shape.pose, shape.rpy)) else [])]
             said += [] if shape.use == "visual" and touch is not None else [f"for: {shape.use}"]
             if shape.color is not None:
                 said.append('color: "#{:02x}{:02x}{:02x}"'.format(*(round(255.0 * min(max(one, 0.0), 1.0)) for one in shape.color[:3])))
             if touch is not None and touch.friction:
-                words = (f"{key}: {quantity(one, '')}" for key, one in zip(FRICTION, touch.friction, strict=False))
-                said.append(f"friction: {{{', '.join(words)}}}")
+                friction = {key: quantity(one, "") for key, one in zip(FRICTION, touch.friction, strict=False)}
+                said.append(f"friction: {flow(friction)}")
             name = self.title(touch or shape)
             said += [] if name is None else [f"name: {quoted(name)}"]
             yield f"      - {{{', '.join(said)}}}"
@@ -150,8 +142,8 @@ class DocumentWriter(DocumentNaming):
             return f"mesh: {path}{'' if path.endswith(SAY_THEIR_UNIT) else ', unit: m'}{factors}"
         return f"mesh: {path}, unit: {unit}"
 
-    def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
-        """Yield the name, the pose and the comment of each mount of a link.
+    def _mounts(self, name: str) -> Iterator[tuple[str, str, str, Span | None]]:
+        """Yield the name, the pose, the comment and the source location of each mount of a link.
 
         The mounts belong to joints, to links that become mounts, and to sites, loops and adhesions. A camera, or a shape around which a
         tendon wraps, gets a mount unless a mount with the same pose exists.
@@ -159,37 +151,35 @@ class DocumentWriter(DocumentNaming):
         above = self.above.get(name)
         for joint in above.joints if above is not None else ():
             if child := _child_mount(joint):
-                yield self.mounts[joint.name], child, ""
+                yield self.mounts[joint.name], child, "", joint.where
         for one in self.below.get(name, ()):
             if one.child in self.frames:
-                yield self.frames[one.child], pose_words(one.pose, one.rpy), was(self.frames[one.child], one.child)
+                yield self.frames[one.child], pose_words(one.pose, one.rpy), was(self.frames[one.child], one.child), one.where
             for joint in one.joints:
                 if parent := _parent_mount(one, joint):
-                    yield self.mounts[joint.name], parent, ""
+                    yield self.mounts[joint.name], parent, "", joint.where
         for site in self.link_of[name].sites:
-            yield self.sites[site.name], pose_words(site.pose), was(self.sites[site.name], site.name)
+            yield self.sites[site.name], pose_words(site.pose), was(self.sites[site.name], site.name), site.where
         for loop in self.robot.loops:
             for (link, pose), flip in zip(loop.ends, (NO_POSE, MATE), strict=True):
                 if link == name:
-                    yield self.ends[self.loops[loop.name]], pose_words(pose @ flip), ""
+                    yield self.ends[self.loops[loop.name]], pose_words(pose @ flip), "", loop.where
         for magnet in self.robot.adhesions:
             if magnet.link == name:
-                yield self.magnets[magnet.name], "", was(self.magnets[magnet.name], magnet.name)
+                yield self.magnets[magnet.name], "", was(self.magnets[magnet.name], magnet.name), magnet.where
         around = {step.around.name: step.around for tendon in self.robot.tendons for step in tendon.steps if step.around is not None}
         for shape in around.values():
             if shape.link == name and self.centres[shape.name] not in self.shown:
-                yield self.centres[shape.name], pose_words(shape.pose), ""
+                yield self.centres[shape.name], pose_words(shape.pose), "", None
         for camera in self.robot.sensors:
             if camera.link == name and self.cameras[camera.name] not in self.shown:
-                yield self.cameras[camera.name], pose_words(camera.pose), ""
+                yield self.cameras[camera.name], pose_words(camera.pose), "", None
 
     def _joints(self) -> Iterator[str]:
-        moving = [(one, joint) for one in self.order for joint in one.joints]
-        if moving or self.loops:
-            yield "joints:"
-        for one, joint in moving:
+        attached = [(one, joint) for one in self.order for joint in one.joints]
+        for one, joint in attached:
             mount = self.mounts[joint.name]
-            yield f"  {self.joints[joint.name]}:{was(self.joints[joint.name], joint.name)}"
+            yield self.entry("joints", self.joints[joint.name], joint)
             yield f"    type: {joint.kind}"
             yield f"    parent: {self.links[one.parent]}.{mount if _parent_mount(one, joint) else 'origin'}"
             yield f"    child: {self.links[one.child]}.{mount if _child_mount(joint) else 'origin'}"
@@ -201,18 +191,16 @@ class DocumentWriter(DocumentNaming):
         for loop in self.robot.loops:
             (parent, _), (child, _) = loop.ends
             word = self.loops[loop.name]
-            yield f"  {word}:{was(word, loop.name)}"
+            yield self.entry("joints", word, loop)
             yield f"    type: {loop.kind}"
             yield f"    parent: {self.links[parent]}.{self.ends[word]}"
             yield f"    child: {self.links[child]}.{self.ends[word]}"
             yield "    loop: true"
-        if moving or self.loops:
-            yield ""
 
     def _motion(self, joint: SourceJoint) -> Iterator[str]:
         turns, of = joint.kind in TURNS, joint.ends
-        force, speed = ("N*m", "rad/s") if turns else ("N", "m/s")
-        place = angle if turns else length
+        units, place = (TURN, angle) if turns else (SLIDE, length)
+        force, speed = (si_unit(units[key]) for key in ("effort", "velocity"))
         driven = joint.drive is not None and joint.name not in self.geared
         limit: dict[str, str | None] = {
             **({} if of.lower is None or of.upper is None else {"lower": place(of.lower), "upper": place(of.upper)}),
@@ -227,49 +215,37 @@ class DocumentWriter(DocumentNaming):
         yield from _mapping("limit", {key: value for key, value in limit.items() if value is not None})
         yield from _mapping("dynamics", dynamics_words(joint, turns))
         if joint.follows is not None:
-            leader = next(other for one in self.order for other in one.joints if other.name == joint.follows.joint)
-            mine, other = ("rad" if one in TURNS else "m" for one in (joint.kind, leader.kind))
+            self.places["joints", self.joints[joint.name], "mimic"] = joint.follows.where
+            leader = next(other for other in self.moving if other.name == joint.follows.joint)
+            own, other = (ANGLE if one in TURNS else LENGTH for one in (joint.kind, leader.kind))
             follows = {"joint": self.joints[leader.name]}
             if joint.follows.polynomial:
                 coefficients = list(joint.follows.polynomial)
                 while not coefficients[-1]:
                     coefficients.pop()
-                words = (quantity(value, _unit(mine, other, power)) for power, value in enumerate(coefficients))
+                words = (quantity(value, si_unit(own / other**power)) for power, value in enumerate(coefficients))
                 follows["polynomial"] = f"[{', '.join(words)}]"
             else:
-                follows["multiplier"] = f"{quantity(joint.follows.multiplier, '')} {_unit(mine, other, 1)}".rstrip()
+                follows["multiplier"] = f"{quantity(joint.follows.multiplier, '')} {si_unit(own / other)}".rstrip()
             offset = joint.follows.offset if not joint.follows.polynomial else 0.0
             yield from _mapping("mimic", follows | ({"offset": place(offset)} if offset else {}))
+        if joint.drive is not None:
+            self.places["joints", self.joints[joint.name], "drive"] = joint.drive.where
         if joint.drive is not None and driven:
             yield from _mapping("drive", drive_words(joint.drive, turns))
 
     def _shown(self) -> Iterator[str]:
         """Yield the lines of the section `mounts`, which lists the mounts that the document exports."""
-        if self.frames or self.sites:
-            yield "mounts:"
-            yield from (f"  {word}: {self.links[self.above[name].parent]}.{word}" for name, word in self.frames.items())
-            for link in self.robot.links:
-                yield from (f"  {self.sites[site.name]}: {self.links[link.name]}.{self.sites[site.name]}" for site in link.sites)
-            yield ""
-
-
-def _unit(mine: str, other: str, power: int) -> str:
-    """Return the unit of a coefficient of the polynomial that couples two joints.
-
-    The result is the unit of the coupled joint, divided by a power of the unit of the other joint.
-    """
-    if mine == other:
-        return {0: mine, 1: ""}.get(power, f"{mine}^-{power - 1}")
-    return {0: mine, 1: f"{mine}/{other}"}.get(power, f"{mine}/{other}^{power}")
+        frames = [(self.above[name].parent, word, self.link_of[name]) for name, word in self.frames.items()]
+        sites = [(link.name, self.sites[site.name], site) for link in self.robot.links for site in link.sites]
+        for link, word, thing in (*frames, *sites):
+            self.places["mounts", word] = thing.where
+            yield f"  {word}: {self.links[link]}.{word}"
 
 
 def _mapping(key: str, values: Mapping[str, str]) -> Iterator[str]:
     if values:
-        yield f"    {key}: {{{_entries(values)}}}"
-
-
-def _entries(values: Mapping[str, str]) -> str:
-    return ", ".join(f"{name}: {value}" for name, value in values.items())
+        yield f"    {key}: {flow(values)}"
 
 
 def _parent_mount(one: Attachment, joint: SourceJoint) -> str:

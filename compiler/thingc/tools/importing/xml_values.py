@@ -14,7 +14,7 @@ from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, 
 from thingc.base.source import Span
 from thingc.base.suggestions import Hint
 from thingc.tools.importing.document_names import plain_name
-from thingc.tools.importing.source_model import ShapeKind, Sizes, SourceShape
+from thingc.tools.importing.source_model import ShapeKind, SourceShape
 from thingc.tools.importing.xml_source import Losses, SourceElement
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
@@ -188,24 +188,25 @@ class Values:
         use: Literal["visual", "collision"] = "visual" if element.tag == "visual" else "collision"
         return SourceShape(kind=kind, use=use, size=size, pose=pose, where=form.where, mesh=mesh)
 
-    def _sized(self, form: SourceElement) -> tuple[ShapeKind, Sizes] | None:
-        """Read the kind and the dimensions [m] of a geometry element. Return None if the element is invalid or not supported."""
+    def _sized(self, form: SourceElement) -> tuple[ShapeKind, tuple[float, ...]] | None:
+        """Read the kind and the size [m] of a geometry element. Return None if the element is invalid or not supported."""
         match form.tag:
             case "box" | "ellipsoid":
                 key = "size" if form.tag == "box" else "radii"
                 sides = self.numbers(form, key, 3)
                 if sides is not None and min(sides) < 0.0:
                     self.fault(form, key, f"`{key}` of `<{form.tag}>`: expected numbers of at least 0, found {min(sides):g}")
-                return None if sides is None else (form.tag, (sides[0], sides[1], sides[2]))
+                half = 0.5 if form.tag == "box" else 1.0
+                return None if sides is None else (form.tag, tuple(half * side for side in sides))
             case "sphere":
                 radius = self.from_zero(form, "radius")
                 return None if radius is None else ("sphere", (radius,))
             case "cylinder" | "capsule":
                 radius, length = (self.from_zero(form, key) for key in ("radius", "length"))
-                return None if radius is None or length is None else (form.tag, (radius, length))
+                return None if radius is None or length is None else (form.tag, (radius, length / 2.0))
             case "mesh":
                 scale = self.numbers(form, "scale", 3, (1.0, 1.0, 1.0))
-                return None if scale is None else ("mesh", (scale[0], scale[1], scale[2]))
+                return None if scale is None else ("mesh", scale)
             case _:
                 return None
 
