@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 
 from thingc.base.export_names import TAKEN, is_file_name
 from thingc.base.pose import Pose
@@ -65,8 +66,7 @@ class DocumentNaming:
     Most attributes map a source name to a document name. `links` contains the links that become components, and `frames` the links that
     become mounts of their parents. `order` lists the attachments of the kinematic tree, starting at the root. `shown` lists the mounts that
     the document exports. `meshes` maps the mesh URIs of shapes to file paths. Elements keep their names from an `earlier` import. `moving`
-    lists the joints, and `turning` contains the names of those whose coordinates are angles. `places` maps key paths of the document to
-    elements of the source, and is filled while the document is written.
+    lists the joints. `places` maps key paths of the document to elements of the source, and is filled while the document is written.
     """
 
     def __init__(self, robot: SourceRobot, meshes: Mapping[str, str], earlier: PreviousImport | None) -> None:
@@ -77,7 +77,6 @@ class DocumentNaming:
         self.order = tuple(downwards(robot.root, robot.hangings))
         self.above = {one.child: one for one in self.order}
         self.moving = [joint for one in self.order for joint in one.joints]
-        self.turning = {joint.name for joint in self.moving if joint.kind in TURNS}
         self.places: dict[Path, Span] = {(): robot.where}
         mounts = [one.child for one in self.order if self._is_mount(one)]
         names = distinct([robot.root, *(one.child for one in self.order)], "link", earlier=None if earlier is None else earlier.links)
@@ -118,15 +117,24 @@ class DocumentNaming:
         drives += [word for word, _, _ in self.driven]
         self.added = self._added(drives)
         self.poses = distinct([one.name for one in robot.poses], "pose")
-        named = Counter((link.name, shape.use, shape.name) for link in robot.links for shape in link.shapes)
-        owners = Counter(name for _, name in {(link, name) for link, _, name in named})
-        self.repeated = {name for (_, _, name), count in named.items() if count > 1 or owners[name] > 1}
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
     def entry(self, section: str, word: str, thing: SourceThing) -> str:
         """Return the line that begins an entry of a section of the document, and record the source location of the entry."""
         self.places[section, word] = thing.where
         return f"  {word}:{was(word, thing.name)}"
+
+    @cached_property
+    def turning(self) -> set[str]:
+        """The source names of the joints whose coordinates are angles."""
+        return {joint.name for joint in self.moving if joint.kind in TURNS}
+
+    @cached_property
+    def repeated(self) -> set[str | None]:
+        """The source names that several shapes have."""
+        named = Counter((link.name, shape.use, shape.name) for link in self.robot.links for shape in link.shapes)
+        owners = Counter(name for _, name in {(link, name) for link, _, name in named})
+        return {name for (_, _, name), count in named.items() if count > 1 or owners[name] > 1}
 
     @property
     def geared(self) -> set[str]:
