@@ -24,7 +24,6 @@ from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.results import DiffResult, answered, as_json, pack, unpack
 from thingc.tools.diff.snapshot import WHATS
 from thingc.tools.diff.text_report import as_html, as_markdown, as_text
-from thingc.tools.importing.import_request import ENDINGS
 
 EPILOG = """\
 Compares robots, not text: components, joints, mates, parameters, modes, poses, materials, tests, and the effects on masses, geometry,
@@ -70,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc diff`. Return the exit code 1 if a kind of element in `--fail-on` changed or one side cannot be compiled, else 0."""
     watched = fail_on(arguments.fail_on)
     options = console.options_of(arguments)
-    wanted = asked(arguments.side, arguments.behind, ENDINGS)
+    wanted = asked(arguments.side, arguments.behind)
     with ExitStack() as stack:
         answer = _answer(arguments, wanted, options, stack)
     if isinstance(answer, BrokenSide):

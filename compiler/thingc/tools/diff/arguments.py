@@ -15,6 +15,7 @@ from thingc.geometry.lock.lock import LOCK_FILE
 from thingc.targets.artifact import MANIFEST
 from thingc.tools.affected.dependents import NotARepository
 from thingc.tools.diff.revisions import Repository, UnknownRevision
+from thingc.tools.importing.import_request import ENDINGS
 
 SideKind = Literal["document", "build", "lock", "model", "revision", "checkout"]
 CHECKOUT = "working tree"
@@ -47,18 +48,17 @@ class ComparisonRequest(FrozenStruct):
     documents: tuple[str, ...] = ()
 
 
-def asked(words: Sequence[str], documents: Sequence[str], models: tuple[str, ...] = ()) -> ComparisonRequest:
+def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
     """Parse the arguments of `thingc diff` or `thingc same`, and return the two sides and the documents to compare.
 
-    `documents` are the command-line arguments after `--`, and `models` the suffixes of files of other formats that can be a side. Raises
-    `UnknownComparison` and `NotARepository`.
+    `documents` are the command-line arguments after `--`. Raises `UnknownComparison` and `NotARepository`.
     """
     words = list(words)
     if len(words) > 2:
         raise UnknownComparison(f"expected two states, found {len(words)} arguments", "write the documents to compare after `--`")
     if not words:
         words = ["HEAD"]
-    sides = [side for word in words for side in _sides(word, models)]
+    sides = [side for word in words for side in _sides(word)]
     if len(sides) > 2:
         raise UnknownComparison(f"expected two states, found `{' '.join(words)}`", "write `OLD..NEW`, or two arguments")
     if len(sides) == 1 and sides[0].kind in _FILES and not documents:
@@ -88,10 +88,8 @@ def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest
     return ComparisonRequest(old=old, new=new, documents=tuple(documents))
 
 
-def _sides(word: str, models: tuple[str, ...]) -> list[Side]:
+def _sides(word: str) -> list[Side]:
     """Parse one argument, and return the one or two sides of the comparison that the argument specifies.
-
-    `models` contains the suffixes of files of other formats that can be a side.
 
     The arguments `main..HEAD` and `main...HEAD` specify two sides. Three dots select the merge base of `main` and HEAD as the old side.
     Every other argument specifies one side.
@@ -101,9 +99,9 @@ def _sides(word: str, models: tuple[str, ...]) -> list[Side]:
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]
         if word.lower().endswith(DOCUMENT_SUFFIXES):
             return [Side(kind="document", name=word, place=os.path.abspath(word))]
-        if word.lower().endswith(models):
+        if word.lower().endswith(ENDINGS):
             return [Side(kind="model", name=word, place=os.path.abspath(word))]
-        message = f"`{word}` is not a document ({', '.join((*DOCUMENT_SUFFIXES, *models))}), build folder or lock file"
+        message = f"`{word}` is not a document ({', '.join((*DOCUMENT_SUFFIXES, *ENDINGS))}), build folder or lock file"
         raise UnknownComparison(message, f"the name of a lock file is `{LOCK_FILE}`")
     if os.path.isdir(word):
         if os.path.isfile(os.path.join(word, MANIFEST)):

@@ -59,11 +59,8 @@ class Repository(OneLineRepr, FrozenStruct):
             raise UnknownRevision(name, tuple(one for one in names if one)) from None
 
     def common(self, old: str, new: str) -> str:
-        """Return the merge base of two git revisions.
-
-        Raises `UnknownRevision`, and `NotARepository` if the revisions have no merge base.
-        """
-        return git(self.top, "merge-base", self.commit(old), self.commit(new)).strip()
+        """Return the merge base of two commits, given by their hashes. Raises `NotARepository` if they have no merge base."""
+        return git(self.top, "merge-base", old, new).strip()
 
     def path(self, file: str) -> str:
         """Convert the path of a file in the checkout to a path relative to the repository, with `/` as separator.

@@ -152,7 +152,8 @@ class _Asked:
             return
         measured = _MEASURED.fullmatch(typed)
         if measured is not None:
-            yield from self._units(self.cursor.start + measured.end("space"), self.offset, measured["space"] == "")
+            start, end = self.cursor.start + measured.end("space"), max(self.offset, self.cursor.end)
+            yield from _units(start, end, self._dimensions(), close=measured["space"] == "")
             return
         if "." in typed and (inner := list(self._behind_dot())):
             yield from inner
@@ -281,19 +282,6 @@ class _Asked:
         known = [one for step in path if (one := self.analysis.facts.joints.get(str(step))) is not None and one.angle is not None]
         return ((ANGLE,) if known[-1].angle else (LENGTH,)) if known else dimensions
 
-    def _units(self, start: int, end: int, close: bool) -> Iterator[CompletionItem]:
-        """Yield completion items for the units that can follow a number. The number ends at the offset `start`.
-
-        `close` specifies whether the cursor directly follows the number.
-        """
-        dimensions = self._dimensions()
-        for number, unit in enumerate(_by_use(dimensions)):
-            space = " " if close and unit != "°" else ""
-            yield CompletionItem(
-                shown=unit, text=space + unit, start=start, end=max(end, self.cursor.end), kind=_UNIT,
-                rank=number, detail=_DIMENSIONS[unit].words,
-            )
-
     def _in_expression(self) -> Iterator[CompletionItem]:
         """Yield completion items inside an expression: parameters, functions and constants, or units after a number."""
         match = _IN_EXPRESSION.search(self.cursor.typed)
@@ -305,9 +293,7 @@ class _Asked:
         end = self.offset + (rest.end() if rest is not None else 0)
         offer = partial(CompletionItem, start=start, end=end)
         if match["number"] is not None:
-            space = " " if not match["number"].endswith((" ", "\t")) else ""
-            for number, unit in enumerate(_by_use(tuple(dict.fromkeys(_DIMENSIONS.values())))):
-                yield offer(shown=unit, text=space + unit, kind=_UNIT, rank=number, detail=_DIMENSIONS[unit].words)
+            yield from _units(start, end, tuple(dict.fromkeys(_DIMENSIONS.values())), close=not match["number"].endswith((" ", "\t")))
             return
         wanted = self._dimensions()
         low, high = bounds_of(self.analysis, self.cursor)
@@ -355,8 +341,14 @@ class _Asked:
         return word if not cursor.toml and (plain or re.fullmatch(r"[A-Za-z][\w.]*:[A-Za-z]\w*", word)) else f'"{word}"'
 
 
-def _by_use(dimensions: tuple[Dimension, ...]) -> list[str]:
-    """Return the units that have one of these physical dimensions, the most common units first."""
+def _units(start: int, end: int, dimensions: tuple[Dimension, ...], *, close: bool) -> Iterator[CompletionItem]:
+    """Yield completion items for the units of these physical dimensions, the most common units first.
+
+    They replace the text from `start` to `end`. `close` specifies whether this text directly follows a number.
+    """
     fitting = [name for name, one in _DIMENSIONS.items() if one in dimensions or any(fits(one, other) for other in dimensions)]
-    return sorted(fitting, key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))
+    fitting.sort(key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))
+    for number, unit in enumerate(fitting):
+        text = f" {unit}" if close else unit
+        yield CompletionItem(shown=unit, text=text, start=start, end=end, kind=_UNIT, rank=number, detail=_DIMENSIONS[unit].words)
 
