@@ -47,7 +47,7 @@ import drawing
 import pages
 import robots as joints
 
-from thingc.documents.checks import all_codes
+from thingc.base.diagnostics import Code
 from thingc.tools.cli.main import main as thingc
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -134,7 +134,7 @@ def entries(folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
         if page.is_relative_to(ROOT / "docs") and any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
             name = page.relative_to(ROOT).as_posix()
             yield from documents(name, pages.unpack(page, fresh(folder / name.removesuffix(".md"))), shown, only)
-    for code in all_codes():
+    for code in Code:
         page = code_pages.read_page(code)
         if page.examples and fits(f"codes/{code.code}", only):
             code_pages.unpack(page, "right", folder / code.code)

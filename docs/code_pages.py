@@ -13,7 +13,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from thingc.base.diagnostics import DiagnosticCode
+from thingc.base.diagnostics import Code
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ROOT / "docs" / "codes"
@@ -82,12 +82,12 @@ class Page:
     examples: dict[str, Example]
 
 
-def path_of(code: DiagnosticCode) -> Path:
+def path_of(code: Code) -> Path:
     """Return the page of a code."""
     return PAGES / f"{code.code}.md"
 
 
-def read_page(code: DiagnosticCode) -> Page:
+def read_page(code: Code) -> Page:
     """Return the parts of the page of a code."""
     return parse_page(path_of(code).read_text(encoding="utf-8"))
 
@@ -130,7 +130,7 @@ def with_output(text: str, example: Example, printed: str) -> str:
     return text.replace(before, after, 1)
 
 
-def current_page(code: DiagnosticCode) -> str:
+def current_page(code: Code) -> str:
     """Return the page of a code with the current title and fix of `Code`, and the last line. A new code gets a template."""
     path = path_of(code)
     text = path.read_text(encoding="utf-8") if path.exists() else NEW.replace("CODE", code.code)

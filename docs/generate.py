@@ -25,7 +25,7 @@ from schema_files import schema_files
 
 from thingc.base.diagnostics import Code
 from thingc.base.joints.kinds import KINDS
-from thingc.documents.checks import all_codes, kinds
+from thingc.documents.checks import kinds
 from thingc.targets.artifact import MANIFEST
 from thingc.targets.capabilities import Capabilities, Cell, Companion, Supported, joint_cell
 from thingc.targets.registry import JOINT_ORDER, TARGETS
@@ -122,7 +122,7 @@ def _read(path: Path) -> str:
 def examples(pages: Mapping[Path, str]) -> str:
     """What `thingc explain` reads: the sections, and the explanations of all codes."""
     codes: list[dict[str, Any]] = []
-    for code in sorted(all_codes(), key=lambda code: code.code):
+    for code in sorted(Code, key=lambda code: code.code):
         page = parse_page(pages[path_of(code)])
         explanation = {"code": code.code, "name": code.name, "title": code.title, "meaning": page.meaning, "cure": code.cure}
         codes.append({**explanation, "wrong": None, "right": None})
@@ -133,7 +133,7 @@ def examples(pages: Mapping[Path, str]) -> str:
 
 def generated() -> dict[Path, str]:
     """Return all generated files with their text."""
-    pages = {path_of(code): current_page(code) for code in all_codes()}
+    pages = {path_of(code): current_page(code) for code in Code}
     own = {PAGE: page(), EXAMPLES: examples(pages), TESTS: tests(), FORMATS: formats(), OUTPUTS: outputs()}
     return {**own, **pages, **command_pages(), **schema_files()}
 
@@ -275,9 +275,9 @@ def page() -> str:
     """Return the page of all codes."""
     lines = [HEAD]
     titles = sections()
-    for hundred in sorted({code.code[:3] for code in all_codes()}):
+    for hundred in sorted({code.code[:3] for code in Code}):
         lines += [f"## {hundred}xx: {titles[hundred]}", "", "| Code | Meaning | Fix |", "|---|---|---|"]
-        for code in sorted((code for code in all_codes() if code.code.startswith(hundred)), key=lambda code: code.code):
+        for code in sorted((code for code in Code if code.code.startswith(hundred)), key=lambda code: code.code):
             link = f"[{code.code}](codes/{code.code}.md)"
             lines.append(f"| {link} | {_cell(code.title)} | {_cell(code.cure)} |")
         lines.append("")
@@ -294,4 +294,4 @@ if __name__ == "__main__":
         stale.unlink()
     for path, text in files.items():
         path.write_text(text, encoding="utf-8", newline="\n")
-    print(f"{len(all_codes())} codes, {len(files)} files")
+    print(f"{len(Code)} codes, {len(files)} files")

@@ -19,13 +19,12 @@ from generate import generated
 
 from cases.test_cases import said
 from thingc.base.diagnostics import Code
-from thingc.documents.checks import all_codes
 from thingc.tools.cli.console import USAGE_CODES
 from thingc.tools.cli.main import COMMANDS, main
 from thingc.tools.reporting.explain import find, near, sections
 
 ROOT = Path(__file__).resolve().parents[2]
-CODES = sorted(all_codes(), key=lambda code: code.code)
+CODES = sorted(Code, key=lambda code: code.code)
 AGAIN = "run `python docs/generate.py`"
 
 ELSEWHERE = {

@@ -109,8 +109,6 @@ def test_the_store_takes_no_path_for_a_hash(tmp_path: Path, name: str) -> None:
         assert not store.has(way) and not store.has(way, 1)
         with pytest.raises(BlobMissing):
             store.read(way)
-        with pytest.raises(BlobMissing):
-            store.size(way)
         with pytest.raises(BadPath, match="expected a hash of 64 hex digits, found"):
             hash_name(way)
     assert victim.read_text() == "mine" and hash_name("a" * 64) == "a" * 64

@@ -21,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from docs.pages import PAGES, documents, meant_to_be_wrong
-from thingc.documents.checks import all_codes
+from thingc.base.diagnostics import Code
 from thingc.documents.spec import fields
 from thingc.documents.spec.validation import KINDS
 from thingc.tools.cli.main import main
@@ -102,7 +102,7 @@ def checked(folder: Path) -> Iterator[tuple[str, Path, str]]:
         text = path.with_suffix(".txt")
         if path.suffix in (".yaml", ".yml", ".toml") and text.exists() and not path.read_text("latin-1").startswith("# $ "):
             yield path.relative_to(CASES).as_posix(), path, re.sub(r"exit \d\n$", "", text.read_text())
-    for code in all_codes():
+    for code in Code:
         page = read_page(code)
         for side, example in page.examples.items():
             if example.command == f"thingc check {example.document}":

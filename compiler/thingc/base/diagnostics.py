@@ -37,8 +37,12 @@ class Stage(str, Enum):
     TEST = "test"
 
 
-class DiagnosticCode(Enum):
-    """A diagnostic code, such as `TC407`, with its title and a general hint on how to fix the problem.
+class Code(Enum):
+    """All diagnostic codes of thingc, such as `TC407`, each with its title and a general hint on how to fix the problem.
+
+    TC1xx concern the reading of files, TC2xx a single document, and TC3xx names and values across documents. TC4xx concern parts, TC5xx the
+    assembly, TC6xx modes, TC7xx targets, TC8xx folders and files, and TC9xx variants. TC65x concern document tests, and TC95x the import of
+    other formats.
 
     Codes are never reused or renumbered. The value of a member is `(code, title, fix)`. For a code that can be a warning about an assembly
     document, the fourth value is the command that reports the warning. Documents can suppress these warnings, and export losses, by an
@@ -50,15 +54,6 @@ class DiagnosticCode(Enum):
         self.title = title
         self.cure = cure
         self.warned_by = warned_by
-
-
-class Code(DiagnosticCode):
-    """All diagnostic codes of thingc except the codes of document tests, which `thingc.documents.checks.all_codes` adds.
-
-    TC1xx concern the reading of files, TC2xx a single document, and TC3xx names and values across documents. TC4xx concern parts, TC5xx the
-    assembly, TC6xx modes, TC7xx targets, TC8xx folders and files, and TC9xx variants. TC65x concern document tests, and TC95x the import of
-    other formats.
-    """
 
     # --- TC1xx: reading files (load) -------------------------------------------------------------------------------
     UNREADABLE = ("TC101", "a file cannot be read", "Check the name and the permissions of the file.")
@@ -279,6 +274,25 @@ class Code(DiagnosticCode):
     SOURCE_DOUBT = ("TC955", "suspicious value in a robot file", "Compare the values that the message shows, and correct the wrong value.")
     SOURCE_FILE = ("TC956", "missing mesh of a robot file", "Specify `--package NAME=DIR` or `--mesh-root DIR`, or use `--no-meshes`.")
     SOURCE_CONFLICT = ("TC957", "conflict between a document and its source", "Write the correct value in the document.")
+    # --- TC65x: kinds of tests of the document (documents/checks) --------------------------------------------------
+    TEST_MASS = ("TC651", "mass outside its bounds", "Change parts that are too heavy or too light, or change the bound.")
+    TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move heavy parts, or enlarge the box.")
+    TEST_REACH = ("TC653", "reach outside its bounds", "Change the lengths of parts, the limits of joints, or the bound.")
+    TEST_POINT = ("TC654", "point out of reach", "Move the point, change parts or the limits of joints, or allow a greater distance.")
+    TEST_COLLISION = ("TC655", "parts that collide", "Change a part, a pose or a range, or allow the pair with a reason.")
+    TEST_TORQUE = ("TC656", "insufficient torque of a drive", "Use a stronger drive, lighter parts or another pose, or reduce the margin.")
+    TEST_SETTLES = ("TC657", "robot that does not come to rest", "Change the pose, the drives or the bounds, or inspect the MuJoCo model.")
+    TEST_FALLS = ("TC660", "robot that falls over", "Move the feet or heavy parts, or add feet to `standing_on`.")
+    TEST_FOOT = ("TC661", "feet that do not touch the floor", "Change the pose, or list other mounts under `standing_on`.")
+    TEST_CLEARANCE = ("TC662", "part too close to the ground", "Change a part or a pose, or exclude components with `except`.")
+    TEST_UNDECIDED = (
+        "TC663", "gap that is smaller than the error of the meshes",
+        "Increase the gap, use a finer `mesh` tolerance, or allow the pair with a reason.", Stage.TEST,
+    )
+    TEST_STACK = (
+        "TC666", "deviation from tolerances out of bounds", "Tighten the tolerances that contribute most, or allow a larger deviation.",
+    )
+    TEST_DRIVE = ("TC668", "drive that cannot follow a motion", "Use a stronger or faster drive or more time, or reduce the margin.")
 
 
 class Note(OneLineRepr, FrozenStruct):
@@ -314,7 +328,7 @@ class Diagnostic(OneLineRepr, FrozenStruct):
     warning. `Diagnostic` shortens `message` and `help` for all output formats.
     """
 
-    code: DiagnosticCode
+    code: Code
     severity: Severity
     message: str
     span: Span | None = None
@@ -354,18 +368,18 @@ class Allowance(FrozenStruct, eq=False):
     location of the `allow` entry. `path` is the key path of the mapping that contains `allow:`.
     """
 
-    code: DiagnosticCode
+    code: Code
     reason: str
     where: Span
     path: str
     nodes: tuple[tuple[Span, Node], ...]
 
-    def covers(self, code: DiagnosticCode, places: Collection[Span]) -> bool:
+    def covers(self, code: Code, places: Collection[Span]) -> bool:
         """Return whether this `allow` entry suppresses a warning of `code` at one of the locations `places`."""
         return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
 
-def allow_hint(code: DiagnosticCode) -> str:
+def allow_hint(code: Code) -> str:
     """Return the help text that shows the user how to suppress warnings with this diagnostic code."""
     return f'if this is intended, write `allow: {{{code.code}: "the reason"}}`'
 
@@ -385,7 +399,7 @@ class Report:
     _known: set[Diagnostic] = field(default_factory=set, repr=False)
 
     def add(
-        self, code: DiagnosticCode, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
+        self, code: Code, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
         notes: Iterable[Note] = (), severity: Severity = Severity.ERROR, detail: str | None = None, allow: bool = False,
     ) -> bool:
         """Add a diagnostic at the location `where`. For an `Origin`, the location is the innermost span, and the other spans become notes.
@@ -417,7 +431,7 @@ class Report:
             self.diagnostics.append(diagnostic)
         return True
 
-    def allows(self, code: DiagnosticCode, places: Collection[Span]) -> bool:
+    def allows(self, code: Code, places: Collection[Span]) -> bool:
         """Return whether an `allow` entry suppresses warnings with this code at one of these locations.
 
         An entry that suppresses the warning is recorded in `needed`.
@@ -428,7 +442,7 @@ class Report:
         return bool(covering)
 
     def warn(
-        self, code: DiagnosticCode, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
+        self, code: Code, message: Hint, where: Span | Origin | None, *, help: Hint | None = None, path: str | None = None,
         notes: Iterable[Note] = (), allow: bool = False,
     ) -> bool:
         """Add a warning to the report. The arguments have the same meaning as for `add`."""

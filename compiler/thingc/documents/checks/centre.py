@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.diagnostics import DiagnosticCode
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
@@ -20,11 +19,6 @@ if TYPE_CHECKING:
     from thingc.model.resolve.types import Reference
 
 Interval = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
-
-class CentreCode(DiagnosticCode):
-    """The diagnostic codes that `centre` tests can report."""
-
-    TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move heavy parts, or enlarge the box.")
 
 
 class WithinSpec(Model):
@@ -83,5 +77,5 @@ def read_centre(written: CentreTest, reader: Reader) -> CentreCheck:
 
 KIND = CheckKind(
     name="centre", position=2, summary="The centre of mass is inside a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
-    stub={"within": {"z": ["-1 m", "1 m"]}}, model=CentreTest, read=read_centre, codes=CentreCode,
+    stub={"within": {"z": ["-1 m", "1 m"]}}, model=CentreTest, read=read_centre,
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.diagnostics import Code, DiagnosticCode
+from thingc.base.diagnostics import Code
 from thingc.base.units import NUMBER
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.checks.torque_margin import TorqueCheck, left_out, link
@@ -16,12 +16,6 @@ from thingc.documents.spec.name_types import JointNames, ModeNames, MotionField
 
 if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader
-
-
-class DriveCode(DiagnosticCode):
-    """The diagnostic codes that `drive_margin` tests can report."""
-
-    TEST_DRIVE = ("TC668", "drive that cannot follow a motion", "Use a stronger or faster drive or more time, or reduce the margin.")
 
 
 class DriveMarginTest(Model):
@@ -66,5 +60,5 @@ def read_drive_margin(written: DriveMarginTest, reader: Reader) -> DriveCheck:
 
 KIND = CheckKind(
     name="drive_margin", position=9, summary="Drives can follow a motion, with a margin.", examples=[{"motion": "wave", "min": 1.5}],
-    stub={"motion": "$motion", "min": "1.5"}, model=DriveMarginTest, read=read_drive_margin, link=link, codes=DriveCode,
+    stub={"motion": "$motion", "min": "1.5"}, model=DriveMarginTest, read=read_drive_margin, link=link,
 )

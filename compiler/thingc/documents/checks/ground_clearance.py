@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.diagnostics import DiagnosticCode
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
@@ -18,12 +17,6 @@ from thingc.documents.spec.name_types import ComponentField, ModeNames, PoseName
 if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Reference
-
-
-class ClearanceCode(DiagnosticCode):
-    """The diagnostic codes that `ground_clearance` tests can report."""
-
-    TEST_CLEARANCE = ("TC662", "part too close to the ground", "Change a part or a pose, or exclude components with `except`.")
 
 
 class GroundClearanceTest(Model):
@@ -66,5 +59,5 @@ def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> Groun
 KIND = CheckKind(
     name="ground_clearance", position=8, summary="The robot keeps a minimum distance from a horizontal plane.",
     examples=[{"at_least": "5 mm", "except": ["foot"]}], stub={"at_least": "0"}, lengths=("ground_clearance", "clearance"),
-    model=GroundClearanceTest, read=read_ground_clearance, codes=ClearanceCode,
+    model=GroundClearanceTest, read=read_ground_clearance,
 )

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pydantic import ConfigDict
 
-from thingc.base.diagnostics import DiagnosticCode
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.documents.spec.base import Model, rule
@@ -40,7 +39,7 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     to a specification in SI units with resolved names. If the value is invalid, the reader reports the error and `read` returns None. The
     pass `link` finds the references in the specification by their type, and resolves them.
 
-    `codes` contains the diagnostic codes that failed tests report. `link(test, stated, joints by path, findings)` reports errors that
+    `link(test, stated, joints by path, findings)` reports errors that
     depend on the linked assembly.
 
     `position` determines the order of the tests in the documentation. `summary` is one sentence for the schema and the documentation, and
@@ -55,7 +54,6 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     examples: Sequence[Mapping[str, Any]]
     stub: Mapping[str, str | Sequence[str] | Mapping[str, Sequence[str]]]
     model: type[Written]
-    codes: type[DiagnosticCode]
     read: Callable[[Written, Reader], Stated | None]
     link: Callable[[Test, Stated, Mapping[str, JointEdge | LinkedTendon], LinkReport], None] | None = None
     lengths: Sequence[str] = ()

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from pydantic import model_validator
 
-from thingc.base.diagnostics import DiagnosticCode
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import MASS
@@ -18,12 +17,6 @@ from thingc.documents.spec.name_types import ComponentField
 if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Reference
-
-
-class MassCode(DiagnosticCode):
-    """The diagnostic codes that `mass` tests can report."""
-
-    TEST_MASS = ("TC651", "mass outside its bounds", "Change parts that are too heavy or too light, or change the bound.")
 
 
 class MassTest(Model):
@@ -62,5 +55,5 @@ def read_mass(written: MassTest, reader: Reader) -> MassCheck:
 
 KIND = CheckKind(
     name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}], stub={"max": "10 kg"},
-    model=MassTest, read=read_mass, codes=MassCode,
+    model=MassTest, read=read_mass,
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.diagnostics import Code, DiagnosticCode, Stage
+from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin
@@ -25,16 +25,6 @@ JointBoundField = Annotated[Value, quantity(ANGLE, LENGTH)]
 SAMPLES = 200
 """Default number of joint positions at which a sweep over joint ranges is checked."""
 MOST_SAMPLES = 10_000
-
-
-class CollisionCode(DiagnosticCode):
-    """The diagnostic codes that `no_collision` tests can report."""
-
-    TEST_COLLISION = ("TC655", "parts that collide", "Change a part, a pose or a range, or allow the pair with a reason.")
-    TEST_UNDECIDED = (
-        "TC663", "gap that is smaller than the error of the meshes",
-        "Increase the gap, use a finer `mesh` tolerance, or allow the pair with a reason.", Stage.TEST,
-    )
 
 
 class AllowSpec(Model):
@@ -138,5 +128,4 @@ KIND = CheckKind(
     name="no_collision", position=5, summary="No parts overlap, in poses or over ranges of joints.",
     examples=[{"pose": "all"}, {"joints": {"elbow": "all"}, "clearance": "1 mm"}, {"joints": "all", "certify": True}],
     stub={"pose": "all"}, lengths=("clearance", "gap", "overlap"), model=NoCollisionTest, read=read_no_collision, of_limits=True,
-    codes=CollisionCode,
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.base.diagnostics import Code, DiagnosticCode
+from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot, radians
 from thingc.base.one_line_repr import OneLineRepr
@@ -23,12 +23,6 @@ if TYPE_CHECKING:
 
 ANGLE_OFF = radians(1.0)
 """Default for the largest angle [rad] between the z axis of the mount and the required direction."""
-
-
-class PointCode(DiagnosticCode):
-    """The diagnostic codes that `point` tests can report."""
-
-    TEST_POINT = ("TC654", "point out of reach", "Move the point, change parts or the limits of joints, or allow a greater distance.")
 
 
 class PointTest(Model):
@@ -96,5 +90,5 @@ KIND = CheckKind(
     name="point", position=4, summary="A mount can reach a point.",
     examples=[{"mount": "hand.tip", "at": "200 0 50 mm", "within": "1 mm"}],
     stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"}, lengths=("point", "distance"),
-    model=PointTest, read=read_point, codes=PointCode,
+    model=PointTest, read=read_point,
 )

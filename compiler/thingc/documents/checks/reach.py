@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field, model_validator
 
-from thingc.base.diagnostics import DiagnosticCode
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
@@ -18,12 +17,6 @@ from thingc.documents.spec.name_types import ShownMountField
 if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Reference
-
-
-class ReachCode(DiagnosticCode):
-    """The diagnostic codes that `reach` tests can report."""
-
-    TEST_REACH = ("TC653", "reach outside its bounds", "Change the lengths of parts, the limits of joints, or the bound.")
 
 
 class ReachTest(Model):
@@ -68,5 +61,5 @@ KIND = CheckKind(
     name="reach", position=3, summary="The greatest distance between two mounts is within bounds.",
     examples=[{"of": "hand.tip", "from": "plate.bottom", "min": "300 mm"}],
     stub={"of": "$mount", "from": "$base", "min": "1 mm"}, lengths=("reach",),
-    model=ReachTest, read=read_reach, codes=ReachCode,
+    model=ReachTest, read=read_reach,
 )

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.diagnostics import DiagnosticCode
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH, TIME
@@ -26,12 +25,6 @@ GIVES = 5e-3
 """Default for the largest allowed depth [m] of contacts. Contacts that support a robot are less deep. A larger depth means that the bodies
 overlapped at the start.
 """
-
-
-class SettleCode(DiagnosticCode):
-    """The diagnostic codes that `settles` tests can report."""
-
-    TEST_SETTLES = ("TC657", "robot that does not come to rest", "Change the pose, the drives or the bounds, or inspect the MuJoCo model.")
 
 
 class SettlesTest(Model):
@@ -83,5 +76,5 @@ def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
 KIND = CheckKind(
     name="settles", position=7, summary="The simulated robot comes to rest.", examples=[{"within": "2 s", "drift": "1 mm"}],
     stub={"within": "2 s", "drift": "1 mm"}, lengths=("drift", "moved", "penetration"),
-    model=SettlesTest, read=read_settles, codes=SettleCode,
+    model=SettlesTest, read=read_settles,
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, model_validator
 
-from thingc.base.diagnostics import Code, DiagnosticCode
+from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot
 from thingc.base.one_line_repr import OneLineRepr
@@ -20,14 +20,6 @@ from thingc.documents.spec.name_types import ModeNames, PoseNames, ShownMountFie
 if TYPE_CHECKING:
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Reference
-
-
-class StackCode(DiagnosticCode):
-    """The diagnostic codes that `stack` tests can report."""
-
-    TEST_STACK = (
-        "TC666", "deviation from tolerances out of bounds", "Tighten the tolerances that contribute most, or allow a larger deviation.",
-    )
 
 
 class StackTest(Model):
@@ -102,5 +94,5 @@ KIND = CheckKind(
     name="stack", position=10, summary="The deviation that tolerances cause between two mounts is within bounds.",
     examples=[{"of": "hand.tip", "from": "plate.bottom", "along": [0, 0, 1], "rss": "0.5 mm"}],
     stub={"of": "$mount", "from": "$base", "along": ["0", "0", "1"], "worst": "1 mm"}, lengths=("worst", "rss"),
-    model=StackTest, read=read_stack, codes=StackCode,
+    model=StackTest, read=read_stack,
 )

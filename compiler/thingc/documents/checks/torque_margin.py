@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.diagnostics import Code, DiagnosticCode, noted
+from thingc.base.diagnostics import Code, noted
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import NUMBER
@@ -21,14 +21,6 @@ if TYPE_CHECKING:
     from thingc.model.assembly.types import JointEdge, LinkedTendon
     from thingc.model.resolve.tests import Reader
     from thingc.model.resolve.types import Mode, Test
-
-
-class TorqueCode(DiagnosticCode):
-    """The diagnostic codes that `torque_margin` tests can report."""
-
-    TEST_TORQUE = ("TC656", "insufficient torque of a drive", "Use a stronger drive, lighter parts or another pose, or reduce the margin.")
-    TEST_FALLS = ("TC660", "robot that falls over", "Move the feet or heavy parts, or add feet to `standing_on`.")
-    TEST_FOOT = ("TC661", "feet that do not touch the floor", "Change the pose, or list other mounts under `standing_on`.")
 
 
 class TorqueMarginTest(Model):
@@ -104,5 +96,5 @@ def link(test: Test, check: TorqueCheck, drives: Mapping[str, JointEdge | Linked
 KIND = CheckKind(
     name="torque_margin", position=6, summary="Drives hold the robot still against gravity, with a margin.",
     examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}], stub={"drive": "*", "min": "2"}, model=TorqueMarginTest,
-    read=read_torque_margin, link=link, codes=TorqueCode,
+    read=read_torque_margin, link=link,
 )

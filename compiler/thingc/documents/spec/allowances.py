@@ -7,19 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from thingc.base.diagnostics import Allowance
+from thingc.base.diagnostics import Allowance, Code
 from thingc.base.source import Document, Node, Path, Span, node_at
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import shortened
-from thingc.documents.checks import all_codes
 from thingc.documents.spec.fields import FieldValidator, fault, found
 
 if TYPE_CHECKING:
     from thingc.documents.spec.assembly import AssemblySpec
 
-_BY_CODE = {code.code: code for code in all_codes()}
+_BY_CODE = {code.code: code for code in Code}
 
-ALLOWABLE = {code.code: code.title for code in all_codes() if code.warned_by is not None}
+ALLOWABLE = {code.code: code.title for code in Code if code.warned_by is not None}
 """Codes of all warnings that can be suppressed, with their titles."""
 
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Note
+from thingc.base.diagnostics import Code, Note
 from thingc.base.one_line_repr import counted
 from thingc.base.units import LENGTH
-from thingc.documents.checks.no_collision import CollisionCheck, CollisionCode
+from thingc.documents.checks.no_collision import CollisionCheck
 from thingc.driver.testing.collisions import Collisions, NearPair, names_of
 from thingc.driver.testing.outcomes import TestCase, shown
 from thingc.driver.testing.poses import joints_text
@@ -51,7 +51,7 @@ class Certificate:
         if rest:
             test = self._case.linked.test
             self._case.request.report.warn(
-                CollisionCode.TEST_UNDECIDED, f"test `{test.name}`: cannot decide whether {self._how(rest[0])}", test.origin,
+                Code.TEST_UNDECIDED, f"test `{test.name}`: cannot decide whether {self._how(rest[0])}", test.origin,
                 path=f"tests.{test.name}", help="increase the gap, set a finer `mesh` tolerance in thingc.toml, or allow the pair",
                 notes=[Note(message=f"also {self._how(pair)}") for pair in rest[1:]],
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
-from thingc.base.diagnostics import Code, DiagnosticCode, Note, Report
+from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import Dimension, Quantity
@@ -25,7 +25,7 @@ ROUNDING = 1e-9
 class Failure(FrozenStruct):
     """The reason why a test failed: a diagnostic code, a message, and the key of the violated limit, such as `max` or `within.x`."""
 
-    code: DiagnosticCode
+    code: Code
     message: str
     key: str
     help: str | None = None
@@ -40,9 +40,9 @@ class Outcome(FrozenStruct):
     `needed` contains the indices of the `allow` entries that permitted a collision.
     """
 
-    measured: Mapping[str, Measure]
-    expected: Mapping[str, Measure]
     said: str
+    measured: Mapping[str, Measure] = {}
+    expected: Mapping[str, Measure] = {}
     failure: Failure | None = None
     needed: frozenset[int] = frozenset()
 
@@ -55,7 +55,7 @@ def shown(value: float, dimension: Dimension) -> str:
 
 
 def check_bounds(
-    name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: DiagnosticCode,
+    name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: Code,
 ) -> Outcome:
     """Compare a measured value [SI] with its minimum and maximum, which can be None, and return the outcome.
 
@@ -80,11 +80,10 @@ def check_bounds(
 
 def unclosed() -> Outcome:
     """Return the outcome of a test in a pose in which the kinematic loops of the robot do not close: a failure."""
-    failure = Failure(
+    return Outcome(said="the loops do not close", failure=Failure(
         code=Code.TEST_POSE, key="pose", message="the loops of the mode do not close in this pose",
         help="run `thingc info` to list the poses in which the loops close",
-    )
-    return Outcome(measured={}, expected={}, said="the loops do not close", failure=failure)
+    ))
 
 
 class TestCase(FrozenStruct):

@@ -134,13 +134,6 @@ class Store:
             raise BlobMissing(sha256)
         return data
 
-    def size(self, sha256: str) -> int:
-        """Return the size of a blob [bytes]. Raises `BlobMissing` if the store does not contain the blob."""
-        try:
-            return os.stat(self.path(sha256)).st_size
-        except OSError:
-            raise BlobMissing(sha256) from None
-
     # --- JSON documents ------------------------------------------------------------------------------------------
 
     def get_json(self, kind: str, key: str) -> Any | None:

@@ -83,12 +83,6 @@ class SharedStore(Store):
                 raise
             return super().read(sha256)
 
-    def size(self, sha256: str) -> int:
-        """Return the size of a blob [bytes]. Raises `BlobMissing` if the store does not contain the blob."""
-        if not self.has(sha256):
-            raise BlobMissing(sha256)
-        return super().size(sha256)
-
     def get_json(self, kind: str, key: str) -> Any | None:
         """Return the JSON value that is stored under a kind and a key.
 

@@ -54,18 +54,6 @@ class Statement:
     source: str = "stated"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Statements:
-    """Values that a Thing declares: mass [kg], centre [mm], inertia matrix [kg m^2] and density [kg/m^3]. The inertia matrix is about the
-    centre, along the axes of the Thing. A value that the Thing does not declare is None.
-    """
-
-    mass: Statement | None
-    centre: Statement | None
-    matrix: Statement | None
-    density: Statement | None
-
-
 def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
     """Return the kind of a part: `thing`, `shape` or `function`. Return None if the object is not a part. The candidate object is not
     called.
@@ -218,18 +206,21 @@ def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
     )
 
 
-def statements_of(thing: Thing) -> Statements:
-    """Return the values of the Thing's own `mass()`, `centre()`, `matrix_of_inertia()` and `density()`.
+def statement_of(thing: Thing, method: Literal["mass", "centre", "matrix_of_inertia", "density"]) -> Statement | None:
+    """Return the value that a Thing declares: its mass [kg], its centre [mm], its inertia matrix [kg m^2] about the centre along the axes
+    of the Thing, or its density [kg/m^3]. Return None if the Thing does not declare the value.
 
-    Each method may return a value, or a tuple of a value and its source. Raises `ValueError` for an unknown source, and for a value that is
+    The method may return a value, or a tuple of a value and its source. Raises `ValueError` for an unknown source, and for a value that is
     not finite or has the wrong shape. The mass and the density must be positive, and the inertia must be symmetric.
     """
-    return Statements(
-        mass=_stated(thing, "mass", _positive),
-        centre=_stated(thing, "centre", _vector),
-        matrix=_stated(thing, "matrix_of_inertia", _symmetric),
-        density=_stated(thing, "density", _positive),
-    )
+    what = f"{method}() of `{type(thing).__name__}`"
+    value: Any = getattr(thing, method)()
+    source = "stated"
+    if value is None:
+        return None
+    if isinstance(value, tuple) and len(value) == 2:
+        value, source = sourced(what, value)
+    return Statement(value=_CHECKS[method](what, value), source=source)
 
 
 def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
@@ -349,17 +340,6 @@ def _only_mounts(value: object) -> bool:
     return isinstance(value, MountPoint)
 
 
-def _stated(thing: Thing, method: str, check: Callable[[str, Any], float | Vector | Matrix]) -> Statement | None:
-    what = f"{method}() of `{type(thing).__name__}`"
-    value: Any = getattr(thing, method)()
-    source = "stated"
-    if value is None:
-        return None
-    if isinstance(value, tuple) and len(value) == 2:
-        value, source = sourced(what, value)
-    return Statement(value=check(what, value), source=source)
-
-
 def _finite(what: str, value: Any) -> float:
     try:
         number = float(value)
@@ -395,3 +375,9 @@ def _symmetric(what: str, value: Any) -> Matrix:
     if any(abs(matrix[i][j] - matrix[j][i]) > 1e-9 * size for i in range(3) for j in range(i)):
         raise ValueError(f"{what} must be symmetric, found {value!r}")
     return matrix
+
+
+_CHECKS: Mapping[str, Callable[[str, Any], float | Vector | Matrix]] = {
+    "mass": _positive, "centre": _vector, "matrix_of_inertia": _symmetric, "density": _positive,
+}
+"""Functions that check the values that a Thing declares, by the name of the method."""

@@ -7,10 +7,10 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from thingc.base.diagnostics import Code
 from thingc.base.numeric import sum_of
 from thingc.base.source import Path, entries_of, node_at
 from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Quantity
-from thingc.documents.checks import all_codes
 from thingc.model.assembly.types import Assembly, JointEdge
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor, cursor_at
@@ -18,7 +18,7 @@ from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import SchemaWalk, described, described_as
 from thingc.tools.lsp.shown_values import direction_words, evaluate_expression, frame_words, in_words, length_words, parameters_of, shown
 
-_CODES = {code.code: code for code in all_codes()}
+_CODES = {code.code: code for code in Code}
 
 
 def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any] | None:

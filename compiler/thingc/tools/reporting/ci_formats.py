@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from thingc.base.diagnostics import Code, Diagnostic, DiagnosticCode, Note, Severity
+from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.base.safe_text import escape_control, json_text
 from thingc.base.source import Span
 
@@ -77,7 +77,7 @@ def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, docu
     return json_text(json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2, ensure_ascii=False)) + "\n"
 
 
-def _descriptor(code: DiagnosticCode, documentation: str | None) -> dict[str, Any]:
+def _descriptor(code: Code, documentation: str | None) -> dict[str, Any]:
     """Convert a diagnostic code to a SARIF reporting descriptor."""
     descriptor: dict[str, Any] = {
         "id": code.code, "name": "".join(word.capitalize() for word in code.name.split("_")),
@@ -90,7 +90,7 @@ def _descriptor(code: DiagnosticCode, documentation: str | None) -> dict[str, An
     return descriptor
 
 
-def _results(placed: Iterable[Diagnostic], rules: Sequence[DiagnosticCode], base: str) -> list[dict[str, Any]]:
+def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> list[dict[str, Any]]:
     met: Counter[str] = Counter()
     results = []
     for d in placed:
@@ -134,7 +134,7 @@ def _fingerprint(d: Diagnostic, base: str) -> str:
     return hashlib.sha256(json.dumps(told).encode()).hexdigest()[:32]
 
 
-def _notification(d: Diagnostic, notices: Sequence[DiagnosticCode]) -> dict[str, Any]:
+def _notification(d: Diagnostic, notices: Sequence[Code]) -> dict[str, Any]:
     descriptor = {"id": d.code.code, "index": notices.index(d.code)}
     return {"descriptor": descriptor, "level": d.severity.value, "message": {"text": _message_text(d)}}
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from thingc.base.diagnostics import Code
 from thingc.base.numeric import inf, isfinite, minimum, rounded, sum_of
 from thingc.base.pose import Pose
 from thingc.base.units import ANGULAR_VELOCITY, FORCE, TORQUE, VELOCITY
-from thingc.documents.checks.drive_margin import KIND, DriveCheck, DriveCode
+from thingc.documents.checks.drive_margin import KIND, DriveCheck
 from thingc.driver.testing.kinds.torque_margin import SLACK
 from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, TestMeasurement, shown
 from thingc.model.assembly.kinematics import joints_of
@@ -48,11 +49,10 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
     motion = with_closed_loops(case.robot, next(one for one in case.robot.assembly.definition.motions if one.name == check.motion))
     failure: Failure | None = None
     if motion is None:
-        failure = Failure(
-            code=DriveCode.TEST_DRIVE, key="motion", message="the loops of the mode do not close during the motion",
+        return Outcome(said="the loops do not close", failure=Failure(
+            code=Code.TEST_DRIVE, key="motion", message="the loops of the mode do not close during the motion",
             help="change the poses of the motion",
-        )
-        return Outcome(measured={}, expected={}, said="the loops do not close", failure=failure)
+        ))
     tested = (one for one in instants(case.robot, motion, case.frames[0].base) if one.path in check.joints)
     worst = min(tested, key=lambda one: rounded(one.margin, 12))
     drive = _drives(case.robot)[worst.path]
@@ -61,12 +61,12 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
     fast, when = shown(abs(worst.speed), speed), f"{worst.time:.4g} s"
     if worst.stuck is not None:
         failure = Failure(
-            code=DriveCode.TEST_DRIVE, key="motion", message=f"the drives cannot follow the motion: no drive moves joint `{worst.stuck}`",
+            code=Code.TEST_DRIVE, key="motion", message=f"the drives cannot follow the motion: no drive moves joint `{worst.stuck}`",
             help="add a drive to the joint, or use a mode in which its drive is present",
         )
     elif worst.margin < check.minimum:
         failure = Failure(
-            code=DriveCode.TEST_DRIVE, key="min",
+            code=Code.TEST_DRIVE, key="min",
             message=f"drive `{worst.path}` needs {needed} at {when}, and can exert {available} at {fast}: "
             f"the margin is {worst.margin:.3g}, but at least {check.minimum:g} is required",
         )

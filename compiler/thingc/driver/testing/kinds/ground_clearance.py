@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
-from thingc.base.diagnostics import Note, first_notes
+from thingc.base.diagnostics import Code, Note, first_notes
 from thingc.base.numeric import inf, maximum, minimum
 from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.base.units import LENGTH, Quantity
-from thingc.documents.checks.ground_clearance import KIND, ClearanceCode, GroundClearance
+from thingc.documents.checks.ground_clearance import KIND, GroundClearance
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.geometry.store.meshes import vertices
 from thingc.model.assembly.types import Occurrence, Surface
@@ -26,14 +26,14 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
     heights = sorted(_heights(case, check))
     if not heights:
-        shapeless = Failure(code=ClearanceCode.TEST_CLEARANCE, key="except", message="no checked part has a shape")
-        return Outcome(measured={}, expected=expected, said="no shape", failure=shapeless)
+        shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no checked part has a shape")
+        return Outcome(expected=expected, said="no shape", failure=shapeless)
     height, path = heights[0]
     failure: Failure | None = None
     if height < check.least:
         others = [Note(message=f"`{name}` is also {_over(other)}") for other, name in heights[1:] if other < check.least]
         failure = Failure(
-            code=ClearanceCode.TEST_CLEARANCE, key="at_least", notes=tuple(first_notes(others, LISTED, "more part")),
+            code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(first_notes(others, LISTED, "more part")),
             message=f"the lowest point of `{path}` is {_over(height)}, but at least {Quantity(check.least, LENGTH)} is required",
             help=f"if this is intended, add `except: [{path.replace('/', '.')}]`",
         )

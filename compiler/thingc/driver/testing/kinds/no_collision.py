@@ -8,7 +8,7 @@ from itertools import chain
 from thingc.base.diagnostics import Code, Note, Report, allow_hint, first_notes
 from thingc.base.one_line_repr import counted
 from thingc.base.units import LENGTH, Quantity
-from thingc.documents.checks.no_collision import KIND, CollisionCheck, CollisionCode
+from thingc.documents.checks.no_collision import KIND, CollisionCheck
 from thingc.driver.testing.certificate import Certificate
 from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of, names_of
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
@@ -136,7 +136,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
     ]
     names = ", ".join(assembly.occurrences[index].path.replace("/", ".") for index in (first.one, first.other))
     return Failure(
-        code=CollisionCode.TEST_COLLISION, key="clearance" if first.gap > 0.0 else "", notes=tuple(notes),
+        code=Code.TEST_COLLISION, key="clearance" if first.gap > 0.0 else "", notes=tuple(notes),
         message=f"{_how(assembly, first, check.clearance)}{_at(case, check, first)}",
         help=f"{allow_hint(Code.OVERLAP)} on one of the two" if (first.one, first.other) in collisions.close
         else f'if this is intended, add `allow: [{{pair: [{names}], reason: "..."}}]`',

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from thingc.base.diagnostics import Note
+from thingc.base.diagnostics import Code, Note
 from thingc.base.units import ANGLE, LENGTH, Quantity
-from thingc.documents.checks.point import KIND, PointCheck, PointCode
+from thingc.documents.checks.point import KIND, PointCheck
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.driver.testing.poses import joints_text
 from thingc.driver.testing.reach_search import nearest
@@ -21,10 +21,8 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     expected = {"distance": check.within} | ({"angle": check.angle} if check.direction is not None else {})
     failure: Failure | None = None
     if best is None:
-        failure = Failure(
-            code=PointCode.TEST_POINT, key="at", message="the loops of the robot did not close in any position that was tried",
-        )
-        return Outcome(measured={}, expected=expected, said="no position", failure=failure)
+        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot did not close in any position that was tried")
+        return Outcome(expected=expected, said="no position", failure=failure)
     distance, off, joints = best
     said = f"{shown(distance, LENGTH)} from the point ({target}"
     measured: dict[str, Measure] = {"distance": distance}
@@ -35,13 +33,13 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     notes = (Note(message=f"joint values of the nearest position: {where}"),) if where else ()
     if distance > check.within:
         failure = Failure(
-            code=PointCode.TEST_POINT, key="at", notes=notes,
+            code=Code.TEST_POINT, key="at", notes=notes,
             message=f"the smallest distance between `{check.mount.text}` and the point is {shown(distance, LENGTH)}, but at most "
             f"{Quantity(check.within, LENGTH)} is allowed",
         )
     elif check.direction is not None and off > check.angle:
         failure = Failure(
-            code=PointCode.TEST_POINT, key="direction", notes=notes,
+            code=Code.TEST_POINT, key="direction", notes=notes,
             message=f"`{check.mount.text}` reaches the point, but its direction is wrong by at least {shown(off, ANGLE)}; "
             f"at most {Quantity(check.angle, ANGLE)} is allowed",
         )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Note
+from thingc.base.diagnostics import Code, Note
 from thingc.base.units import LENGTH
-from thingc.documents.checks.reach import KIND, ReachCheck, ReachCode
+from thingc.documents.checks.reach import KIND, ReachCheck
 from thingc.driver.testing.outcomes import Outcome, TestCase, TestMeasurement, check_bounds, unclosed
 from thingc.driver.testing.poses import joints_text, posed, starting_pose
 from thingc.driver.testing.reach_search import farthest
@@ -24,7 +24,7 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
     if robot is None:
         return unclosed()
     best, joints = farthest(robot, case.linked.mounts[check.of], case.linked.mounts[check.base], case.linked.test.origin)
-    outcome = check_bounds("reach", "the reach", best, check.minimum, check.maximum, LENGTH, ReachCode.TEST_REACH)
+    outcome = check_bounds("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
     where = joints_text(assembly, joints)
     if outcome.failure is not None:
         message = f"{outcome.failure.message}, over the ranges of all joints"

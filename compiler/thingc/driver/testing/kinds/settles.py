@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Report
+from thingc.base.diagnostics import Code, Report
 from thingc.base.numeric import maximum
 from thingc.base.units import LENGTH, TIME, Quantity
-from thingc.documents.checks.settles import KIND, SettleCheck, SettleCode
+from thingc.documents.checks.settles import KIND, SettleCheck
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.driver.testing.settle_simulation import SettleResult, simulated
 from thingc.targets.mjcf import emit as mjcf
@@ -24,8 +24,7 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
     if report.failed:
         for diagnostic in report.diagnostics:
             case.request.report.say(diagnostic)
-        failure = Failure(code=SettleCode.TEST_SETTLES, key="", message="MuJoCo rejects the model")
-        return Outcome(measured={}, expected={}, said="no model", failure=failure)
+        return Outcome(said="no model", failure=Failure(code=Code.TEST_SETTLES, key="", message="MuJoCo rejects the model"))
     files = artifacts.contents(case.request.store)
     scene = f"mjcf/scene_{case.robot.mode.name}.xml"
     motion = simulated(
@@ -51,18 +50,18 @@ def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
     if not settled:
         said = f"not at rest after {check.within:g} s"
         failure = Failure(
-            code=SettleCode.TEST_SETTLES, key="within",
+            code=Code.TEST_SETTLES, key="within",
             message=f"after {Quantity(check.within, TIME)} the robot still moves by {shown(drift, LENGTH)} in "
             f"{Quantity(check.hold, TIME)}, but at most {Quantity(check.drift, LENGTH)} is allowed",
         )
     elif check.moved is not None and moved > check.moved:
         failure = Failure(
-            code=SettleCode.TEST_SETTLES, key="moved",
+            code=Code.TEST_SETTLES, key="moved",
             message=f"the robot comes to rest {far} from the pose, but at most {Quantity(check.moved, LENGTH)} is allowed",
         )
     elif deepest > check.penetration:
         failure = Failure(
-            code=SettleCode.TEST_SETTLES, key="penetration",
+            code=Code.TEST_SETTLES, key="penetration",
             message=f"the contacts of the robot are {deep} deep at rest, but at most {Quantity(check.penetration, LENGTH)} is allowed",
             help="start on the floor (`at: {on: floor}` of the mode) and without overlaps; if contacts are meant to be this soft, "
             "increase `penetration`",
@@ -71,11 +70,10 @@ def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
 
 
 def _diverged(time: float) -> Outcome:
-    failure = Failure(
-        code=SettleCode.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
+    return Outcome(measured={"diverged": time}, said=f"diverges after {time:.3g} s", failure=Failure(
+        code=Code.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
         help="reduce `simulation: {timestep: ...}`, or look for parts that overlap in the pose",
-    )
-    return Outcome(measured={"diverged": time}, expected={}, said=f"diverges after {time:.3g} s", failure=failure)
+    ))
 
 
 MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

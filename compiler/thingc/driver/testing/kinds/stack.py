@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from thingc.base.diagnostics import Note, first_notes
+from thingc.base.diagnostics import Code, Note, first_notes
 from thingc.base.interfaces import Bore, Boss
 from thingc.base.numeric import erf, hypot, sqrt, sum_of
 from thingc.base.one_line_repr import counted
 from thingc.base.pose import Pose, Vector, added, cross, dot, rotate
 from thingc.base.units import LENGTH, Quantity
-from thingc.documents.checks.stack import KIND, StackCheck, StackCode
+from thingc.documents.checks.stack import KIND, StackCheck
 from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.model.assembly.kinematics import neighbourhood, on_loops
 from thingc.model.assembly.mass import process_of
@@ -40,13 +40,13 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
     closed = {joint.path for mate in path for joint in mate.joints} & on_loops(len(robot.assembly.occurrences), robot.assembly.mates)
     if closed:
         message = f"joint `{sorted(closed)[0]}` is on a closed loop, for which deviations are not computed"
-        failure = Failure(code=StackCode.TEST_STACK, key="of", message=message, help="use mounts between which no loop is closed")
-        return Outcome(measured={}, expected={}, said="closed loop", failure=failure)
+        failure = Failure(code=Code.TEST_STACK, key="of", message=message, help="use mounts between which no loop is closed")
+        return Outcome(said="closed loop", failure=failure)
     found = list(_contributions(robot, case.frames[0], check.along, base, of, path))
     if not found:
         message = "no part, joint or fit between the mounts has a tolerance"
-        failure = Failure(code=StackCode.TEST_STACK, key="of", message=message, help="add `tolerance` to the `process` of a material")
-        return Outcome(measured={}, expected={}, said="no tolerance", failure=failure)
+        failure = Failure(code=Code.TEST_STACK, key="of", message=message, help="add `tolerance` to the `process` of a material")
+        return Outcome(said="no tolerance", failure=failure)
     worst = sum_of(abs(one) for _, several in found for one in several)
     rss = hypot(*(one for _, several in found for one in several))
     bounds = (("worst", "the largest deviation", worst, check.worst), ("rss", "the root of the sum of squares", rss, check.rss))
@@ -68,7 +68,7 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
     if not faults:
         return Outcome(measured=measured, expected=expected, said=said)
     failure = Failure(
-        code=StackCode.TEST_STACK, key=faults[0][0], message="; ".join(text for _, text in faults), notes=tuple(_shares(found, rss)),
+        code=Code.TEST_STACK, key=faults[0][0], message="; ".join(text for _, text in faults), notes=tuple(_shares(found, rss)),
     )
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
 

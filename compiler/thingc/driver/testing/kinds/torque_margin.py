@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Note
+from thingc.base.diagnostics import Code, Note
 from thingc.base.numeric import isfinite, rounded
 from thingc.base.pose import Pose
 from thingc.base.units import FORCE, LENGTH, TORQUE
-from thingc.documents.checks.torque_margin import KIND, TorqueCheck, TorqueCode
+from thingc.documents.checks.torque_margin import KIND, TorqueCheck
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
@@ -65,7 +65,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
             for path in others
         ]
         failure = Failure(
-            code=TorqueCode.TEST_TORQUE, key="min", notes=tuple(notes),
+            code=Code.TEST_TORQUE, key="min", notes=tuple(notes),
             message=f"drive `{least}` needs {text}, and its limit is {limit}: the margin is {margins[least]:.3g}, "
             f"but at least {check.minimum:g} is required",
         )
@@ -91,7 +91,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
         if high:
             listed = ", ".join(f"`{path}` by {shown(height, LENGTH)}" for path, height in high.items())
             failure = Failure(
-                code=TorqueCode.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
+                code=Code.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
                 help="lower these feet in the pose, or remove them from `standing_on`",
             )
             return "has feet above the floor", failure
@@ -102,14 +102,14 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
             "pulls": ("falls off", "gravity pulls the robot away from the floor, and no adhesion holds it"),
         }[held.fall.how]
         failure = Failure(
-            code=TorqueCode.TEST_FALLS, key="pose", message=f"in this pose the robot {said}: {why}",
+            code=Code.TEST_FALLS, key="pose", message=f"in this pose the robot {said}: {why}",
             help="move the feet or heavy parts of the robot, or add feet to `standing_on`",
         )
         return said, failure
     if held.unheld > SLACK:
         moves = f"joint `{held.where}`" if held.where else "the robot"
         failure = Failure(
-            code=TorqueCode.TEST_TORQUE, key="drive", message=f"the drives cannot hold this pose: {moves} would move",
+            code=Code.TEST_TORQUE, key="drive", message=f"the drives cannot hold this pose: {moves} would move",
             help="add a drive to the joint, or choose a pose in which the joint stays at rest",
         )
         return "does not stay in the pose", failure

@@ -167,7 +167,7 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
     thing = inspection.build(part, parameters)
     geometry = thing.result()
     shapes = _shapes(geometry, "result")
-    statements = inspection.statements_of(thing)
+    mass, centre, matrix, density = (inspection.statement_of(thing, one) for one in ("mass", "centre", "matrix_of_inertia", "density"))
     color, extra = _color(inspection.color_of(thing), {hexadecimal(shape.color) for shape in shapes if shape.color is not None})
     actuator = inspection.actuator_of(thing)
     visual, collision = _shapes(thing.visual(), "visual"), _shapes(thing.collision(), "collision")
@@ -186,8 +186,8 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
         references=inspection.references_of(thing),
         expectations=tuple(_expectation(expected) for expected in inspection.expectations_of(thing)),
         actuator=msgspec.convert(actuator, ActuatorRecord | None, from_attributes=True),
-        mass=_stated(statements.mass, float), com=_stated(statements.centre, convert.vector),
-        matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density, float),
+        mass=_stated(mass, float), com=_stated(centre, convert.vector), matrix=_stated(matrix, convert.matrix),
+        density=_stated(density, float),
         bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=extra,
         code=None if definition["placed"] else inspection.code_location(part),
     )

@@ -329,18 +329,15 @@ class _Slicer:
         ))
 
 
-class _Kinds:
+class _Kinds(FrozenStruct):
     """The infill regions of a layer by kind. The kinds are the regions that are open above or below (with their margins), the inner region,
     and its small pieces.
     """
 
-    __slots__ = ("bottom", "inside", "small", "top")
-
-    def __init__(self, *, top: Region, bottom: Region, inside: Region, small: Region) -> None:
-        self.top = top
-        self.bottom = bottom
-        self.inside = inside
-        self.small = small
+    top: Region
+    bottom: Region
+    inside: Region
+    small: Region
 
 
 class _Laid(FrozenStruct):
@@ -390,9 +387,9 @@ def _grown(region: Region, by: float, join: JoinType = JoinType.Miter, miter: fl
     return _some(region.offset(by, join, miter, 8))
 
 
-def _opened(region: Region, by: float, miter: float = 2.0) -> Region:
+def _opened(region: Region, by: float) -> Region:
     """Remove the parts of a region that are narrower than twice `by`."""
-    return _grown(_grown(region, -by, miter=miter), by, miter=miter)
+    return _grown(_grown(region, -by), by)
 
 
 def _both(a: Region, b: Region) -> Region:
