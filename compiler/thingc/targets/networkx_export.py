@@ -103,12 +103,6 @@ def _displayable(attributes: dict[str, Any]) -> dict[str, Any]:
     return {name: escape_control(value) if isinstance(value, str) else value for name, value in attributes.items()}
 
 
-def plain(graph: Graph) -> dict[str, Any]:
-    """Convert a graph to JSON data that `networkx.node_link_graph` reads."""
-    node_link: dict[str, Any] = networkx.node_link_data(graph, edges="edges")
-    return node_link
-
-
 class Loop(FrozenStruct):
     """A kinematic loop that is cut at the joint `cut`.
 

@@ -33,9 +33,11 @@ def graphml(hag: Hag) -> str:
 
 def json(hag: Hag) -> str:
     """Convert the hierarchical assembly graph to JSON in the node-link format of networkx."""
-    from thingc.targets import networkx_export
+    import networkx
 
-    return json_writer.encode(networkx_export.plain(networkx_export.hag_graph(hag, quantities(hag)))).decode()
+    from thingc.targets.networkx_export import hag_graph
+
+    return json_writer.encode(networkx.node_link_data(hag_graph(hag, quantities(hag)), edges="edges")).decode()
 
 
 def text(hag: Hag) -> str:

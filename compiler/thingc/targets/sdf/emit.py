@@ -17,7 +17,7 @@ from thingc.targets.geometry import bounds, collect_geometry, placements
 from thingc.targets.request import EmitRequest
 from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.targets.sdf.chain import ZeroState, chain, zero_state
-from thingc.targets.sdf.model_element import MESHES, PLAIN, model
+from thingc.targets.sdf.model_element import MESHES, PLAIN, gazebo_system, model
 from thingc.targets.sensors import elsewhere, on_free_root
 from thingc.targets.xml_writer import Element, write
 
@@ -108,15 +108,17 @@ GRIP = 100.0
 Gazebo uses the smaller friction of two surfaces. Because of this large value, the friction of the robot applies, as in MuJoCo.
 """
 
-RENDERING = ("gz-sim-sensors-system", "gz::sim::systems::Sensors")
-"""The file and the class of the Gazebo system that a world with cameras or rays must contain."""
+RENDERING = ("sensors", "Sensors")
+"""The Gazebo system that a world with cameras or rays must contain."""
+
+ALWAYS = (("physics", "Physics"), ("user-commands", "UserCommands"), ("scene-broadcaster", "SceneBroadcaster"))
+"""The Gazebo systems of every world."""
 
 SYSTEMS: dict[SensorForm, tuple[str, str]] = {
-    "imu": ("gz-sim-imu-system", "gz::sim::systems::Imu"), "force_torque": ("gz-sim-forcetorque-system", "gz::sim::systems::ForceTorque"),
-    "magnetometer": ("gz-sim-magnetometer-system", "gz::sim::systems::Magnetometer"),
-    "contact": ("gz-sim-contact-system", "gz::sim::systems::Contact"), "camera": RENDERING, "gpu_lidar": RENDERING,
+    "imu": ("imu", "Imu"), "force_torque": ("forcetorque", "ForceTorque"), "magnetometer": ("magnetometer", "Magnetometer"),
+    "contact": ("contact", "Contact"), "camera": RENDERING, "gpu_lidar": RENDERING,
 }
-"""The file and the class of the Gazebo system that a world must contain for each type of sensor."""
+"""The Gazebo system that a world must contain for each type of sensor."""
 
 
 def config(name: str, version: str, description: str) -> Element:
@@ -139,13 +141,10 @@ def world(robot: Robot, folder: str) -> Element:
     if timestep is not None:
         physics = element.add("physics", {"name": "stepped", "type": "ode"})
         physics.fill({"max_step_size": timestep, "real_time_factor": "1"})
-    for name in ("physics", "user-commands", "scene-broadcaster"):
-        system = "".join(word.capitalize() for word in name.split("-"))
-        element.add("plugin", {"filename": f"gz-sim-{name}-system", "name": f"gz::sim::systems::{system}"})
     forms = {written(CAPABILITIES["sensors"][sensor.kind]) for sensor in robot.assembly.sensors}
-    for filename, name in dict.fromkeys(system for form, system in SYSTEMS.items() if form in forms):
-        plugin = element.add("plugin", {"filename": filename, "name": name})
-        if (filename, name) == RENDERING:
+    for system in dict.fromkeys((*ALWAYS, *(system for form, system in SYSTEMS.items() if form in forms))):
+        plugin = element.add("plugin", gazebo_system(*system))
+        if system == RENDERING:
             plugin.say("render_engine", "ogre2")
     element.say("gravity", robot.gravity)
     _light(element, "sun" if robot.assembly.name != "sun" else "light")

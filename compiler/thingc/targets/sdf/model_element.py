@@ -39,7 +39,7 @@ SYSTEMS: dict[DriveForm, tuple[str, str]] = {
     "position controller": ("joint-position-controller", "JointPositionController"),
     "velocity controller": ("joint-controller", "JointController"), "force": ("apply-joint-force", "ApplyJointForce"),
 }
-"""The file and the class of each Gazebo system."""
+"""The Gazebo system for each form of a drive."""
 
 Kind = Literal["link", "joint", "frame"]
 """Kinds of elements in a model that have names. Elements of all kinds share one namespace."""
@@ -287,11 +287,13 @@ def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapp
                 yield _controller(robot, zero, names[step.path], joint, joint.actuator, form)
 
 
+def gazebo_system(file: str, system: str) -> dict[str, XmlValue]:
+    """Return the attributes of a plugin for a Gazebo system, from the names of its file and its class."""
+    return {"filename": f"gz-sim-{file}-system", "name": f"gz::sim::systems::{system}"}
+
+
 def _controller(robot: Robot, zero: ZeroState, name: str, joint: TreeJoint | JointEdge, drive: ActuatorModel, form: DriveForm) -> Element:
-    file, system = SYSTEMS[form]
-    element = Element(
-        tag="plugin", attributes={"filename": f"gz-sim-{file}-system", "name": f"gz::sim::systems::{system}"}, origin=drive.origin,
-    )
+    element = Element(tag="plugin", attributes=gazebo_system(*SYSTEMS[form]), origin=drive.origin)
     element.fill({"joint_name": name, "use_force_commands": "true" if form == "velocity controller" else None})
     if form != "force":
         p, d = (drive.kp, drive.kv) if form == "position controller" else (drive.kv, None)
