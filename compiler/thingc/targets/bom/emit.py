@@ -189,15 +189,10 @@ def csv_text(rows: tuple[BomRow, ...]) -> str:
     return stream.getvalue()
 
 
-def json_text(rows: tuple[BomRow, ...]) -> bytes:
-    """Format the bill of materials as a JSON list of objects. Unknown values are null."""
-    return json_writer.encode([asdict(row) for row in rows])
-
-
 def emit(request: EmitRequest) -> Artifacts:
-    """Write `bom.csv` and `bom.json`, which contain the same rows."""
+    """Write `bom.csv` and `bom.json`, which contain the same rows. `bom.json` is a list of objects, in which unknown values are null."""
     rows = items(request.assembly)
-    return Artifacts(files={"bom.csv": csv_text(rows).encode(), "bom.json": json_text(rows)})
+    return Artifacts(files={"bom.csv": csv_text(rows).encode(), "bom.json": json_writer.encode([asdict(row) for row in rows])})
 
 
 def plain_name(occurrence: Occurrence) -> str:

@@ -9,6 +9,7 @@ from thingc.model.assembly.hag import Definition, DefinitionEdge, Hag
 from thingc.targets import json_writer
 from thingc.targets.artifact import Artifacts
 from thingc.targets.hag.labels import bundles, children, entries, how, mirrors, quantities, total
+from thingc.targets.hag.svg import picture as svg
 from thingc.targets.request import EmitRequest
 
 
@@ -16,12 +17,6 @@ def emit(request: EmitRequest) -> Artifacts:
     """Write `hag.dot`, `hag.mmd` and `hag.svg`, which contain the same hierarchical assembly graph."""
     hag = request.assembly.hag
     return Artifacts(files={"hag.dot": dot(hag).encode(), "hag.mmd": mermaid(hag).encode(), "hag.svg": svg(hag).encode()})
-
-def svg(hag: Hag) -> str:
-    """Draw the hierarchical assembly graph as a self-contained SVG document (see `svg.py`)."""
-    from thingc.targets.hag.svg import picture
-
-    return picture(hag)
 
 def graphml(hag: Hag) -> str:
     """Convert the hierarchical assembly graph to GraphML, which Gephi, yEd, Cytoscape and networkx read (see `networkx_export.hag_graph`).

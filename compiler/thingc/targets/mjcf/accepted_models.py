@@ -47,6 +47,7 @@ A mesh counts as accepted if a version of MuJoCo compiled it without messages. A
 HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority", "rgba", "solimp", "solmix", "solref"})
 """Attributes of a geom that do not affect how MuJoCo processes its mesh."""
 
+# A tetrahedron, which MuJoCo accepts in place of any mesh.
 _CORNERS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _SIDES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 _BOX_SIDES = (
@@ -121,7 +122,8 @@ class AcceptedModels:
         whole = any(about_meshes(model) for model in models)
         files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}
         return {
-            mesh.file: tetrahedron(mesh.file) if mesh.file not in files else instead.get(mesh.file) or self.store.read(mesh.stored.sha256)
+            mesh.file: instead.get(mesh.file) or self.store.read(mesh.stored.sha256) if mesh.file in files
+            else mesh_bytes(mesh.file, _CORNERS, _SIDES)
             for mesh in self._meshes
         }
 
@@ -154,11 +156,6 @@ def about_meshes(model: Element) -> bool:
         element.tag == "mesh" or (element.tag == "geom" and not HARMLESS.issuperset(element.raw))
         for element in model.walk() if element.raw
     )
-
-
-def tetrahedron(file: str) -> bytes:
-    """Return the bytes of a small mesh that MuJoCo accepts in place of the mesh file `file`."""
-    return mesh_bytes(file, _CORNERS, _SIDES)
 
 
 def box_bytes(file: str, points: Sequence[Sequence[float]]) -> bytes:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report
@@ -146,18 +144,14 @@ def emit_archives(request: EmitRequest) -> Artifacts:
     made = models(request)
     if request.report.failed:
         return Artifacts(files={}, losses=made.losses)
+    assets = {f"assets/{file}": _asset(stored, request.store) for file, stored in made.assets.items()}
     return Artifacts(
         files={
-            f"mjcf/{candidate.file.removesuffix('.xml')}.mjz": _archive(candidate.model.text.encode(), made.assets, request.store)
+            f"mjcf/{candidate.file.removesuffix('.xml')}.mjz": zipped({MODEL: candidate.model.text.encode(), **assets})
             for candidate in made.candidates
         },
         losses=made.losses,
     )
-
-
-def _archive(model: bytes, assets: Mapping[str, StoredArtifact], store: Store) -> bytes:
-    """Return the bytes of a zip file. The zip file contains the model, and each asset as `assets/<file>`."""
-    return zipped({MODEL: model, **{f"assets/{file}": _asset(stored, store) for file, stored in assets.items()}})
 
 
 def _asset(stored: StoredArtifact, store: Store) -> ZipEntry:
