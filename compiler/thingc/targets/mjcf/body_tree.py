@@ -22,13 +22,13 @@ from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.drives import NOTHING, add_custom_data, time_step
 from thingc.targets.mjcf.elements import pose_attributes
 from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lowered, positions
+from thingc.targets.mjcf.raw import class_name, possible_names
 from thingc.targets.xml_writer import Element, XmlValue
 
 FREE_JOINT = BASE
 """Name of the joint that represents a ball base. A planar base has the joints `root_0`, `root_1` and `root_2`."""
 
 INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
-RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.CLASS})
 
 STIFF = "0.9999 0.9999 0.001 0.5 2"
 """The value of `solimp` for a mimic joint, which makes the constraint as stiff as MuJoCo allows.
@@ -57,14 +57,6 @@ def losses(robot: Robot) -> Iterator[Loss]:
     yield from closures.losses(robot)
     yield from sensors.losses(robot)
     yield from tendons.losses(robot)
-
-
-def class_name(robot: Robot) -> str:
-    """Return the name of the default class of the robot. The class has the name of the robot, unless MuJoCo or thingc uses this name for
-    another class.
-    """
-    name = robot.assembly.name
-    return f"{name}_robot" if name in RESERVED_CLASSES else name
 
 
 def group_masks(groups: Sequence[ContactGroup[int]]) -> dict[int, elements.Masks]:
@@ -97,7 +89,7 @@ class _Builder:
     def __init__(self, robot: Robot, geometry: Geometry, memo: Memo) -> None:
         self.robot = robot
         self.memo = memo
-        self.raw = {word for attribute in robot.assembly.raw for word in _suffixes(attribute.path[1:2])}
+        self.raw = {name for attribute in robot.assembly.raw if len(attribute.path) > 1 for name in possible_names(attribute)}
         self.geometry = geometry
         self.assembly = robot.assembly
         self.adhering = adhesion_contacts.adhering(robot)
@@ -325,10 +317,3 @@ class _Builder:
         if drive.axis is None:
             return q[path]
         return sum_of(part * q[one.path] for part, one in zip(drive.axis, self.assembly.mates[joint.mate].joints, strict=True))
-
-
-def _suffixes(words: tuple[str, ...]) -> Iterator[str]:
-    """Yield the elements that a name in the path of a raw attribute can mean (see `raw.py`)."""
-    for word in words:
-        parts = word.replace(".", "/").split("/")
-        yield from ("/".join(parts[first:]) for first in range(len(parts)))

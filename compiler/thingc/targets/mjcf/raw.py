@@ -17,7 +17,7 @@ from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.raw import IN_ORDER, ORDERED
 from thingc.model.resolve.types import RawAttribute
 from thingc.model.robot.types import Robot
-from thingc.targets.mjcf.body_tree import class_name
+from thingc.targets.mjcf import adhesion_contacts
 from thingc.targets.raw import report_fault
 from thingc.targets.xml_writer import Element, unwritable
 
@@ -36,6 +36,8 @@ NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
 """Kinds of elements that can be selected by name. Each kind has a section (None: the tree of bodies) and tags (None: any tag)."""
 
 KINDS = (*NAMED, *SINGLE, "default")
+
+RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.CLASS})
 
 
 def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
@@ -111,17 +113,17 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
     kind = path[0]
     if kind in NAMED:
         elements = {_slashed(element.get("name")): element for element in _elements_of_kind(kind, model)}
-        return next((elements[name] for name in _names(attribute) if name in elements), None)
+        return next((elements[name] for name in possible_names(attribute) if name in elements), None)
     if kind == "default":
         classes = _classes(robot, model)
-        owner = next((classes[name] for name in _names(attribute) if name in classes), None)
+        owner = next((classes[name] for name in possible_names(attribute) if name in classes), None)
         return None if owner is None else owner.child(path[2], before=("default",))
     section = model.find(kind)
     if section is None:
         section = Element(tag=kind)
         place = sum(1 for child in model.children if child.tag in SINGLE[: SINGLE.index(kind)])
         model.children.insert(place, section)
-    return section if len(path) == 2 else section.child(_names(attribute)[-1])
+    return section if len(path) == 2 else section.child(possible_names(attribute)[-1])
 
 
 def _slashed(name: str) -> str:
@@ -131,7 +133,7 @@ def _slashed(name: str) -> str:
     return name.replace(".", "/")
 
 
-def _names(attribute: RawAttribute) -> tuple[str, ...]:
+def possible_names(attribute: RawAttribute) -> tuple[str, ...]:
     """Return the names that an element of the model may have, for the name in a raw attribute.
 
     A name in a nested document gets the path of this document as prefix. Assets, classes and sections do not belong to an occurrence. For
@@ -142,6 +144,14 @@ def _names(attribute: RawAttribute) -> tuple[str, ...]:
         return (name,)
     words = name.split("/")
     return tuple("/".join(words[first:]) for first in range(len(words)))
+
+
+def class_name(robot: Robot) -> str:
+    """Return the name of the default class of the robot. The class has the name of the robot, unless MuJoCo or thingc uses this name for
+    another class.
+    """
+    name = robot.assembly.name
+    return f"{name}_robot" if name in RESERVED_CLASSES else name
 
 
 def _classes(robot: Robot, model: Element) -> dict[str, Element]:
@@ -174,7 +184,7 @@ def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
     if kind == "tendon":
         return _slashed(name) in {tendon.path for tendon in assembly.tendons}
     if kind == "key":
-        return any(pose.name in _names(attribute) for pose in assembly.poses)
+        return any(pose.name in possible_names(attribute) for pose in assembly.poses)
     return False
 
 
