@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +50,13 @@ def test_without_code(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[s
     mass = found["mass", "changed", "block", "mass"]
     assert mass["new"] == pytest.approx(7850 * 8e-6) and mass["because"] == ["block"]
     assert found["mount", "moved", "block/top", "pose"]["new"][0] == [0.0, 0.0, 0.01]
+
+
+def test_without_code_in_a_new_process(locked: tuple[Path, Path]) -> None:
+    """The sandbox cannot load libraries, so they are loaded before."""
+    sides = [str(side / "robot.yaml") for side in locked]
+    done = subprocess.run([sys.executable, "-I", "-m", "thingc", "diff", *sides, "--no-code"], capture_output=True, text=True)
+    assert done.returncode == 0 and "parameter block: params.edge 10 mm -> 20 mm" in done.stdout, done
 
 
 def test_without_code_and_lock(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
