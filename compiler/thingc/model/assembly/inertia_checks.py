@@ -78,23 +78,19 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         said.update(link.origin[:1])
         members = [robot.occurrences[k] for k in link.members]
         named = _format_members(members)
-        if mass > 0.0 and light is not None and fault is None:
+        if fault is not None:
+            code, what = Code.NOT_PHYSICAL, f"its inertia is not physical: {fault} ({named})"
+            help = "add a mass to a component with geometry, or add `inertia:` to a component of the link"
+        elif mass > 0.0:
             main = max(members, key=lambda one: one.properties.mass)
-            findings.error(
-                Code.TOO_LIGHT, f"link `{link.name}` moves in mode `{mode}`, but is too light for MuJoCo: {light} ({_measured(main)})",
-                link.origin, path=link.name, help=_cause(main),
-            )
-        elif fault is None:
-            findings.error(
-                Code.MASSLESS, f"link `{link.name}` moves in mode `{mode}`, but has no mass ({named})", link.origin, path=link.name,
-                help="add `mass:` to one of its components (and `inertia:` if the component has no geometry), "
-                "or use `attach` instead of a joint; a link without mass is allowed only between two joints",
-            )
+            code, what, help = Code.TOO_LIGHT, f"is too light for MuJoCo: {light} ({_measured(main)})", _cause(main)
         else:
-            findings.error(
-                Code.NOT_PHYSICAL, f"link `{link.name}` moves in mode `{mode}`, but its inertia is not physical: {fault} ({named})",
-                link.origin, path=link.name, help="add a mass to a component with geometry, or add `inertia:` to a component of the link",
+            code, what = Code.MASSLESS, f"has no mass ({named})"
+            help = (
+                "add `mass:` to one of its components (and `inertia:` if the component has no geometry), "
+                "or use `attach` instead of a joint; a link without mass is allowed only between two joints"
             )
+        findings.error(code, f"link `{link.name}` moves in mode `{mode}`, but {what}", link.origin, path=link.name, help=help)
 
 
 def _light(mass: float, least: float) -> str | None:

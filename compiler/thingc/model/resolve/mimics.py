@@ -8,7 +8,6 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.graphs import MAX_CIRCLE, circle_words, find_cycles
 from thingc.base.source import Path
 from thingc.base.units import NUMBER, Dimension, Quantity
@@ -49,12 +48,12 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
         )
         return None
     followed = _followed(table, item, spec, path)
-    if followed is None:
+    if followed is None or followed.twist is None:
         return None
-    name, notes = followed.name, followed.joint.defined(followed.name)
+    name, notes, other = followed.name, followed.defined(followed.name), followed.twist.coordinate
     if spec.polynomial is not None:
-        return _polynomial(item, followed, coordinate, spec.polynomial, path, notes)
-    ratio = coordinate / followed.coordinate
+        return _polynomial(item, followed, (coordinate, other), spec.polynomial, path)
+    ratio = coordinate / other
     what = f"`mimic.multiplier` of joint `{item.name}`"
     if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
         scope.error(
@@ -74,19 +73,22 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
 
 
 def _polynomial(
-    item: Unrolled[JointSpec], followed: _Followed, coordinate: Dimension, written: Sequence[Any], path: Path, notes: tuple[Note, ...],
+    item: Unrolled[JointSpec], followed: Joint, of: tuple[Dimension, Dimension], written: Sequence[Any], path: Path,
 ) -> Mimic | None:
-    """Resolve the polynomial of a mimic. The coefficient of q(joint)^k has the unit of q / q(joint)^k."""
+    """Resolve the polynomial of a mimic. The coefficient of q(joint)^k has the unit of q / q(joint)^k.
+
+    `of` contains the physical dimensions of q and q(joint).
+    """
     scope, place = item.scope, (*path, "polynomial")
     values: list[float] = []
-    dimension = coordinate
+    dimension, other = of
     for k, raw in enumerate(written):
         what = f"the coefficient of q(`{followed.name}`)^{k} in the `polynomial` of joint `{item.name}`"
-        value = scope.number(raw, (*place, k), dimension, what, notes=notes)
+        value = scope.number(raw, (*place, k), dimension, what, notes=followed.defined(followed.name))
         if value is None:
             return None
         values.append(value)
-        dimension = dimension / followed.coordinate
+        dimension = dimension / other
     if not any(values[1:]):
         scope.error(
             Code.MIMIC, f"the `polynomial` of joint `{item.name}` is a constant: the joint would never move", place,
@@ -97,16 +99,8 @@ def _polynomial(
     return Mimic(joint=followed.name, multiplier=multiplier, offset=offset, higher=tuple(higher), origin=scope.origin(path, key=True))
 
 
-class _Followed(FrozenStruct, kw_only=False):
-    """The joint coordinate that another coordinate mimics: its name, its joint and its physical dimension."""
-
-    name: CoordinateName
-    joint: Joint
-    coordinate: Dimension
-
-
-def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> _Followed | None:
-    """Resolve the reference `mimic.joint`, which is the joint that is mimicked.
+def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> Joint | None:
+    """Resolve the reference `mimic.joint`, and return the joint that is mimicked. It moves, and has a single coordinate.
 
     If the referenced joint cannot be mimicked, report an error and return None.
     """
@@ -132,19 +126,13 @@ def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, 
     other = table.joints[name]
     if other is None:
         return None
+    if other.twist is not None and not other.kind.at_once:
+        return other
+    why, shown = f", which is {other.kind.name} and does not move", str(name)
     if other.kind.at_once:
-        scope.error(
-            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`: `{name.joint}` is {other.kind.words}, whose rotation is not a single "
-            "number", place, notes=other.defined(name.joint),
-        )
-        return None
-    if other.twist is None:
-        scope.error(
-            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`, which is {other.kind.name} and does not move", place,
-            notes=other.defined(name),
-        )
-        return None
-    return _Followed(name, other, other.twist.coordinate)
+        why, shown = f": `{name.joint}` is {other.kind.words}, whose rotation is not a single number", name.joint
+    scope.error(Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`{why}", place, notes=other.defined(shown))
+    return None
 
 
 def _break_cycles(table: DocumentScope, items: dict[str, Unrolled[JointSpec]]) -> None:

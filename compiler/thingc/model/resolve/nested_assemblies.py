@@ -34,20 +34,19 @@ def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
     """Return the part definitions of a model without duplicates, in document order. A nested document is traversed at its first use."""
     definitions: dict[PartDefinition, None] = {}
     seen: set[tuple[str, object, str | None]] = set()
-    waiting = [iter(model.components)]
-    while waiting:
-        component = next(waiting[-1], None)
-        if component is None:
-            waiting.pop()
-            continue
-        definition = component.definition
-        if isinstance(definition, PartDefinition):
-            definitions.setdefault(definition)
-            if component.image_of is not None and definition.plain is not None:  # the part may equal its mirror image
-                definitions.setdefault(definition.plain)
-        elif isinstance(definition, AssemblyDefinition):
-            key = (definition.document, definition.parameters, definition.mirror)
-            if key not in seen:
-                seen.add(key)
-                waiting.append(iter(definition.components))
+
+    def visit(assembly: AssemblyDefinition) -> None:
+        for component in assembly.components:
+            definition = component.definition
+            if isinstance(definition, PartDefinition):
+                definitions.setdefault(definition)
+                if component.image_of is not None and definition.plain is not None:  # the part may equal its mirror image
+                    definitions.setdefault(definition.plain)
+            elif isinstance(definition, AssemblyDefinition):
+                key = (definition.document, definition.parameters, definition.mirror)
+                if key not in seen:
+                    seen.add(key)
+                    visit(definition)
+
+    visit(model)
     return tuple(definitions)

@@ -252,46 +252,37 @@ def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[
         entry = spec.parameters[name]
         if isinstance(entry, ParameterSpec) and (entry.min is not None or entry.max is not None):
             before = len(scope.report.diagnostics)
-            _own_within(scope, spec, name, scope.names[name])
+            _own_within(scope, name, entry, _bounds(scope, spec, name), scope.names[name])
             if len(scope.report.diagnostics) > before:
                 outside.add(name)
     return outside
 
 
-def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue) -> None:
+def _own_within(scope: Scope, name: str, entry: ParameterSpec, bounds: dict[str, Quantity], value: ExpressionValue) -> None:
     path: Path = ("parameters", name)
-    entry = spec.parameters[name]
-    own = list(_bounds(scope, spec, name).values())
+    at, own, first = (*path, "value"), list(bounds.values()), "min" if entry.min is not None else "max"
     if own and (isinstance(value, str) or (isinstance(value, Quantity) and len(own) == 2)) and not any(
         isinstance(value, Quantity) and (bound.fits(value.dimension) or value.fits(bound.dimension)) for bound in own
     ) and own[0].fits(own[-1].dimension):
-        at = (*path, "value")
         message, help = dimension_message(value, (own[0].dimension,), f"the value of parameter `{name}`", scope.written(at))
-        bounded = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
-        note = Note(message="because its bound is", span=scope.span((*path, bounded)))
+        note = Note(message="because its bound is", span=scope.span((*path, first)))
         scope.error(Code.DIMENSION, message, at, help=help, notes=[note])
         return
     if not isinstance(value, Quantity):
-        key = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
         scope.error(
-            Code.VALUE_KIND, f"`{key}` can only bound a number; `{name}` is {kind_of(value)}", (*path, key),
-            help=f"remove `{key}`", key=True, notes=scope.beside(f"`{name}` is set here", (*path, "value"), (*path, key)),
+            Code.VALUE_KIND, f"`{first}` can only bound a number; `{name}` is {kind_of(value)}", (*path, first),
+            help=f"remove `{first}`", key=True, notes=scope.beside(f"`{name}` is set here", at, (*path, first)),
         )
         return
-    bounds = _bounds(scope, spec, name)
-    for key in ("min", "max"):
-        raw = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
+    for key, raw in (("min", entry.min), ("max", entry.max)):
         bound = scope.value(raw, (*path, key)) if raw is not None else None
-        if bound is not None and not isinstance(bound, Quantity):
-            at = (*path, key)
-            message, help = dimension_message(bound, (value.dimension,), f"`{key}` of parameter `{name}`", scope.written(at))
-            scope.error(Code.VALUE_KIND, message, at, help=help, notes=scope.beside(f"`{name}` is set here", (*path, "value"), at))
-    for key, bound in list(bounds.items()):
-        if not bound.fits(value.dimension) and not value.fits(bound.dimension):
-            at = (*path, key)
-            beside = scope.beside(f"`{name}` is set here", (*path, "value"), at)
-            scope.wrong_dimension(bound, (value.dimension,), f"`{key}` of parameter `{name}`", at, beside)
-            del bounds[key]
+        number = isinstance(bound, Quantity)
+        if bound is None or (isinstance(bound, Quantity) and (bound.fits(value.dimension) or value.fits(bound.dimension))):
+            continue
+        bounds.pop(key, None)
+        code, what, place = Code.DIMENSION if number else Code.VALUE_KIND, f"`{key}` of parameter `{name}`", (*path, key)
+        message, help = dimension_message(bound, (value.dimension,), what, scope.written(place), scope.names if number else ())
+        scope.error(code, message, place, help=help, notes=scope.beside(f"`{name}` is set here", at, place))
     if len(bounds) == 2 and bounds["min"].value > bounds["max"].value:
         scope.error(
             Code.OUT_OF_RANGE, f"`min` of parameter `{name}` is above its `max`: {bounds['min']} > {bounds['max']}", (*path, "min"),
@@ -302,8 +293,8 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionVa
         if _beyond(key, value, bound):
             rule = "at least" if key == "min" else "at most"
             scope.error(
-                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found {scope.shown(value, (*path, 'value'))}",
-                (*path, "value"), notes=[Note(message="the bound is set here", span=scope.span((*path, key)))],
+                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found {scope.shown(value, at)}", at,
+                notes=[Note(message="the bound is set here", span=scope.span((*path, key)))],
             )
 
 

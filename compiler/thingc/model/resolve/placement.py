@@ -128,16 +128,13 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
         )
     if free:
         table.base = free[0]
-    if unsure or table.unbuilt:
-        for name in free[1:]:
-            table.nodes[name].unplaced = True
-        return
-    if not free and table.nodes and not vague:
-        _report_no_base(table, places)
-    if len(free) > 1:
-        _report_bases(table, free)
-        for name in free[1:]:
-            table.nodes[name].unplaced = True
+    if not unsure and not table.unbuilt:
+        if not free and table.nodes and not vague:
+            _report_no_base(table, places)
+        if len(free) > 1:
+            _report_bases(table, free)
+    for name in free[1:]:
+        table.nodes[name].unplaced = True
 
 
 def _report_no_base(table: DocumentScope, places: Places) -> None:

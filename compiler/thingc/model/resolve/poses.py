@@ -235,20 +235,14 @@ def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, in
         nested = [name for name, node in table.all_nodes() if node.table is not None]
         if table.unbuilt or any(node.doubtful for _, node in matched):
             return
+        code, message, known, what = Code.NO_MATCH, f"pattern `{key}` matches no nested assembly", nested, "nested assemblies"
         if matched:
-            message, help = f"`{key}` is not a nested assembly and has no pose `{pose}`", suggested(key, nested, what="nested assemblies")
-            scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declared(matched[0][1]))
-        elif GLOB.search(key):
-            scope.error(
-                Code.NO_MATCH, f"pattern `{key}` matches no nested assembly", path, key=True,
-                help=suggested(key, nested, what="nested assemblies"),
-            )
-        else:
-            joints = _settable(dict(table.all_joints()))
-            scope.error(
-                Code.UNKNOWN_JOINT, f"there is no joint or nested assembly `{key}`", path, key=True,
-                help=suggested(key, [*joints, *nested], what="joints and nested assemblies"),
-            )
+            code, message = Code.POSE, f"`{key}` is not a nested assembly and has no pose `{pose}`"
+        elif not GLOB.search(key):
+            code, message = Code.UNKNOWN_JOINT, f"there is no joint or nested assembly `{key}`"
+            known, what = [*_settable(dict(table.all_joints())), *nested], "joints and nested assemblies"
+        notes = references.declared(matched[0][1]) if matched else []
+        scope.error(code, message, path, key=True, help=suggested(key, known, what=what), notes=notes)
         return
     lacking: list[str] = []
     for name, node in assemblies:

@@ -84,20 +84,14 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
     wrong = next((part for part in parts if not _NAME.fullmatch(part)), None)
     if wrong is None:
         return parts
+    message, help = f"`{wrong}` in `{filled}` is not a valid name", None
     item = re.fullmatch(r"([A-Za-z]\w*)\[(\d+)\]", wrong, re.ASCII)
     if item is not None:
         meant = ".".join(f"{item.group(1)}_{item.group(2)}" if part == wrong else part for part in parts)
-        scope.error(
-            Code.REFERENCE, f"`{wrong}` in `{filled}` is not a valid name", path, key=key,
-            help=f"refer to an item of a list by its number: `{meant}`",
-        )
-        return None
-    if GLOB.search(wrong):
-        scope.error(
-            Code.REFERENCE, f"`{filled}` is a pattern, but a single name is required here", path, help="write the name in full", key=key,
-        )
-    else:
-        scope.error(Code.REFERENCE, f"`{wrong}` in `{filled}` is not a valid name", path, key=key)
+        help = f"refer to an item of a list by its number: `{meant}`"
+    elif GLOB.search(wrong):
+        message, help = f"`{filled}` is a pattern, but a single name is required here", "write the name in full"
+    scope.error(Code.REFERENCE, message, path, help=help, key=key)
     return None
 
 
@@ -393,31 +387,25 @@ def _report_component(
         what = "this document"
     else:
         what = f"assembly `{parts[depth - 1]}` (`{inner.document.relative}`)"
-    if name in inner.exports:
-        scope.error(
-            Code.UNKNOWN_COMPONENT, f"`{name}` is a mount that {what} exports and has no components", path,
-            help=f"write `{'.'.join(parts[: depth + 1])}`" if depth else "start with a component", key=key,
-            notes=[Note(message=f"`{name}` is exported here", span=inner.scope.span(("mounts", name), key=True))],
-        )
-        return
+    help: Hint
+    message = f"{what} has no component `{name}`"
     repeated = inner.spec.components.get(name)
-    if repeated is not None and repeated.repeat is not None:
-        copies = [one for one in inner.nodes.values() if one.path == ("components", name)]
-        help: Hint = f"`{name}` is repeated: `{copies[0].name}` to `{copies[-1].name}`" if copies else f"`{name}` is repeated 0 times"
-        scope.error(
-            Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path, help=help, key=key,
-            notes=[Note(message=f"`{name}` is repeated here", span=inner.scope.span(("components", name, "repeat")))],
-        )
-        return
-    known = [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)]
-    help = suggested(name, known, what="components")
-    if nearest(name, islice(known, MAX_SUGGESTED)) is None and len(parts) == depth + 2:
-        having = [f"`{'.'.join((*parts[:depth], one.name, parts[-1]))}`" for one in inner.nodes.values() if _shows(one, parts[-1])]
-        help = f"did you mean {' or '.join(having)}?" if 0 < len(having) <= 3 else help
-    scope.error(
-        Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path, help=help, key=key,
-        notes=[*([] if inner is table and depth == 0 else defined(inner)), *_repeated(scope, path, key)],
-    )
+    if name in inner.exports:
+        message = f"`{name}` is a mount that {what} exports and has no components"
+        help = f"write `{'.'.join(parts[: depth + 1])}`" if depth else "start with a component"
+        notes = [Note(message=f"`{name}` is exported here", span=inner.scope.span(("mounts", name), key=True))]
+    elif repeated is not None and repeated.repeat is not None:
+        copies = [one.name for one in inner.nodes.values() if one.path == ("components", name)]
+        help = f"`{name}` is repeated: `{copies[0]}` to `{copies[-1]}`" if copies else f"`{name}` is repeated 0 times"
+        notes = [Note(message=f"`{name}` is repeated here", span=inner.scope.span(("components", name, "repeat")))]
+    else:
+        known = [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)]
+        help = suggested(name, known, what="components")
+        if nearest(name, islice(known, MAX_SUGGESTED)) is None and len(parts) == depth + 2:
+            having = [f"`{'.'.join((*parts[:depth], one.name, parts[-1]))}`" for one in inner.nodes.values() if _shows(one, parts[-1])]
+            help = f"did you mean {' or '.join(having)}?" if 0 < len(having) <= 3 else help
+        notes = [*([] if inner is table and depth == 0 else defined(inner)), *_repeated(scope, path, key)]
+    scope.error(Code.UNKNOWN_COMPONENT, message, path, help=help, key=key, notes=notes)
 
 
 def _shows(node: ComponentScope, mount: str) -> bool:

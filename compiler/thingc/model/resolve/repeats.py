@@ -126,13 +126,5 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
             continue
         said.add((first[1], path))
         note = [Note(message="the other element is defined here", span=scope.span(first[1], key=True))]
-        if first[0] == name:
-            scope.error(
-                Code.NAME_CLASH, f"`{name}` names both {first[2]} and {what}", path, key=True, notes=note,
-                help="rename one of the two elements",
-            )
-        else:
-            scope.error(
-                Code.NAME_CLASH, f"`{name}` and `{first[0]}` differ only in case", path, key=True, notes=note,
-                help="rename one of the two elements",
-            )
+        clash = f"names both {first[2]} and {what}" if first[0] == name else f"and `{first[0]}` differ only in case"
+        scope.error(Code.NAME_CLASH, f"`{name}` {clash}", path, key=True, notes=note, help="rename one of the two elements")

@@ -125,12 +125,13 @@ def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -
 
     `memo` caches results.
     """
-    q = coordinates(joints_of(assembly), pose.values if pose is not None else {})
+    values = pose.values if pose is not None else {}
+    q = coordinates(joints_of(assembly), values)
     loops = _doc_loops(assembly, memo)
     if loops is None:
         return q
     place = ("closed", None, None if pose is None else pose.name)
-    return memo(place, close_pose, loops, SolverState(q=q, base=NO_POSE), _joint_names(pose), False).state.q
+    return memo(place, close_pose, loops, SolverState(q=q, base=NO_POSE), frozenset(values), False).state.q
 
 
 def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
@@ -174,7 +175,7 @@ def keyframes_of(
     failed: list[Solution] = []
     for pose in poses:
         start = SolverState(q=coordinates(joints, pose.values), base=loops.base)
-        solution = memo(("closed", of_mode, pose.name), close_pose, loops, start, _joint_names(pose), base_moves)
+        solution = memo(("closed", of_mode, pose.name), close_pose, loops, start, frozenset(pose.values), base_moves)
         moved = _moved(loops, start, solution, following - pose.values.keys())
         if not solution.closed:
             closure, residual = _worst(loops, solution)
@@ -237,10 +238,6 @@ def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution
     else:
         message = f"the loop through joint `{closure.path}` does not close{where}: at best its ends are {far} apart"
     report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
-
-
-def _joint_names(pose: NamedPose | None) -> frozenset[str]:
-    return frozenset(pose.values) if pose is not None else frozenset()
 
 
 def _moved(loops: Loops, start: SolverState, solution: Solution, following: Collection[str]) -> dict[str, float]:

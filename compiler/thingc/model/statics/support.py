@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
-from thingc.base.pose import Pose, Vector, cross
+from thingc.base.pose import Pose, Vector, added, cross
 from thingc.model.robot.kinematics import in_world, with_ancestors
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
@@ -46,7 +46,7 @@ class Support(NamedTuple):
     @property
     def turning(self) -> Vector:
         """Return the torque [N m] of the weight about `origin`."""
-        return cross(_less(self.centre, self.origin), self.weight)
+        return cross(added(self.centre, self.origin, -1.0), self.weight)
 
 
 def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Support:
@@ -140,7 +140,3 @@ def _from_origin(a: Point, b: Point) -> float:
     length = along[0] ** 2 + along[1] ** 2
     part = 0.0 if length == 0.0 else minimum(maximum(-(a[0] * along[0] + a[1] * along[1]) / length, 0.0), 1.0)
     return hypot(a[0] + part * along[0], a[1] + part * along[1])
-
-
-def _less(a: Vector, b: Vector) -> Vector:
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
