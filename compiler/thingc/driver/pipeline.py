@@ -297,7 +297,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     from thingc.model.assembly.linking import link
     from thingc.model.assembly.mass import likely_slicings, slicings_of
     from thingc.model.assembly.shape_links import listed_meshes, with_pieces
-    from thingc.model.assembly.symmetric_parts import with_own_images
+    from thingc.model.resolve.mirroring import with_own_images
     from thingc.model.resolve.nested_assemblies import decomposed, part_definitions
     from thingc.model.resolve.resolver import resolve, resolve_materials
     from thingc.model.robot.floor_height import stand

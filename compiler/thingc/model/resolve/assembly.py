@@ -23,11 +23,10 @@ from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
 from thingc.model.resolve.joints import joints
 from thingc.model.resolve.materials import in_scope, unreadable
 from thingc.model.resolve.mimics import mimics
-from thingc.model.resolve.modes import modes, simulation, step_origin
+from thingc.model.resolve.modes import modes, place_in_modes, simulation, step_origin
 from thingc.model.resolve.motions import motions
 from thingc.model.resolve.names import names
 from thingc.model.resolve.nested_assemblies import assemblies_of
-from thingc.model.resolve.nested_modes import place_in_modes
 from thingc.model.resolve.parameters import canonical, check_bounds, declared, worked_out
 from thingc.model.resolve.placement import Places, check, own_placements
 from thingc.model.resolve.poses import poses

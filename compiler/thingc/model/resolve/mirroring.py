@@ -1,5 +1,7 @@
 """Create the mirror image of a nested document: mirror every part, and reflect every placement and motion.
 
+Mirror images of symmetric parts, such as screws, bearings and plates, are later replaced by the original part.
+
 Let S be the reflection in the frame of each component, and D the reflection in the frame of each mount (see `thingc.base.pose`). The
 relative pose of components mated by mounts A and B becomes
 
@@ -14,11 +16,12 @@ unchanged. A component that is placed `at` X in a frame is then at `D X D`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from msgspec.structs import replace
 
 from thingc.base.pose import Mirror, Vector
-from thingc.geometry.record import PartDefinition, with_mirror
+from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, with_mirror
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Overrides, StatedValue
 
@@ -120,3 +123,40 @@ def _turned(axis: Vector) -> Vector:
     """Return `-D axis`, which is the rotation axis of the mirror image of a joint. The rotation angle is unchanged."""
     x, y, z = AT_MOUNT.vector(axis)
     return (-x + 0.0, -y + 0.0, -z + 0.0)
+
+
+def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> AssemblyDefinition:
+    """Return a copy of the model in which mirror images of symmetric parts are replaced by the original part.
+
+    The replaced component also gets the order number of the original component in the bill of materials.
+
+    `records` contains the records of all definitions in the model, and of the originals of mirror images.
+    """
+    made: dict[int, AssemblyDefinition] = {}  # equal definitions remain the same object, and unchanged definitions are not copied
+
+    def of(definition: AssemblyDefinition) -> AssemblyDefinition:
+        if id(definition) not in made:
+            components = tuple(map(of_component, definition.components))
+            same = all(new is old for new, old in zip(components, definition.components, strict=True))
+            made[id(definition)] = definition if same else replace(definition, components=components)
+        return made[id(definition)]
+
+    def of_component(component: Component) -> Component:
+        definition = component.definition
+        if isinstance(definition, AssemblyDefinition):
+            inner = of(definition)
+            return component if inner is definition else replace(component, definition=inner)
+        if not isinstance(definition, PartDefinition) or component.image_of is None or definition.plain is None:
+            return component
+        if not _is_own_image(records.get(definition.text), records.get(definition.plain.text)):
+            return component
+        return replace(component, definition=definition.plain, bom=component.image_of.bom, mounts_mirrored=definition.mirror)
+
+    return of(model)
+
+
+def _is_own_image(image: PartRecord | PartFailure | None, plain: PartRecord | PartFailure | None) -> bool:
+    """Return whether a part equals its mirror image: solid, mounts, and specified centre of mass and inertia must be equal."""
+    if not isinstance(image, PartRecord) or not isinstance(plain, PartRecord):
+        return False
+    return image.own_image and (image.com, image.matrix) == (plain.com, plain.matrix)

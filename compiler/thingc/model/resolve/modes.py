@@ -1,6 +1,10 @@
 """Resolve the modes of a document: merge extended modes, look up names, and convert numbers to SI units.
 
 The module `model/assembly/modes.py` finds the link that is the root of each mode.
+
+Nested assemblies that are robots and other objects in a scene are placed in one of their modes. The root of the mode is placed, and the
+base of the mode becomes a joint: a fixed joint, or a joint of the kinds `free`, `planar` or `ball`. Poses, actuators, contacts and cuts of
+the mode apply to the modes of the enclosing document.
 """
 
 from __future__ import annotations
@@ -13,18 +17,19 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.graphs import MAX_CIRCLE, circle_words, find_cycles
-from thingc.base.joints.kinds import BaseType
+from thingc.base.joints.kinds import KINDS, BaseType
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector
 from thingc.base.source import Origin, Path
 from thingc.base.units import ACCELERATION, LENGTH, NUMBER, TIME, Quantity
 from thingc.documents.spec.modes import HoldSpec, ModeSpec, StandingSpec, StandsOn
 from thingc.model.resolve import contacts, references
 from thingc.model.resolve.coordinates import CoordinateName
-from thingc.model.resolve.document_scope import DocumentScope
+from thingc.model.resolve.document_scope import ComponentScope, DocumentScope
+from thingc.model.resolve.joints import NO_DYNAMICS, NO_LIMIT
 from thingc.model.resolve.references import GLOB, report_unmatched, suggested
 from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.transmissions import coupled_drives, undriven_reported
-from thingc.model.resolve.types import OTHERS, Cut, Hold, Mode, Reference, Standing
+from thingc.model.resolve.types import OTHERS, At, Attach, Cut, Hold, Joint, Mode, Reference, Standing
 
 
 def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
@@ -128,6 +133,9 @@ def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) ->
     return [one for one in shown if one is not None]
 
 
+ROOT = "root"
+"""Name of the joint of the base of a nested assembly. Joints in documents cannot have this name."""
+
 MAX_EXTENDED = 20
 GRAVITY: Mapping[StandsOn, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81, 0.0, 0.0), "ceiling": (0.0, 0.0, 9.81)}
 """Gravity [m/s^2] in the world frame, keyed by the surface that supports the robot."""
@@ -156,12 +164,6 @@ def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
         if mode is not None:
             made.append(mode)
     return tuple(made)
-
-
-def nested_mode(table: DocumentScope, name: str) -> Mode | None:
-    """Return one mode of a nested document, or None if the mode is invalid."""
-    modes = table.spec.modes
-    return _mode(table, table.scope, name, _layers(table.scope, modes, name, _circular(table.scope, modes)))
 
 
 def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
@@ -424,3 +426,64 @@ def step_origin(scope: Scope, layers: DefaultLayers) -> Origin:
     """
     said = layers.pick("timestep")
     return scope.origin(said.path) if said else ()
+
+
+def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | None]) -> bool:
+    """Replace the placement of each component with a `mode` by the joint of the base of the mode.
+
+    Invalid modes are reported, and their components remain unplaced. Return whether a component has a `mode` without a pose.
+    """
+    lost = False
+    for node in table.nodes.values():
+        at, scope, path = placements.get(node.name), node.scope, (*node.path, "mode")
+        if node.spec.mode is None or node.table is None or node.unplaced:
+            continue
+        if not isinstance(at, At):
+            scope.error(
+                Code.BROKEN_RULE, f"`{node.name}` has `mode` but no `at`, the pose at which the mode is placed", path, key=True,
+                help="write, for example, `at: {in: room.origin}`, with a component `room: {frame: true}`",
+            )
+            lost = node.unplaced = True
+            continue
+        placements[node.name] = None
+        mode = _mode_of(node, node.table, node.spec.mode)
+        if mode is None:
+            node.unplaced = True
+            continue
+        table.by_mode[node.name] = mode
+        kind, root, origin = KINDS[mode.base], mode.root, scope.origin(path)
+        child = Reference(path=(node.name, *root.path), mount=root.mount or references.ORIGIN, origin=origin)
+        name = CoordinateName(f"{node.name}.{ROOT}")
+        for number, twist in enumerate(kind.twists or (None,)):
+            own = name.numbered(number) if len(kind.twists) > 1 else name
+            table.joints[own] = Joint(
+                name=own, kind=kind, twist=twist, parent=at.to, child=child, limit=NO_LIMIT, dynamics=NO_DYNAMICS, turn=0.0, gap=0.0,
+                offset=0.0, drive=None, mimic=None, origin=at.origin, spans={}, keep=not kind.moves, base=True,
+                axis=IDENTITY[2] if root.mount is None else None, pose=at.pose @ mode.at,
+            )
+    return lost
+
+
+def _mode_of(node: ComponentScope, inner: DocumentScope, name: str) -> Mode | None:
+    """Return a mode of a nested assembly. If a scene does not support the mode, report an error and return None."""
+    scope, path = node.scope, (*node.path, "mode")
+    if name not in inner.spec.modes:
+        if not inner.doubts.lacks("modes"):
+            scope.error(
+                Code.UNKNOWN_MODE, f"`{node.name}` (`{inner.document.relative}`) has no mode `{name}`", path,
+                help=suggested(name, inner.spec.modes, what="modes"), notes=references.defined(inner),
+            )
+        return None
+    mode = _mode(inner, inner.scope, name, _layers(inner.scope, inner.spec.modes, name, _circular(inner.scope, inner.spec.modes)))
+    if mode is None:
+        return None
+    unsupported: Mapping[str, bool] = {
+        "`base: held`": mode.base == "held", "`hold`": bool(mode.holds), "`at: {on: floor}`": mode.on_floor, "`at_in`": bool(mode.at_in),
+    }
+    found = next((key for key, used in unsupported.items() if used), None)
+    if found is not None:
+        scope.error(
+            Code.REFERENCE, f"mode `{name}` of `{node.name}` has {found}, which a nested assembly does not support", path,
+            help="use a mode with another base, and set its height in `at` of the component",
+        )
+    return mode if found is None else None

@@ -9,7 +9,7 @@ from __future__ import annotations
 from fnmatch import fnmatchcase
 from typing import Any
 
-from thingc.base.diagnostics import Code, Note
+from thingc.base.diagnostics import Code, noted
 from thingc.base.pose import Pose, Quaternion, turn_of
 from thingc.base.source import Origin, Path
 from thingc.base.units import LENGTH, NUMBER
@@ -152,37 +152,27 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
         joint = known[name]
         if joint is None:
             continue
+        coordinate, notes, key = joint.twist.coordinate if joint.twist is not None else None, joint.defined(name), True
+        help: str | None
         if joint.kind.at_once:
-            scope.error(
-                Code.POSE, f"joint `{name.joint}` is {joint.kind.words}: a pose cannot set a single coordinate", path, key=True,
-                help=f"write, for example, `{name.joint}: {_EXAMPLE[joint.kind.free]}`", notes=joint.defined(name.joint),
-            )
+            message, notes = f"joint `{name.joint}` is {joint.kind.words}: a pose cannot set a single coordinate", joint.defined(name.joint)
+            help = f"write, for example, `{name.joint}: {_EXAMPLE[joint.kind.free]}`"
+        elif coordinate is None:
+            message, help = f"joint `{name}` is {joint.kind.name} and has no coordinate to set", "remove the joint from the pose"
+        elif joint.mimic is not None:
+            message = f"a pose cannot set joint `{name}`, because this joint mimics `{joint.mimic.joint}`"
+            help = f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`"
+            notes = noted("`mimic` is set here", joint.mimic.origin)
+        elif isinstance(raw, str):
+            message = f"joint `{name}` must be {coordinate.words} (such as {coordinate.example}), found the string `{raw}`"
+            help, key = f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, False
+        else:
+            what = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern matches,"
+            value = scope.number(raw, path, coordinate, what, notes=notes)
+            if value is not None:
+                into[name.path] = (value, scope.origin(path))
             continue
-        coordinate = joint.twist.coordinate if joint.twist is not None else None
-        if coordinate is None:
-            scope.error(
-                Code.POSE, f"joint `{name}` is {joint.kind.name} and has no coordinate to set", path, key=True,
-                help="remove the joint from the pose",
-                notes=joint.defined(name),
-            )
-            continue
-        if joint.mimic is not None:
-            scope.error(
-                Code.POSE, f"a pose cannot set joint `{name}`, because this joint mimics `{joint.mimic.joint}`", path, key=True,
-                help=f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`",
-                notes=[Note(message="`mimic` is set here", span=joint.mimic.origin[0])],
-            )
-            continue
-        what = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern matches,"
-        if isinstance(raw, str):
-            scope.error(
-                Code.POSE, f"joint `{name}` must be {coordinate.words} (such as {coordinate.example}), found the string `{raw}`", path,
-                help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, notes=joint.defined(name),
-            )
-            continue
-        value = scope.number(raw, path, coordinate, what, notes=joint.defined(name))
-        if value is not None:
-            into[name.path] = (value, scope.origin(path))
+        scope.error(Code.POSE, message, path, key=key, help=help, notes=notes)
 
 
 def _settable(known: Joints) -> list[CoordinateName]:
