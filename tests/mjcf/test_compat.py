@@ -99,7 +99,7 @@ def test_pairs_that_may_touch_are_those_that_mujoco_looks_at(store: Store, base:
     request, models = emitted(made, store, (), ("bench", base))
     ours = {
         frozenset(geom.element.get("name") if geom.element is not None else "floor" for geom in pair)
-        for pair in pairs(tree.model(request.robots[0], taken(request.assembly, request.report, request.memo)[0]))
+        for pair in pairs(tree.model(request.robots[0], taken(request.assembly, request.report)[0]))
     }
     model = compiled(request, models)
     model.geom_margin[:] = 10.0

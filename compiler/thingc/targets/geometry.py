@@ -160,19 +160,6 @@ def linear(channel: float) -> float:
     return round(channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4, 6)
 
 
-def inputs_of(assembly: Assembly) -> tuple[object, ...]:
-    """Return a value that determines the geometry of an assembly. `Memo` uses this value as a key. The key contains everything in the
-    assembly that affects the geometry.
-    """
-    return tuple(
-        (
-            one.path, one.definition, one.record, one.listed, one.component.definition, one.overrides.collision, one.overrides.pieces,
-            one.contacts.get(""), one.overrides.visual, one.material, one.color, one.origin,
-        )
-        for one in assembly.occurrences
-    )
-
-
 def collect_geometry(
     assembly: Assembly, target: str, folder: str, report: Report, *, own: bool = False,
     why: Callable[[Mesh | Primitive], str] = lambda _: "the collision shape has no volume",

@@ -16,13 +16,12 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from thingc.base.diagnostics import Report
-from thingc.base.memo import Memo
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
 from thingc.targets.artifact import Loss
-from thingc.targets.geometry import Geometry, MeshAsset, collect_geometry, inputs_of
+from thingc.targets.geometry import Geometry, MeshAsset, collect_geometry
 from thingc.targets.manifest import versions
 from thingc.targets.xml_writer import Element
 
@@ -176,26 +175,17 @@ def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Se
     return bytes(80) + struct.pack("<I", len(sides)) + b"".join(triangles)
 
 
-def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tuple[Loss, ...]]:
+def taken(assembly: Assembly, report: Report) -> tuple[Geometry, list[Loss]]:
     """Return the visual and collision shapes of every occurrence, and the export losses of MJCF.
 
     Report an error for each shape that MuJoCo does not accept.
     """
-    shapes, losses, said = memo("geometry", lambda _: _collected(assembly), inputs_of(assembly))
-    for diagnostic in said.diagnostics:
-        report.say(diagnostic)
-    return shapes, losses
+    return collect_geometry(assembly, "mjcf", FOLDER, report, own=True, why=_no_solid)
 
 
 def is_shell(mesh: MeshAsset) -> bool:
     """Return whether MuJoCo must read a mesh as a surface (`inertia="shell"`), because it encloses almost no volume."""
     return mesh.mesh.flat or not mesh.mesh.closed or mesh.volume < LEAST_VOLUME
-
-
-def _collected(assembly: Assembly) -> tuple[Geometry, tuple[Loss, ...], Report]:
-    report = Report()
-    shapes, losses = collect_geometry(assembly, "mjcf", FOLDER, report, own=True, why=_no_solid)
-    return shapes, tuple(losses), report
 
 
 def _no_solid(piece: Mesh | Primitive) -> str:

@@ -122,7 +122,7 @@ def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], d
 
     Also return two kinds of export losses: those of the shapes, and those that result from adapting the trees to other programs.
     """
-    geometry, unsaid = taken(request.assembly, request.report, request.memo)
+    geometry, unsaid = taken(request.assembly, request.report)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
     left = raw_elements.add(request.assembly, request.robots, roots, request.report)
     raw.lay(request.assembly, request.robots, roots, request.report)
