@@ -44,6 +44,11 @@ def added(a: Vector, b: Vector, factor: float) -> Vector:
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
+def scaled(v: Vector, factor: float) -> Vector:
+    """Return the vector `factor v`. A component of zero never becomes -0.0."""
+    return (factor * v[0] + 0.0, factor * v[1] + 0.0, factor * v[2] + 0.0)
+
+
 def axis_name(direction: Vector) -> str | None:
     """Return the axis to which a unit vector is parallel, with its sign, such as `-z`. Return None for other directions."""
     parallel = (f"{'+' if value > 0.0 else '-'}{name}" for name, value in zip("xyz", direction, strict=True) if abs(value) > 1.0 - 1e-9)

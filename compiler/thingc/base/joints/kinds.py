@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist, X, Y, Z
-from thingc.base.pose import Vector
+from thingc.base.pose import Vector, scaled
 from thingc.base.units import Dimension
 
 JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw", "free"]
@@ -56,7 +56,7 @@ class JointKind(FrozenStruct):
         `lead` [m] is the advance per turn, and is used only by joint kinds with a lead.
         """
         twists = self.with_lead(lead) if self.leads else self.twists
-        return tuple(Twist(angular=_scaled(axis, one.angular[2]), linear=_scaled(axis, one.linear[2])) for one in twists)
+        return tuple(Twist(angular=scaled(axis, one.angular[2]), linear=scaled(axis, one.linear[2])) for one in twists)
 
     @property
     def moves(self) -> bool:
@@ -86,10 +86,6 @@ class JointKind(FrozenStruct):
     def coordinate(self) -> Dimension | None:
         """The physical dimension of the joint coordinate (angle or length) if the joint has exactly one coordinate, otherwise None."""
         return self.twists[0].coordinate if len(self.twists) == 1 else None
-
-
-def _scaled(v: Vector, by: float) -> Vector:
-    return (by * v[0] + 0.0, by * v[1] + 0.0, by * v[2] + 0.0)  # -0.0 + 0.0 is 0
 
 
 KINDS: Mapping[str, JointKind] = {kind.name: kind for kind in (

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import moved
-from thingc.base.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, transpose
+from thingc.base.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, scaled, transpose
 from thingc.geometry.record import DriveType
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import ActuatorModel, LinkedTendon
@@ -111,10 +111,6 @@ def _turns(ball: tuple[TreeJoint, ...], q: tuple[float, ...]) -> Vector:
     """
     x, y, z = (joint.twist.axis for joint in ball)
     hand = 1.0 if dot(cross(x, y), z) > 0.0 else -1.0
-    U = transpose((_scaled(x, hand), _scaled(y, hand), _scaled(z, hand)))
+    U = transpose((scaled(x, hand), scaled(y, hand), scaled(z, hand)))
     R = moved(tuple(joint.twist for joint in ball), q, at_once=True).rotation
-    return _scaled(rpy_of(multiply(multiply(transpose(U), transpose(R)), U)), -hand)
-
-
-def _scaled(v: Vector, factor: float) -> Vector:
-    return (v[0] * factor, v[1] * factor, v[2] * factor)
+    return scaled(rpy_of(multiply(multiply(transpose(U), transpose(R)), U)), -hand)

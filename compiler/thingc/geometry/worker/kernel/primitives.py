@@ -19,7 +19,7 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS
 
 from thingc.base.numeric import dist, hypot, sum_of
-from thingc.base.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, rotate, transpose
+from thingc.base.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, rotate, scaled, transpose
 from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.integrals import explored, extent, integrals
@@ -162,7 +162,7 @@ def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, flo
         if abs(length - radius) > SAME * size or not _parallel(direction, axis) or _beside(other, point, axis) > SAME * size:
             return None
     up = next((c for c in reversed(axis) if c != 0.0), 1.0) > 0.0
-    return (point, axis if up else _scaled(axis, -1.0)), radius
+    return (point, axis if up else scaled(axis, -1.0)), radius
 
 
 def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
@@ -194,7 +194,7 @@ def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
     rotations: list[tuple[Matrix, tuple[int, ...]]] = []
     for order in itertools.permutations(range(3)):
         for one, other in itertools.product((1.0, -1.0), repeat=2):
-            x, y = _scaled(axes[order[0]], one), _scaled(axes[order[1]], other)
+            x, y = scaled(axes[order[0]], one), scaled(axes[order[1]], other)
             rotations.append((transpose((x, y, _unit(cross(x, y)))), order))
     # among rotations with equal traces, choose by the largest entries, so that rounding does not decide
     return max(rotations, key=lambda one: (
@@ -218,17 +218,13 @@ def _beside(point: Vector, origin: Vector, axis: Vector) -> float:
     return hypot(*cross(added(point, origin, -1.0), axis))
 
 
-def _scaled(a: Vector, factor: float) -> Vector:
-    return (factor * a[0] + 0.0, factor * a[1] + 0.0, factor * a[2] + 0.0)
-
-
 def _unit(a: Vector) -> Vector:
     """Return the unit vector in the direction of a vector. Components that are only rounding errors of a rotation are set to zero, so that
     coordinate axes are exact.
     """
     length = hypot(*a)
     x, y, z = (0.0 if abs(component) <= ROUNDING * length else component for component in a)
-    return _scaled((x, y, z), 1.0 / hypot(x, y, z))
+    return scaled((x, y, z), 1.0 / hypot(x, y, z))
 
 
 def _line(axis: gp_Ax1) -> _Line:
