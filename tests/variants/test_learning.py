@@ -133,7 +133,7 @@ def test_models_in_memory_are_bounded(some: Path) -> None:
     for _ in range(40):
         env.reset()
         env.step(np.zeros(1))
-        assert len(env._episodes) <= 3
+        assert env._of.cache_info().currsize <= 3
 
 
 def test_tasks_are_what_they_say(some: Path) -> None:

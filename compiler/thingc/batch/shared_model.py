@@ -14,12 +14,12 @@ import functools
 import io
 import os
 import sys
-from collections.abc import Iterable, KeysView, Mapping
+from collections.abc import KeysView, Mapping
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import counted
-from thingc.batch.mujoco_arrays.equality import names, owner_of
+from thingc.batch.mujoco_arrays.equality import different_fields, names, owner_of
 from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, load
 from thingc.batch.run_options import is_whole
 
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     import mujoco
     import numpy as np
 
-    Fields = dict[str, np.ndarray[Any, np.dtype[Any]]]
+    Array = np.ndarray[Any, np.dtype[Any]]
+    Fields = dict[str, Array]
 
 
 SHORTCUTS = frozenset(("body_sameframe", "geom_sameframe", "site_sameframe", "bvh_aabb", "bvh_child", "bvh_depth", "bvh_nodeid"))
@@ -86,22 +87,61 @@ def fields(source: str | os.PathLike[str] | BatchResults, mode: str | None = Non
     method `BuiltVariant.model`. Only a few compiled models are in memory at a time. Raises `StructuresDiffer` if variants differ in other
     fields, and `FamilyError` for a batch without variants.
     """
-    import numpy as np
-
     family = _family(source)
     models = family.models(mode=mode, scene=scene, share=True)
-    model = last = copy.copy(next(models))
-    base = _numbers(model)
-    own: list[Fields] = [{}]
-    for variant, other in zip(family[1:], models, strict=True):
+    last = next(models)
+    group = ModelGroup(last)
+    group.add(0, last)
+    for index, (variant, other) in enumerate(zip(family[1:], models, strict=True), start=1):
         if other is not last:
-            _same_structure(model, other, family[0], variant)
+            _same_structure(group.model, other, family[0], variant)
             last = other
-        numbers = _numbers(other)
-        own.append({name: np.array(value) for name, value in numbers.items() if not _equal(base[name], value)})
-    names = [name for name in base if any(name in one for one in own)]
-    stacked = {name: np.stack([np.asarray(one.get(name, base[name])) for one in own]) for name in names}
-    return model, {name: _leading(value) if name in LEADING else value for name, value in stacked.items()}
+        group.add(index, other)
+    stacked = {name: group.stack(name) for name in group.first if name in group.rows}
+    return group.model, {name: _leading(value) if name in LEADING else value for name, value in stacked.items()}
+
+
+class ModelGroup:
+    """A group of models that differ only in numbers.
+
+    `model` is a copy of the first model. `indices` contains the indices of all models. `first` maps the names of all fields that may differ
+    to their values in the first model, and `rows` maps the names of the fields that differ to the values in other models, by position in
+    `indices`.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.model = copy.copy(model)
+        self.indices: list[int] = []
+        self.bodies = int((model.body_bvhadr + model.body_bvhnum).max(initial=0))
+        self.first = {name: self.value(model, name).copy() for name in changeable_fields()}
+        self._bytes = {name: value.tobytes() for name, value in self.first.items()}
+        self.rows: dict[str, dict[int, Array]] = {}
+
+    def value(self, model: mujoco.MjModel, name: str) -> Array:
+        """Return the value of a field of a MuJoCo model. For fields in `LEADING`, return only the rows that belong to bodies."""
+        import numpy as np
+
+        value = np.asarray(getattr(*owner_of(model, name)))
+        return value[: self.bodies] if name in LEADING else value
+
+    def add(self, index: int, model: mujoco.MjModel) -> None:
+        """Add the model with this index to the group."""
+        for name, first in self._bytes.items():
+            value = self.value(model, name)
+            if value.tobytes() != first:  # NaN equals NaN, and 0 differs from -0
+                self.rows.setdefault(name, {})[len(self.indices)] = value.copy()
+        self.indices.append(index)
+
+    def stack(self, name: str) -> Array:
+        """Return the values of a field in all models of the group, as an array with shape (models, *shape of the field)."""
+        import numpy as np
+
+        first = self.first[name]
+        made = np.empty((len(self.indices), *first.shape), first.dtype)
+        made[:] = first
+        for row, value in self.rows.get(name, {}).items():
+            made[row] = value
+        return made
 
 
 def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
@@ -171,20 +211,6 @@ def _family(source: str | os.PathLike[str] | BatchResults) -> BatchResults:
     return family
 
 
-def _numbers(model: mujoco.MjModel) -> dict[str, Any]:
-    """Return a mapping from names to all fields of a MuJoCo model that may differ between variants.
-
-    The returned arrays are views into the model.
-    """
-    return {name: getattr(*owner_of(model, name)) for name in changeable_fields()}
-
-
-def _equal(a: Any, b: Any) -> bool:
-    import numpy as np
-
-    return np.asarray(a).tobytes() == np.asarray(b).tobytes()  # NaN equals NaN, and 0 differs from -0
-
-
 def _leading(values: Any) -> Any:
     """Return the first rows of an array that contains all variants, up to the last row that differs between variants."""
     changes = (values != values[:1]).reshape(*values.shape[:2], -1).any(axis=(0, 2))
@@ -202,36 +228,31 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
             only = [name for name in (*here[kind], *there[kind]) if (name in here[kind]) != (name in there[kind])]
             which = f"`{only[0]}` exists in only one of the two models" if only else "their order differs"
             raise StructuresDiffer(count, f"the elements of kind `{kind}` differ {both}: {which}")
-    members = [name for name in dir(model) if not name.startswith("_") and name not in _FOLLOW]
-    arrays = [name for name in members if isinstance(getattr(model, name), np.ndarray)]
-    meshes = [name for name in arrays if name.startswith("mesh_")]
-    _same_meshes(model, other, meshes, both)
-    for name in members:
-        a, b = getattr(model, name), getattr(other, name)
-        if isinstance(a, int | bytes) and a != b:
-            shown = f": {a} and {b}" if isinstance(a, int) else ""
-            raise StructuresDiffer(name, f"`{name}` differs {both}{shown}")
-    changeable = changeable_fields()
-    for name in (one for one in arrays if one not in changeable):
-        a, b = getattr(model, name), getattr(other, name)
-        if not _equal(a, b):
+    differing = [name for name in different_fields(model, other) if name not in changeable_fields() and name not in _FOLLOW]
+    if any(name.startswith("mesh_") for name in differing):
+        _raise_of_meshes(model, other, both)
+    sizes = [name for name in differing if isinstance(getattr(model, name, None), int | bytes)]
+    for name in (*sizes, *differing):
+        a, b = getattr(model, name, None), getattr(other, name, None)
+        if isinstance(a, np.ndarray):
             raise StructuresDiffer(name, f"`{name}` differs {both}{_where(model, name, a, b)}, but cannot be changed in place")
-    for option in dir(model.opt):
-        value = getattr(model.opt, option)
-        if isinstance(value, int) and value != getattr(other.opt, option):
-            raise StructuresDiffer(f"opt.{option}", f"the option `{option}` differs {both}, but cannot be changed in place")
+        if isinstance(a, int | bytes):
+            raise StructuresDiffer(name, f"`{name}` differs {both}{f': {a} and {b}' if isinstance(a, int) else ''}")
+        if name.startswith("opt."):
+            option = name.removeprefix("opt.")
+            raise StructuresDiffer(name, f"the option `{option}` differs {both}, but cannot be changed in place")
 
 
-def _same_meshes(model: Any, other: Any, arrays: Iterable[str], both: str) -> None:
-    """Raise `StructuresDiffer` if two MuJoCo models have different meshes.
+def _raise_of_meshes(model: Any, other: Any, both: str) -> None:
+    """Raise `StructuresDiffer` for two MuJoCo models with different meshes.
 
     The error message contains the name of the first mesh that differs.
     """
-    if all(_equal(getattr(model, name), getattr(other, name)) for name in arrays):
-        return
+    import numpy as np
+
     for k in range(model.nmesh):
         slices = [slice(one.mesh_vertadr[k], one.mesh_vertadr[k] + one.mesh_vertnum[k]) for one in (model, other)]
-        if not _equal(model.mesh_vert[slices[0]], other.mesh_vert[slices[1]]):
+        if not np.array_equal(model.mesh_vert[slices[0]], other.mesh_vert[slices[1]]):
             message = f"the mesh `{model.mesh(k).name}` differs {both}, but meshes cannot be changed in place"
             raise StructuresDiffer("mesh_vert", message)
     raise StructuresDiffer("mesh_face", f"meshes differ {both}, but cannot be changed in place")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +9,13 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.batch.families.merged_mesh_model import ModelSource, likeness, united
 from thingc.batch.families.results import NoModel
-from thingc.batch.mujoco_arrays.equality import content, names, owner_of
-from thingc.batch.shared_model import LEADING, changeable_fields
+from thingc.batch.mujoco_arrays.equality import digest
+from thingc.batch.shared_model import ModelGroup, changeable_fields
 
 if TYPE_CHECKING:
     import mujoco
-    import numpy as np
 
-    Array = np.ndarray[Any, np.dtype[Any]]
+    from thingc.batch.shared_model import Array
 
 
 class Batched(OneLineRepr, FrozenStruct, eq=False):
@@ -53,20 +50,20 @@ def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], 
     given, the models of a group can also differ in meshes, but must have the same elements, limits and contacts. The callback `source`
     returns the XML and the meshes of the model with a given index. `models` can contain the same model object several times.
     """
-    groups: dict[bytes, _Group] = {}
+    groups: dict[bytes, ModelGroup] = {}
     refused: dict[int, NoModel] = {}
-    last: tuple[Any, _Group] | None = None
+    last: tuple[Any, ModelGroup] | None = None
     for index, model in enumerate(models):
         if isinstance(model, NoModel):
             refused[index] = model
             continue
         if last is None or last[0] is not model:
-            kind = _kind(model)
+            kind = digest(model, lambda name: name not in changeable_fields())
             if kind not in groups:
-                groups[kind] = _Group(model)
+                groups[kind] = ModelGroup(model)
             last = model, groups[kind]
         last[1].add(index, model)
-    alike: dict[bytes, list[_Group]] = {}
+    alike: dict[bytes, list[ModelGroup]] = {}
     for kind, group in groups.items():
         alike.setdefault(likeness(group.model) if source is not None else kind, []).append(group)
     made: list[Batched] = []
@@ -76,46 +73,7 @@ def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], 
     return Batches(groups=tuple(sorted(made, key=lambda one: one.indices[0])), refused=refused)
 
 
-class _Group:
-    """A group of models that differ only in numbers.
-"""
-
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self.model = copy.copy(model)
-        self.indices: list[int] = []
-        self.bodies = int((model.body_bvhadr + model.body_bvhnum).max(initial=0))
-        self.first = {name: self.value(model, name).copy() for name in changeable_fields()}
-        self._bytes = {name: value.tobytes() for name, value in self.first.items()}
-        self.rows: dict[str, dict[int, Array]] = {}
-
-    def value(self, model: mujoco.MjModel, name: str) -> Array:
-        """Return the value of a field of a MuJoCo model. For fields in `LEADING`, return only the rows that belong to bodies."""
-        import numpy as np
-
-        value = np.asarray(getattr(*owner_of(model, name)))
-        return value[: self.bodies] if name in LEADING else value
-
-    def add(self, index: int, model: mujoco.MjModel) -> None:
-        """Add the model of the settings with this index to the group."""
-        for name, first in self._bytes.items():
-            value = self.value(model, name)
-            if value.tobytes() != first:
-                self.rows.setdefault(name, {})[len(self.indices)] = value.copy()
-        self.indices.append(index)
-
-    def stack(self, name: str) -> Array:
-        """Return the values of a field in all models of the group, as an array with shape (models, *shape of the field)."""
-        import numpy as np
-
-        first = self.first[name]
-        made = np.empty((len(self.indices), *first.shape), first.dtype)
-        made[:] = first
-        for row, value in self.rows.get(name, {}).items():
-            made[row] = value
-        return made
-
-
-def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
+def _stacked(groups: Sequence[ModelGroup], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
     """Combine the settings of several groups in one `Batched` object. `more` contains arrays for additional fields."""
     import numpy as np
 
@@ -131,7 +89,7 @@ def _stacked(groups: Sequence[_Group], model: mujoco.MjModel, more: Mapping[str,
     return Batched(model=model, fields=fields, indices=tuple(indices[order].tolist()))
 
 
-def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> Batched | None:
+def _united(groups: Sequence[ModelGroup], source: Callable[[int], ModelSource]) -> Batched | None:
     """Combine groups whose models have different meshes. Return None if the models of the groups cannot be merged."""
     import numpy as np
 
@@ -141,12 +99,3 @@ def _united(groups: Sequence[_Group], source: Callable[[int], ModelSource]) -> B
     model, chosen = together
     meshes = np.concatenate([np.tile(np.array(one, dtype=np.int32), (len(group.indices), 1)) for one, group in zip(chosen, groups)])
     return _stacked(groups, model, {"geom_dataid": meshes})
-
-
-def _kind(model: mujoco.MjModel) -> bytes:
-    """Return a digest of all values in which the models of a group must be equal: sizes, names, and arrays that cannot be changed."""
-    digest = hashlib.sha256()
-    for name in names(model):
-        if name not in changeable_fields():
-            digest.update(name.encode() + content(model, name))
-    return digest.digest()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.batch.mujoco_arrays.equality import content, names
+from thingc.batch.mujoco_arrays.equality import digest
 from thingc.batch.shared_model import changeable_fields, element_names
 
 if TYPE_CHECKING:
@@ -30,17 +30,13 @@ class ModelSource(FrozenStruct, eq=False):
 
 
 def likeness(model: mujoco.MjModel) -> bytes:
-    """Return a digest of all values in which models must be equal so that they can be merged.
+    """Return bytes that are equal for models that can be merged.
 
-    The digest covers all values of the model except meshes and numbers that can be changed.
+    The bytes depend on all values of the model except meshes and numbers that can be changed.
     """
-    digest = hashlib.sha256()
-    for name in names(model):
-        if name not in changeable_fields() and name not in _FOLLOWING and not name.startswith(_OF_MESHES):
-            digest.update(name.encode() + content(model, name))
     elements = {kind: found for kind, found in element_names(model).items() if kind not in ("mesh", "material")}
-    digest.update(repr([elements, [model.numeric(k).name for k in range(model.nnumeric)]]).encode())
-    return digest.digest()
+    fields = digest(model, lambda name: not (name in changeable_fields() or name in _FOLLOWING or name.startswith(_OF_MESHES)))
+    return fields + repr([elements, [model.numeric(k).name for k in range(model.nnumeric)]]).encode()
 
 
 def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:

@@ -15,8 +15,8 @@ Importing this module also registers vector environments:
 from __future__ import annotations
 
 import os
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,7 +59,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         self._rules = rules
         self._weights = weights
         self._seed = rules.seed
-        self._episodes: OrderedDict[str, Episode] = OrderedDict()
+        self._of = lru_cache(rules.cache)(self._new_episode)
         self.sizes = _sizes(family, self.mode, pad)
         self._descriptors = _descriptors(family, rules.descriptor)
         self._length = self.sizes.nq + self.sizes.nv + len(rules.descriptor)
@@ -116,22 +116,12 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         seen[self.sizes.nq + self.sizes.nv:] = self._descriptors[episode.variant.id]
         return seen
 
-    def _of(self, variant: BuiltVariant) -> Episode:
-        """Create an episode that simulates a variant.
-
-        The compiled model of the variant is cached, and the least recently used models are removed from the cache.
-        """
+    def _new_episode(self, variant: BuiltVariant) -> Episode:
+        """Create an episode that simulates a variant."""
         import mujoco
 
-        episode = self._episodes.get(variant.id)
-        if episode is None:
-            (model,) = self.family.models([variant], self.mode, scene=self._rules.floor, visual=self._rules.shows_visual)
-            simulation = ModeSimulation(self.mode, model, np.arange(model.nu))
-            episode = self._episodes[variant.id] = Episode([simulation], [mujoco.MjData(model)], variant, self._rules)
-            while len(self._episodes) > self._rules.cache:
-                self._episodes.popitem(last=False)
-        self._episodes.move_to_end(variant.id)
-        return episode
+        (model,) = self.family.models([variant], self.mode, scene=self._rules.floor, visual=self._rules.shows_visual)
+        return Episode([ModeSimulation(self.mode, model, np.arange(model.nu))], [mujoco.MjData(model)], variant, self._rules)
 
 
 def make_env(

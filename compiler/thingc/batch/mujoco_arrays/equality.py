@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import hashlib
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -56,6 +57,14 @@ def owner_of(model: Any, name: str) -> tuple[Any, str]:
     for group in groups:
         model = getattr(model, group)
     return model, field
+
+
+def digest(model: mujoco.MjModel, chosen: Callable[[str], bool]) -> bytes:
+    """Return a digest of the fields of a model for whose names `chosen` returns True."""
+    made = hashlib.sha256()
+    for name in filter(chosen, names(model)):
+        made.update(name.encode() + content(model, name))
+    return made.digest()
 
 
 def content(model: Any, name: str) -> bytes:
