@@ -299,25 +299,21 @@ class Chunk:
 
     def heads(self) -> list[tuple[int, str, str, str]]:
         """Return a tuple with the index, the id, the name and the status of each finished variant of the chunk."""
-        heads: dict[int, Any] = {}
-        if self._sealed is not None:
-            cells = self._read(list(HEADS))
-            heads = {one[0]: one for one in zip(*(cells[name].to_pylist() for name in HEADS), strict=True)}
-        for index in self._begins:
-            heads[index] = tuple(self.cell(index, name) for name in HEADS)
+        heads = self._columns(HEADS)
         return [heads[index] for index in self.indices]
 
     def losses(self) -> Counter[str | None]:
         """Count the variants of the chunk for each combination of export losses, which is encoded as JSON."""
-        counts: Counter[str | None] = Counter()
+        return Counter(text for (text,) in self._columns(("losses",)).values())
+
+    def _columns(self, names: Sequence[str]) -> dict[int, Any]:
+        """Return a tuple with the cells in the given columns for each finished variant of the chunk, by its index."""
+        rows: dict[int, Any] = {}
         if self._sealed is not None:
-            counted = self._read(["losses"])["losses"].value_counts()
-            counts.update({one["values"]: one["counts"] for one in counted.to_pylist()})
-        for index in self._begins:
-            counts[self.cell(index, "losses")] += 1
-            if index in self._rows:
-                counts[self._sealed_cell(self._rows[index], "losses")] -= 1
-        return +counts
+            cells = self._read(list(names))
+            rows.update(zip(self._rows, zip(*(cells[name].to_pylist() for name in names), strict=True), strict=True))
+        rows.update((index, tuple(self.cell(index, name) for name in names)) for index in self._begins)
+        return rows
 
     def line(self, index: int) -> Line:
         """Return the journal line of the variant with this plan index, in the same form as in a batch that is not packed."""

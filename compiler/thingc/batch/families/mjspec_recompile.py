@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
+from thingc.batch.mujoco_arrays.entries import walk
 from thingc.batch.plans.tape import slot
 from thingc.batch.plans.text_templates import NumberSlots, TextTemplate
 from thingc.batch.plans.trace_compilation import TraceResult
@@ -125,7 +126,7 @@ def _gaps(template: ModelTemplate, root: ElementTree.Element) -> list[tuple[str,
     item contains the index of the value for each word, or None for a word that is not a slot.
     """
     found = []
-    for (element, above), (own, _) in zip(_walk(ElementTree.fromstring(template.slotted)), _walk(root), strict=True):
+    for (element, above), (own, _) in zip(walk(ElementTree.fromstring(template.slotted)), walk(root), strict=True):
         for attribute, value in element.attrib.items():
             gaps = [template.places.get(word) for word in value.split()]
             if not any(gap is not None for gap in gaps):
@@ -136,8 +137,3 @@ def _gaps(template: ModelTemplate, root: ElementTree.Element) -> list[tuple[str,
                 raise NotInMjSpec(f"{element.tag}.{attribute}")
             found.append((kind, named.get("name", ""), attribute_of, own.get(attribute, "").split(), gaps))
     return found
-
-
-def _walk(root: ElementTree.Element) -> list[tuple[ElementTree.Element, ElementTree.Element]]:
-    """Return all elements of an XML tree together with their parents, in a fixed order."""
-    return [(element, above) for above in root.iter() for element in above]

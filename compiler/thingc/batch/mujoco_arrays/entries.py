@@ -142,7 +142,7 @@ def places(
     """
     entries: list[tuple[int, Entry]] = []
     inertials: dict[str, list[list[str]]] = {}
-    for element, above in _walk(root):
+    for element, above in walk(root):
         for attribute, value in element.attrib.items():
             words = value.split()
             if not any(word in tokens for word in words):
@@ -158,14 +158,9 @@ def places(
     return entries, inertials
 
 
-def _walk(root: Element) -> Iterator[tuple[Element, Element]]:
+def walk(root: Element) -> Iterator[tuple[Element, Element]]:
     """Yield every element of an XML tree together with its parent."""
-    waiting = [root]
-    while waiting:
-        above = waiting.pop()
-        for element in above:
-            yield element, above
-            waiting.append(element)
+    return ((element, above) for above in root.iter() for element in above)
 
 
 def _places(model: Any, element: Element, above: Element, attribute: str, k: int, geometry: bool) -> list[Entry]:
