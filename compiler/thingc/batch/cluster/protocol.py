@@ -32,11 +32,11 @@ class Cluster(Executor):
     chunk_seconds = 0.5
     chunk_most = 64
 
-    @abstractmethod
     def check(self, files: Mapping[str, str]) -> None:
         """Raise `BatchFault` unless all workers can read the given files and have the same package versions installed.
 
-        `files` maps absolute paths of files and folders to their digests (see `up_to_date.state_of`).
+        `files` maps absolute paths of files and folders to their digests (see `up_to_date.state_of`). By default, nothing is checked. Jobs
+        that cannot access the files then report errors.
         """
 
     @abstractmethod

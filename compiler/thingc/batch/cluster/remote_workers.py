@@ -19,7 +19,7 @@ import os
 import queue
 import shutil
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -203,10 +203,6 @@ class RemoteExecutor(Cluster):
     def ahead(self) -> int:  # type: ignore[override]
         """The maximum number of chunks that the cluster runs at the same time."""
         return self.cluster.ahead
-
-    def check(self, files: Mapping[str, str]) -> None:
-        """Check the workers of the cluster, as described for `Cluster.check`."""
-        self.cluster.check(files)
 
     def fault(self) -> BatchFault | None:
         """Return the error of the cluster or None, as described for `Cluster.fault`."""

@@ -12,7 +12,7 @@ import os
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
@@ -178,12 +178,6 @@ class SlurmCluster(Cluster):
             self._jobs[future] = job
         future.add_done_callback(self._forget)
         return future
-
-    def check(self, files: Mapping[str, str]) -> None:
-        """This method does nothing, because SLURM workers exist only while a job runs.
-
-        If a job cannot access the files, the job reports an error.
-        """
 
     def fault(self) -> BatchFault | None:
         """Return the error that occurred when the last job was submitted, or None."""
