@@ -86,9 +86,11 @@ def run(arguments: argparse.Namespace) -> int:
             documents = names
         check_document = partial(_check_confined, options=options, strict=strict, seconds=seconds)
         check_robot = partial(robot_files.check_confined, options=options, source=source, strict=strict, seconds=seconds)
-    diagnostics, remarks = list[Diagnostic](), list[str]()
+    diagnostics = list[Diagnostic]()
     found = {document: check_document(document) for document in console.present(documents, diagnostics)}
-    found |= robot_files.check_robots(robots, check_robot, remarks)
+    checked = {robot: check_robot(robot) for robot in robots}
+    found |= {robot: said for robot, (said, _) in checked.items()}
+    remarks = [remark for _, remark in checked.values() if remark is not None]
     return _answer(arguments, *_merged(found, diagnostics), of=of, remarks=remarks)
 
 

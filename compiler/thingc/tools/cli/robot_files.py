@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 import shlex
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from msgspec.structs import replace
 
@@ -142,13 +142,6 @@ def _remark(path: str, source: ImportRequest, losses: int) -> str | None:
     options = [*(text for pair in words for text in pair), *([] if source.meshes else ["--no-meshes"])]
     command = shlex.join(["thingc", "import", path, *options, "--check"])
     return f"{path}: {counted(losses, 'element')} not checked, listed by `{command}`"
-
-
-def check_robots(paths: Iterable[str], check: Callable[[str], Result], remarks: list[str]) -> dict[str, list[Diagnostic]]:
-    """Call the function `check` for each robot file, and return the diagnostics by path. Remarks are added to `remarks`."""
-    results = {path: check(path) for path in paths}
-    remarks.extend(remark for _, remark in results.values() if remark is not None)
-    return {path: diagnostics for path, (diagnostics, _) in results.items()}
 
 
 def check_confined(path: str, options: Options, source: ImportRequest, *, strict: bool, seconds: float) -> Result:

@@ -97,10 +97,9 @@ def _sides(word: str) -> list[Side]:
     if os.path.isfile(word):
         if os.path.basename(word).endswith(LOCK_FILE):
             return [Side(kind="lock", name=word, place=os.path.abspath(word))]
-        if word.lower().endswith(DOCUMENT_SUFFIXES):
-            return [Side(kind="document", name=word, place=os.path.abspath(word))]
-        if word.lower().endswith(ENDINGS):
-            return [Side(kind="model", name=word, place=os.path.abspath(word))]
+        if word.lower().endswith((*DOCUMENT_SUFFIXES, *ENDINGS)):
+            kind: SideKind = "document" if word.lower().endswith(DOCUMENT_SUFFIXES) else "model"
+            return [Side(kind=kind, name=word, place=os.path.abspath(word))]
         message = f"`{word}` is not a document ({', '.join((*DOCUMENT_SUFFIXES, *ENDINGS))}), build folder or lock file"
         raise UnknownComparison(message, f"the name of a lock file is `{LOCK_FILE}`")
     if os.path.isdir(word):
