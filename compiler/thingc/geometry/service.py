@@ -15,7 +15,7 @@ from msgspec import convert, to_builtins
 from msgspec.structs import replace
 
 from thingc.documents.workspace import Workspace
-from thingc.geometry.build_reasons import BuildReason, RecentRecords, unchanged, why
+from thingc.geometry.build_reasons import BuildReason, unchanged, why
 from thingc.geometry.features import Features
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.file_states import state_of
@@ -54,6 +54,11 @@ FEATURES = "thingc.geometry.worker.kernel.feature_search:features_of"
 PATIENCE = 150.0
 """Time [s] to wait for another process that builds the same part, in addition to the timeout of the part. The other process may also have
 to load the CAD kernel.
+"""
+
+RECENT = 512
+"""Maximum number of part records that a service caches in memory, by definition and convex decompositions. Each record is cached with the
+reason that a later `realize` gives for reusing it. If the cache is full, the oldest record is removed.
 """
 
 Progress = Callable[[str, int, int], None]
@@ -103,7 +108,7 @@ class GeometryService:
         mesh_work = MeshWork(store, timeout, self._run, self._broken)
         self._slices = SliceCache(mesh_work, lambda: self.part_code.versions(None))
         self._convex = ConvexAnswers(mesh_work, lambda: versions_of(["coacd", "manifold3d"], self.part_code.file_of, store))
-        self._recent = RecentRecords()
+        self._recent: dict[tuple[PartDefinition, tuple[int, ...]], tuple[PartRecord, str]] = {}
         self._expected: dict[str, CachedResult] = {}
         self._locked = LockFallback(lock, workspace, self.part_code)
         self.unknown: list[str] = []
@@ -292,7 +297,7 @@ class GeometryService:
         unique = {definition.text: definition for definition in definitions}
         build_keys: dict[str, BuildKey] = {}
         for text, definition in unique.items():
-            recent = self._recent.get(definition, convex.get(text, ()))
+            recent = self._recent.get((definition, convex.get(text, ())))
             if recent is not None and (locked or recent[0].meshes):
                 answers[text], reason = recent
                 self._decide(text, True, reason)
@@ -325,11 +330,19 @@ class GeometryService:
         )
         if build_keys:
             self._results.note_files({**self.part_code.files(), **self._results.met})
-        new = {text: record for text, record in answers.items() if self._recent.get(unique[text], convex.get(text, ())) is None}
+        places = {text: (unique[text], convex.get(text, ())) for text in answers}
+        new = {text: record for text, record in answers.items() if places[text] not in self._recent}
         self._convex.add(new, convex)
+        self._keep_recent({places[text]: record for text, record in new.items()})
         answers |= new
-        self._recent.keep(unique, answers, convex, self.decisions)
         return {text: answers[text] for text in unique}
+
+    def _keep_recent(self, answers: Mapping[tuple[PartDefinition, tuple[int, ...]], PartRecord | PartFailure]) -> None:
+        for place, record in answers.items():
+            if isinstance(record, PartRecord) and (decision := self.decisions.get(place[0].text)) is not None:
+                self._recent[place] = record, decision.reason if decision.reused else unchanged(decision.reason)
+        while len(self._recent) > RECENT:
+            del self._recent[next(iter(self._recent))]
 
     def decompose(self, meshes: Collection[tuple[str, int]]) -> Mapping[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
         """Decompose meshes in the store into convex pieces, and return the pieces or the failure of each mesh."""

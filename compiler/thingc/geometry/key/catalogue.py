@@ -6,9 +6,9 @@ import ast
 import os
 from collections.abc import Sequence
 
-from thingc.base.filesystem import listing
 from thingc.base.python_source import parse_python
 from thingc.geometry.key.module_key import ModuleSources
+from thingc.geometry.key.modules import modules_in
 from thingc.geometry.record import PartFailure
 
 
@@ -38,8 +38,7 @@ def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[s
         module = sources.finder.find(package)
         if module.kind == "installed" and module.file is not None and os.path.basename(module.file) == "__init__.py":
             folder = os.path.dirname(module.file)
-            names = [name[:-3] for name in listing(folder) if name.endswith(".py") and not name.startswith("_")]
-            files.update((f"{package}.{name}", os.path.join(folder, f"{name}.py")) for name in names if name.isidentifier())
+            files.update((f"{package}.{name}", os.path.join(folder, f"{name}.py")) for name in modules_in(folder) if name[0] != "_")
         elif module.kind == "installed" and module.file is not None:
             files[package] = module.file
     return files
@@ -76,13 +75,11 @@ def not_python(sources: ModuleSources, packages: Sequence[str]) -> list[PartFail
 
 
 def _modules(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
-    finder = sources.finder
-    modules = set(finder.part_modules())
+    modules = set(sources.finder.part_modules)
     for package in packages:
-        module = finder.find(package)
+        module = sources.finder.find(package)
         if module.kind == "content":
             modules.add(package)
             for folder in module.folders:
-                names = [name[:-3] for name in listing(folder) if name.endswith(".py") and name != "__init__.py"]
-                modules.update(f"{package}.{name}" for name in names if name.isidentifier())
+                modules.update(f"{package}.{name}" for name in modules_in(folder))
     return sorted(modules)

@@ -11,7 +11,7 @@ import site
 import sys
 import sysconfig
 from collections.abc import Collection, Iterable, Sequence
-from functools import cache
+from functools import cache, cached_property
 
 import thingc
 from thingc.base.filesystem import listing
@@ -106,7 +106,6 @@ class Finder:
         self.followed = CONTENT_TRACKED.union(packages)
         self.probed: set[str] = set()
         self._found: dict[str, Module] = {}
-        self._part_modules: list[str] | None = None
 
     def find(self, name: str) -> Module:
         """Find the module with the absolute, dotted name `name`.
@@ -164,26 +163,24 @@ class Finder:
             return Module(name=name, kind="content", folders=tuple(plain), workspace=workspace)
         return None
 
+    @cached_property
     def part_modules(self) -> list[str]:
-        """Return the names of all modules in the part folders, up to two levels deep. Error messages use these names as suggestions."""
-        if self._part_modules is None:
-            self._part_modules = self._list_modules()
-        return self._part_modules
-
-    def _list_modules(self) -> list[str]:
+        """The names of all modules in the part folders, up to two levels deep. Error messages use these names as suggestions."""
         modules: set[str] = set()
         for folder in self.parts:
-            for name in listing(folder):
+            names = listing(folder)
+            modules.update(name[:-3] for name in names if name.endswith(".py") and name[:-3].isidentifier())
+            for name in filter(str.isidentifier, names):
                 path = os.path.join(folder, name)
-                if name.endswith(".py") and name[:-3].isidentifier():
-                    modules.add(name[:-3])
-                elif name.isidentifier() and os.path.isdir(path):
-                    inner = [entry for entry in listing(path) if entry.endswith(".py")]
-                    if "__init__.py" in inner:
-                        modules.add(name)
-                    own = [entry[:-3] for entry in inner if entry[:-3].isidentifier() and entry != "__init__.py"]
-                    modules.update(f"{name}.{entry}" for entry in own)
+                if os.path.lexists(os.path.join(path, "__init__.py")):
+                    modules.add(name)
+                modules.update(f"{name}.{inner}" for inner in modules_in(path))
         return sorted(name for name in modules if name.partition(".")[0] not in PROTECTED)
+
+
+def modules_in(folder: str) -> list[str]:
+    """Return the sorted names of the modules in a folder, without `__init__`. Return an empty list if the folder cannot be read."""
+    return [name[:-3] for name in listing(folder) if name.endswith(".py") and name[:-3].isidentifier() and name != "__init__.py"]
 
 
 def _on_path(name: str, followed: Collection[str]) -> Module | None:

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from thingc.base.filesystem import listing
 from thingc.documents.workspace import Workspace
 from thingc.geometry.key.module_key import CodeIngredients, ModuleSources, code_of, defined_in, may_have
-from thingc.geometry.key.modules import OWN, Finder, Module
+from thingc.geometry.key.modules import OWN, Finder, Module, modules_in
 from thingc.geometry.key.result_cache import Results
 from thingc.geometry.key.versions import KERNEL, compiler_version, platform_versions, versions_of
 from thingc.geometry.record import PartDefinition, PartFailure
@@ -94,11 +94,8 @@ class PartCode:
         if module.kind == "absent" or module.file is None:
             inside = finder.find(top).folders if top in self.workspace.packages else ()
             known = (
-                *finder.part_modules(), *self.workspace.packages,
-                *(
-                    f"{top}.{name[:-3]}"
-                    for folder in inside for name in listing(folder) if name.endswith(".py") and name[0] != "_"
-                ),
+                *finder.part_modules, *self.workspace.packages,
+                *(f"{top}.{name}" for folder in inside for name in modules_in(folder) if name[0] != "_"),
             )
             return PartFailure(subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known)
         first = name.partition(".")[0]
