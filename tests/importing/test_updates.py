@@ -240,7 +240,7 @@ def changed(text: str, numbers: list[re.Match[str]], picked: dict[int, str]) -> 
 def test_halves_of_two_axes_are_no_axis() -> None:
     texts = [read_text("/d.yaml", text, Report()) for text in ("axis: [0, 1, 0]", "axis: [1, 0, 0]", "axis: [0, 0, 1]")]
     one = Merge(*texts).merged()
-    assert one.text == "axis: [0, 0, 1]" and [(conflict.ours, conflict.new) for conflict in one.conflicts] == [("[0, 0, 1]", "[1, 0, 0]")]
+    assert one.text == "axis: [0, 0, 1]" and [values for _, *values in one.conflicts] == [["[0, 0, 1]", "[1, 0, 0]"]]
 
 
 def test_what_is_used_elsewhere_is_not_merged() -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.source import MappingNode, Node, Path, Plain, ScalarNode, SequenceNode, Span, dotted, node_at
+from thingc.base.source import MappingNode, Node, Path, ScalarNode, SequenceNode, Span, dotted, node_at
 from thingc.documents.format.value_edits import last_line
 from thingc.documents.load.documents import read_tree
 from thingc.documents.load.text import Source
@@ -29,35 +29,24 @@ class Text(FrozenStruct):
     source: Source
     tree: MappingNode
 
-    def at(self, path: Path) -> Plain:
-        """Return the value at a path of keys, or `MISSING` if the document does not contain this path."""
-        node = node_at(self.tree, path)
-        return MISSING if node is None else node.plain()
-
     def written(self, path: Path) -> str:
         """Return the text of the value at a path of keys on one line. Long texts are shortened."""
         node = node_at(self.tree, path)
-        return NOTHING if node is None else shortened(inline(self, node))
-
-
-class Conflict(FrozenStruct):
-    """A value that the user and the source changed differently. The conflict contains each version as text on one line."""
-
-    path: Path
-    ours: str
-    new: str
+        text = NOTHING if node is None else inline(self, node)
+        return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 class Merged(FrozenStruct):
     """The result of a three-way merge: the merged text of the document, the changes that were merged, and the conflicts.
 
     `taken` contains each path that changed in the source, with the old and the new value. `kept` contains the paths that the user changed.
+    `conflicts` contains each path that the user and the source changed differently, with the value of the user and that of the source.
     """
 
     text: str
     taken: tuple[tuple[Path, str, str], ...]
     kept: tuple[Path, ...]
-    conflicts: tuple[Conflict, ...]
+    conflicts: tuple[tuple[Path, str, str], ...]
 
 
 class MergeConflict(Exception):
@@ -70,11 +59,6 @@ def read_text(path: str, text: str, report: Report) -> Text | None:
     return Text(source=Source(path, text), tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
-def shortened(text: str) -> str:
-    """Shorten the text of a value to at most 80 characters."""
-    return text if len(text) <= 80 else f"{text[:77]}..."
-
-
 class Merge:
     """Merges the documents `new` and `ours`, which are two changed versions of the document `base`."""
 
@@ -83,7 +67,7 @@ class Merge:
         self.edits: list[tuple[int, int, str]] = []
         self.taken: list[tuple[Path, str, str]] = []
         self.kept: list[Path] = []
-        self.conflicts: list[Conflict] = []
+        self.conflicts: list[tuple[Path, str, str]] = []
 
     def merged(self) -> Merged:
         """Merge both versions of the document, and return the merged text and the conflicts. Raises `MergeConflict`."""
@@ -116,7 +100,7 @@ class Merge:
         if _alike(ours, base):
             self.taken.append((path, self.ours.written(path), self.new.written(path)))
             return new
-        self.conflicts.append(Conflict(path=path, ours=self.ours.written(path), new=self.new.written(path)))
+        self.conflicts.append((path, self.ours.written(path), self.new.written(path)))
         return ours
 
     def _inside(self, path: Path, base: Any, new: Any, ours: Any, keys: Sequence[Any]) -> Any:

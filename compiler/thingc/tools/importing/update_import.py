@@ -148,11 +148,10 @@ def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report
 
 
 def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
-    for conflict in one.conflicts:
-        report.add(
-            Code.SOURCE_CONFLICT, f"`{dotted(conflict.path)}` is {conflict.ours} here, but now {conflict.new} in the source: your value "
-            "remains", span_at(after.tree, conflict.path), help="set the correct value: both values have changed since the last import",
-        )
+    for path, ours, new in one.conflicts:
+        message = f"`{dotted(path)}` is {ours} here, but now {new} in the source: your value remains"
+        help = "set the correct value: both values have changed since the last import"
+        report.add(Code.SOURCE_CONFLICT, message, span_at(after.tree, path), help=help)
 
 
 def _repair(how: object) -> Repair | None:

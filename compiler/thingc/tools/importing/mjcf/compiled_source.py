@@ -76,15 +76,29 @@ class CompiledSource:
                 self.losses.note(f"the number `{one.name}`", "documents cannot store custom data", self.flat.place(one.info))
 
     def _leave_out_doubles(self) -> None:
-        """Remove redundant sites. References to a removed site are replaced by references to the original site."""
-        poses = {site: pose_of(self.model.site_pos[site], self.model.site_quat[site]) for site in self.sites}
-        second, frames, closed = _doubles(self.model, self.sites, self.bodies, poses)
-        for site, other in second.items():
-            self.second_names.setdefault(self.sites[other], []).append(self.sites[site])
-            self.sites[site] = self.sites[other]
+        """Remove redundant sites: duplicates of other sites, sites that coincide with the frame of their body, and ends of closed loops.
+
+        References to a duplicate are replaced by references to the original site.
+        """
+        model, names = self.model, self.sites
+        poses = {site: pose_of(model.site_pos[site], model.site_quat[site]) for site in names}
+        used, joined = {*_used(model)}, {*_joined(model)}
+        closed = {site for site in joined - used if OF_LOOP.search(names[site])}
+        frames, kept = set[int](), [list[int]() for _ in self.sites_of]
+        for site in (site for site in range(model.nsite) if site not in closed):
+            name, pose, body = names[site], poses[site], int(model.site_bodyid[site])
+            others, named = kept[body], plain_name(self.bodies[body], "link")
+            other = next((one for one in others if _is_second(name, names[one], named) and same_place(poses[one], pose)), None)
+            of_body = name in (self.bodies[body], named) or name == f"{named}/origin" and not int(model.body_parentid[body])
+            if other is not None:
+                self.second_names.setdefault(names[other], []).append(name)
+                names[site] = names[other]
+            elif of_body and site not in used and same_place(pose, NO_POSE):
+                frames.add(site)
+            else:
+                others.append(site)
         self.frames_of = [[site for site in sites if site in frames] for sites in self.sites_of]
-        left_out = {*second, *frames, *closed}
-        self.sites_of = [[site for site in sites if site not in left_out] for sites in self.sites_of]
+        self.sites_of = kept
 
     def _names(self, kind: str, made_up: Any) -> dict[int, str]:
         """Return the names of all elements of the given kind, keyed by the index of the element."""
@@ -193,39 +207,6 @@ def _alike(one: str, other: str) -> bool:
         return False
     near = ROUNDED * max(map(abs, (*these, *those)), default=0.0)
     return len(these) == len(those) and all(abs(a - b) <= near for a, b in zip(these, those, strict=True))
-
-
-# --- redundant sites -----------------------------------------------------------------------------------------------------------------
-
-
-def _doubles(
-    model: Any, names: Mapping[int, str], bodies: Mapping[int, str], poses: Mapping[int, Pose],
-) -> tuple[dict[int, int], set[int], set[int]]:
-    """Find the redundant sites of a MuJoCo model, which duplicate another site or the frame of a body.
-
-    `names` are the names of sites, `bodies` are the names of bodies, and `poses` are the poses of sites relative to their bodies. All keys
-    are indices in the compiled model.
-
-    Returns:
-        The original site of each redundant site, the sites that coincide with the frame of their body, and the sites at the ends of loops.
-    """
-    second: dict[int, int] = {}
-    kept: dict[int, list[int]] = {}
-    used, joined = {*_used(model)}, {*_joined(model)}
-    closed = {site for site in joined - used if OF_LOOP.search(names[site])}
-    frames: set[int] = set()
-    for site in (site for site in range(model.nsite) if site not in closed):
-        body = int(model.site_bodyid[site])
-        others, named = kept.setdefault(body, []), plain_name(bodies[body], "link")
-        other = next((one for one in others if _is_second(names[site], names[one], named) and same_place(poses[one], poses[site])), None)
-        of_body = names[site] in (bodies[body], named) or names[site] == f"{named}/origin" and not int(model.body_parentid[body])
-        if other is not None:
-            second[site] = other
-        elif of_body and site not in used and same_place(poses[site], NO_POSE):
-            frames.add(site)
-        else:
-            others.append(site)
-    return second, frames, closed
 
 
 def _is_second(name: str, other: str, body: str) -> bool:
