@@ -17,7 +17,7 @@ from thingc.tools.importing.mjcf.compiled_source import WORLD, CompiledSource, f
 from thingc.tools.importing.mjcf.drives import Actuators
 from thingc.tools.importing.mjcf.equalities import Equalities, free_joint, joint_of
 from thingc.tools.importing.mjcf.flattened_source import ABSENT, FlattenedSource
-from thingc.tools.importing.mjcf.sensing import sensors
+from thingc.tools.importing.mjcf.sensing import Sensing
 from thingc.tools.importing.mjcf.settings import options, poses, simulation, touching
 from thingc.tools.importing.mjcf.shapes import Geoms
 from thingc.tools.importing.mjcf.tendons import Tendons
@@ -115,7 +115,7 @@ class _Reader:
         between: list[SourceLink] = []
         hangings = [one for body in links if body != root for one in self._hangings(body, on, between, drives, couplings)]
         base: SourceBase = "free" if root in self.free else "held" if root in self.mocap else "fixed"
-        sensed = sensors(self.original, on, kept, added, drives.driven, root)
+        sensed = Sensing(self.original, on, added, drives.driven, root).all()
         excluded = touching(self.original, on, heads, None if base == "free" else root, added)
         gravity = floats(self.model.opt.gravity)
         states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints}, self._released)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
@@ -32,22 +32,25 @@ class _Place(FrozenStruct):
     tendon: str | None = None
 
 
-class _Sensing:
-    """Reads the sensors of a MuJoCo model.
+class Sensing:
+    """Reads the sensors and cameras of a MuJoCo model.
 
-    `kept` contains the imported bodies, `driven` maps the index of an actuator to the driven joint or tendon, and `root` is the root body.
+    `on` maps each imported body to a link and the pose of the body in this link. `driven` maps the index of an actuator to the driven joint
+    or tendon, and `root` is the root body.
     """
 
-    def __init__(self, original: CompiledSource, kept: set[int], added: Added, driven: Mapping[int, SourceTarget], root: int) -> None:
+    def __init__(
+        self, original: CompiledSource, on: Mapping[int, tuple[int, Pose]], added: Added, driven: Mapping[int, SourceTarget], root: int,
+    ) -> None:
         import mujoco
 
-        self.original, self.model, self.kept, self.driven, self.root = original, original.model, kept, driven, root
+        self.original, self.model, self.on, self.driven, self.root = original, original.model, on, driven, root
         self.added, self.tendons = added, added.tendons
         types = mujoco.mjtSensor.__members__.items()
         self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
 
     def all(self) -> tuple[SourceSensor, ...]:
-        """Return the sensors that documents support. Several MuJoCo sensors of the same kind at the same element become one sensor.
+        """Return the sensors and cameras that documents support. Several MuJoCo sensors of the same kind at one element become one sensor.
 
         Duplicates, and sensors that documents do not support, are added to the MuJoCo model unchanged or recorded as losses.
         """
@@ -71,7 +74,7 @@ class _Sensing:
             if of_imu and place.site in imus:
                 place = _Place(kind="imu", site=place.site)
             made.setdefault(place, []).append((number, reading))
-        return tuple(self._sensor(place, readings) for place, readings in made.items())
+        return (*(self._sensor(place, readings) for place, readings in made.items()), *self._cameras())
 
     def _kind(self, number: int) -> str:
         return self.kinds.get(int(self.model.sensor_type[number]), "sensor")
@@ -84,7 +87,7 @@ class _Sensing:
         match kind:
             case None:
                 return None
-            case "joint" if int(model.jnt_bodyid[thing]) in self.kept:
+            case "joint" if int(model.jnt_bodyid[thing]) in self.on:
                 place = _Place(kind="joint", joint=original.joints[thing])
             case "drive" if thing in self.driven:
                 what = self.driven[thing]
@@ -95,14 +98,14 @@ class _Sensing:
                 place = _Place(kind="centre")
             case "clock" | "energy":
                 place = _Place(kind=kind)
-            case _ if of == SITE and int(model.site_bodyid[thing]) in self.kept and int(model.sensor_dim[number]) <= 4:
+            case _ if of == SITE and int(model.site_bodyid[thing]) in self.on and int(model.sensor_dim[number]) <= 4:
                 place = self._at_site(number, kind, thing)
         return None if place is None or reading is None else (place, reading)
 
     def _at_site(self, number: int, kind: SensorType, site: int) -> _Place | None:
         model, sites = self.model, self.original.sites
         reference, reference_type = int(model.sensor_refid[number]), int(model.sensor_reftype[number])
-        if reference >= 0 and (reference_type != SITE or int(model.site_bodyid[reference]) not in self.kept):
+        if reference >= 0 and (reference_type != SITE or int(model.site_bodyid[reference]) not in self.on):
             return None
         if kind == "touch" and int(model.site_type[site]) not in KINDS:
             return None
@@ -135,30 +138,16 @@ class _Sensing:
             parts=tuple((original.sensors[number], reading) for number, reading in readings),
         )
 
-
-def sensors(
-    original: CompiledSource, on: Mapping[int, tuple[int, Pose]], kept: set[int], added: Added, driven: Mapping[int, SourceTarget],
-    root: int,
-) -> tuple[SourceSensor, ...]:
-    """Return the cameras and the supported sensors of the MuJoCo model.
-
-    Other sensors are added to the generated model unchanged or recorded as losses. `driven` maps the index of an actuator to the driven
-    joint or tendon, and `root` is the root body.
-    """
-    return (*_Sensing(original, kept, added, driven, root).all(), *_cameras(original, on))
-
-
-def _cameras(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> list[SourceSensor]:
-    model, cameras = original.model, []
-    for number in range(model.ncam):
-        body, where = int(model.cam_bodyid[number]), original.where("camera", number)
-        why = "the camera tracks a target" if int(model.cam_mode[number]) else "" if body in on else "the camera is not on a link"
-        if why:
-            original.losses.note(f"camera `{original.cameras[number]}`", why, where)
-            continue
-        link, pose = on[body]
-        cameras.append(SourceSensor(
-            kind="camera", name=original.cameras[number], where=where, link=original.bodies[link],
-            pose=pose @ pose_of(model.cam_pos[number], model.cam_quat[number]) @ LOOKING, fovy=math.radians(model.cam_fovy[number]),
-        ))
-    return cameras
+    def _cameras(self) -> Iterator[SourceSensor]:
+        model, original = self.model, self.original
+        for number in range(model.ncam):
+            body, where = int(model.cam_bodyid[number]), original.where("camera", number)
+            why = "the camera tracks a target" if int(model.cam_mode[number]) else "" if body in self.on else "the camera is not on a link"
+            if why:
+                original.losses.note(f"camera `{original.cameras[number]}`", why, where)
+                continue
+            link, pose = self.on[body]
+            yield SourceSensor(
+                kind="camera", name=original.cameras[number], where=where, link=original.bodies[link],
+                pose=pose @ pose_of(model.cam_pos[number], model.cam_quat[number]) @ LOOKING, fovy=math.radians(model.cam_fovy[number]),
+            )
