@@ -126,20 +126,20 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
     kind_of, dof = int(model.jnt_type[joint]), int(model.jnt_dofadr[joint])
     if kind_of == FREE:
         return SourceJoint(name=name, kind="free", axis=(0.0, 0.0, 1.0), where=where, raw=free_joint(original, joint))
-    limited, (lower, upper) = bool(model.jnt_limited[joint]), floats(model.jnt_range[joint])
+    lower, upper = original.bounds("jnt_", joint) or (None, None)
     follows, drive = couplings.follows.get(joint), drives.of_joint.get(joint)
     start = 0.0 if kind_of == BALL else float(model.qpos0[model.jnt_qposadr[joint]])
     kind: Kind
     match kind_of:
         case 1:
-            kind, ends = "ball", SourceLimits(upper=upper if limited else None)
+            kind, ends = "ball", SourceLimits(upper=upper)
         case 2:
             kind, ends = "prismatic", SourceLimits(lower=lower, upper=upper)
-            if not limited:
+            if lower is None:
                 ends = SourceLimits(lower=start - FAR, upper=start + FAR, made_up=True)
                 original.losses.note(f"unlimited slide `{name}`", f"the document specifies limits of +-{FAR:g} m", where)
         case _:
-            kind, ends = ("revolute", SourceLimits(lower=lower, upper=upper)) if limited else ("continuous", SourceLimits())
+            kind, ends = "continuous" if lower is None else "revolute", SourceLimits(lower=lower, upper=upper)
     if kind != "ball":
         ends = replace(ends, velocity=original.custom.get(name, {}).get("velocity", (None,))[0])
     weakest, strongest = floats(model.jnt_actfrcrange[joint])
