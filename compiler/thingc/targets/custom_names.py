@@ -87,7 +87,8 @@ class _Caller:
             "tendon": names.tendons,
         }
         self.rules: dict[type, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
-            Assembly: self._assembly, JointEdge: self._drive, TreeJoint: self._drive, LinkedTendon: self._drive, Closure: self._closure,
+            Assembly: lambda _, fields: {**fields, "names": None},
+            JointEdge: self._drive, TreeJoint: self._drive, LinkedTendon: self._drive, Closure: self._closure,
             LinkedSensor: self._sensor, RawAttribute: self._attribute, RawElement: self._element,
         }
         self._made: dict[int, tuple[Any, Any]] = {}
@@ -120,9 +121,6 @@ class _Caller:
         return self.value(next(one for one in get_args(hint) if _holds(one, frozenset())), old) if get_args(hint) else old
 
     # --- rules: the fields of a record that change; `fields` are the fields found by their types ---------------------------
-
-    def _assembly(self, assembly: Assembly, fields: dict[str, Any]) -> dict[str, Any]:
-        return {**fields, "names": None}
 
     def _drive(self, of: JointEdge | TreeJoint | LinkedTendon, fields: dict[str, Any]) -> dict[str, Any]:
         own, tied = self.names.actuators.get(of.path), self.names.equalities.get(of.path)

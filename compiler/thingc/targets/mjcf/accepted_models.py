@@ -86,15 +86,11 @@ class AcceptedModels:
         self.store.note_json(MODEL, self._key((*texts, str(started))), True)
         self.accept_meshes()
 
-    def accept_meshes(self) -> None:
-        """Record that MuJoCo accepted the meshes of a model."""
-        while self._new:
-            self.store.note_json(MESH, self._new.popitem()[1], True)
-
-    def accept_mesh(self, mesh: MeshAsset) -> None:
-        """Record that MuJoCo accepted a mesh."""
-        if (key := self._new.pop(mesh.file, None)) is not None:
-            self.store.note_json(MESH, key, True)
+    def accept_meshes(self, *meshes: MeshAsset) -> None:
+        """Record that MuJoCo accepted meshes. By default, record that MuJoCo accepted all meshes of a model."""
+        for mesh in meshes or self._meshes:
+            if (key := self._new.pop(mesh.file, None)) is not None:
+                self.store.note_json(MESH, key, True)
 
     def unread(self, true: Collection[str]) -> list[MeshAsset]:
         """Return the meshes that MuJoCo must read. The result contains the meshes that MuJoCo has not accepted yet, and the meshes whose

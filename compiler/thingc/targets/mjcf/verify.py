@@ -165,7 +165,7 @@ def _one_by_one(known: AcceptedModels, touching: Collection[str]) -> list[Mappin
         verdict = attempt(write(root, "").text, in_memory({mesh.file: known.store.read(mesh.stored.sha256)}))
         mujoco.mj_clearCache(mujoco.mj_getCache())
         if verdict.error is None and not verdict.warnings:
-            known.accept_mesh(mesh)
+            known.accept_meshes(mesh)
             if felt:
                 corners, sides = _hull(verdict.model, mesh)
                 boxes[mesh.file], hulls[mesh.file] = box_bytes(mesh.file, corners), mesh_bytes(mesh.file, corners, sides)
