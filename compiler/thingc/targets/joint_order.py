@@ -162,7 +162,7 @@ def _usd_name(joint: UsdJoint) -> str:
 def _urdf(robot: Robot) -> list[tuple[str, str | None]]:
     """Return the movable joints of a URDF file. The slide of a screw and the rotations of a ball do not have the value of a coordinate."""
     moving = sorted(urdf_joints(robot), key=lambda joint: joint.follows)
-    exact = [one.move.follows is None and not one.move.joint.kind.at_once for one in moving]
+    exact = [one.move.thread is None and not one.move.joint.kind.at_once for one in moving]
     return [(one.name, _key(one.move.joint) if same else None) for one, same in zip(moving, exact, strict=True)]
 
 

@@ -8,13 +8,12 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import moved
 from thingc.base.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, scaled, transpose
 from thingc.geometry.record import DriveType
-from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import ActuatorModel, LinkedTendon
 from thingc.model.robot.types import Body, Robot, TreeJoint
 from thingc.targets.capabilities import drive_cell, is_written
 from thingc.targets.name_mangling import safe
 from thingc.targets.ros.capabilities import CAPABILITIES
-from thingc.targets.urdf.chain import Move, moves
+from thingc.targets.urdf.chain import Move, mimics_of, moves
 from thingc.targets.urdf.transmissions import differentials
 
 INTERFACES: Mapping[DriveType, str] = {"position": "position", "velocity": "velocity", "motor": "effort"}
@@ -48,14 +47,12 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
 
     The joints of a moving base come first. Floating joints are omitted, because joint states cannot contain them.
     """
-    in_tree = {joint.path for body in robot.bodies for joint in body.joints}
-    follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in in_tree)
+    mimics = mimics_of(robot)
     moving: list[MovingJoint] = []
     coupled = {path: _coupled(rows) for rows in differentials(robot).values() for path in rows[0].moves}
     for index, body in enumerate(robot.bodies):
-        for move in moves(_lead(robot, body), NO_POSE) if not body.free else ():
-            path = move.joint.path
-            following = move.follows is not None or follows.get(path, (path,))[0] != path
+        for move in moves(_lead(robot, body), NO_POSE, mimics) if not body.free else ():
+            path, following = move.joint.path, move.mimic is not None
             drive = None if following else move.joint.actuator if path in robot.present else coupled.get(path)
             if drive is not None and not is_written(CAPABILITIES["drives"][drive_cell(move.joint, drive)]):
                 drive = None
@@ -86,8 +83,8 @@ def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
             turns = _turns(lead, tuple(q.get(joint.path, 0.0) for joint in lead))
             at |= {safe(joint.path): angle for joint, angle in zip(lead, turns, strict=True)}
             continue
-        for move in moves(lead, NO_POSE):
-            at[safe(move.path)] = q.get(move.joint.path, 0.0) * (1.0 if move.follows is None else move.follows[1])
+        for move in moves(lead, NO_POSE, {}):
+            at[safe(move.path)] = q.get(move.joint.path, 0.0) * (1.0 if move.thread is None else move.thread)
     return at
 
 

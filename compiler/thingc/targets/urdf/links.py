@@ -13,7 +13,6 @@ from thingc.base.inertia import ZERO, MassProperties, named_moments, physical_fa
 from thingc.base.numeric import minimum, sum_of
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.base.source import Origin
-from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge, Link
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Body, Robot, TreeJoint
@@ -21,7 +20,7 @@ from thingc.targets.capabilities import drive_cell, is_written, shape_cell, writ
 from thingc.targets.geometry import Geometry, Shape, channels, material_name, materials, numbered, shape_names
 from thingc.targets.name_mangling import LINK, MangledNames, frames, safe
 from thingc.targets.urdf.capabilities import CAPABILITIES
-from thingc.targets.urdf.chain import Move, moves, own_frame
+from thingc.targets.urdf.chain import Move, mimics_of, moves, own_frame
 from thingc.targets.urdf.transmissions import coupled_transmissions, differentials, simple_transmission, urdf_transmission
 from thingc.targets.xml_writer import Element, XmlValue
 
@@ -74,10 +73,8 @@ class _Builder:
         self.frames: list[Element] = []
         self.transmissions: list[Element] = []
         self.coupled = [row for rows in differentials(robot).values() for row in rows]
-        in_tree = {joint.path for body in robot.bodies for joint in body.joints}
-        self.edges = {joint.path: joint for joint in joints_of(robot.assembly) if joint.path in in_tree}
-        self.follows = leaders(self.edges.values())
-        self.followed = {leader for path, (leader, _, _) in self.follows.items() if leader != path}
+        self.mimics = mimics_of(robot)
+        self.followed = {leader.path for leader, _, _ in self.mimics.values()}
 
     def build(self) -> Element:
         """Build the `<robot>` element.
@@ -99,7 +96,7 @@ class _Builder:
             parent = (WORLD if self.robot.base != "free" else None) if body.parent is None else names[body.parent]
             X_PL = body.X_PL if body.parent is None else own[body.parent].inverse() @ body.X_PL
             if parent is not None:
-                self._lead(parent, names[index], tuple(moves(lead[index], X_PL)), X_PL, body)
+                self._lead(parent, names[index], tuple(moves(lead[index], X_PL, self.mimics)), X_PL, body)
             self._link(names[index], body, own[index].inverse())
             link = self._link_of(body)
             if own[index] != NO_POSE:
@@ -127,37 +124,30 @@ class _Builder:
             parent = end
 
     def _moving(self, move: Move, parent: str, child: str) -> None:
-        """Add a movable joint to the URDF file.
-
-        If the leader of a mimic joint is also a mimic joint, the independent joint is written as the leader. Not every reader supports
-        chains of mimic joints.
-        """
+        """Add a movable joint to the URDF file."""
         joint = move.joint
         if move.type == "floating":
             self.root.children.append(self._joint(move.path, "floating", parent, child, move.origin, joint.origin))
             return
-        leader, multiplier, offset = self.follows.get(joint.path, (joint.path, 1.0, 0.0))
-        if move.follows is not None:
-            multiplier, offset = multiplier * move.follows[1], offset * move.follows[1]
-        follows = move.follows is not None or leader != joint.path
         ends = self._ends(move)
         endless = move.type == "turn" and ends == (-UNBOUNDED, UNBOUNDED)
-        alone = not (follows or joint.twist.pitch or joint.path in self.followed)
+        alone = not (move.mimic or joint.twist.pitch or joint.path in self.followed)
         kind = "prismatic" if move.type == "slide" else "continuous" if endless and alone else "revolute"
-        made = f"the slide of `{joint.path}`" if move.follows is not None else None
+        made = f"the slide of `{joint.path}`" if move.thread is not None else None
         element = self._joint(move.path, kind, parent, child, move.origin, joint.origin, made)
         element.add("axis", {"xyz": move.axis})
         bounds = {} if kind == "continuous" else {"lower": ends[0], "upper": ends[1]}
         element.add("limit", {**bounds, **self._strength(move)})
-        if move.follows is None:
+        if move.thread is None:
             dynamics = {"damping": joint.dynamics.damping, "friction": joint.dynamics.friction}
             if acting := {name: value for name, value in dynamics.items() if value}:
                 element.add("dynamics", acting)
-        if follows:
+        if move.mimic is not None:
+            leader, multiplier, offset = move.mimic
             origin = joint.mimic.origin if joint.mimic is not None else joint.origin
-            element.add("mimic", {"joint": safe(leader), "multiplier": multiplier, "offset": offset}, origin)
-        (self.followers if follows else self.root.children).append(element)
-        drive = joint.actuator if move.follows is None and joint.path in self.robot.present else None
+            element.add("mimic", {"joint": safe(leader.path), "multiplier": multiplier, "offset": offset}, origin)
+        (self.root.children if move.mimic is None else self.followers).append(element)
+        drive = joint.actuator if move.thread is None and joint.path in self.robot.present else None
         if drive is not None and is_written(CAPABILITIES["drives"][drive_cell(joint, drive)]):
             self.transmissions.append(urdf_transmission(simple_transmission(element.get("name"), drive)))
 
@@ -166,13 +156,12 @@ class _Builder:
 
         If a mimic joint has no limits, they are computed from the limits of its leader.
         """
-        limit, thread = move.joint.limit, 1.0 if move.follows is None else move.follows[1]
-        offset = 0.0
-        if not limit.bounded and move.joint.path in self.follows:
-            leader, multiplier, offset = self.follows[move.joint.path]
-            limit, thread, offset = self.edges[leader].limit, thread * multiplier, thread * offset
-        ends = [None if end is None else end * thread + offset for end in (limit.lower, limit.upper)]
-        lower, upper = ends if thread > 0.0 else ends[::-1]
+        limit, ratio, offset = move.joint.limit, 1.0 if move.thread is None else move.thread, 0.0
+        if not limit.bounded and move.mimic is not None:
+            leader, ratio, offset = move.mimic
+            limit = leader.limit
+        ends = [None if end is None else end * ratio + offset for end in (limit.lower, limit.upper)]
+        lower, upper = ends if ratio > 0.0 else ends[::-1]
         return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
 
     def _strength(self, move: Move) -> dict[str, XmlValue]:
@@ -185,8 +174,8 @@ class _Builder:
             effort, velocity = self._strength_of_turn(joint)
         else:
             effort, velocity = self._effort(joint), joint.limit.velocity
-        if move.follows is not None:
-            effort, velocity = 0.0, None if velocity is None else velocity * abs(move.follows[1])
+        if move.thread is not None:
+            effort, velocity = 0.0, None if velocity is None else velocity * abs(move.thread)
         return {"effort": effort, "velocity": UNBOUNDED if velocity is None else velocity}
 
     def _effort(self, joint: TreeJoint | JointEdge) -> float:
