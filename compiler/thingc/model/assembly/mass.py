@@ -23,13 +23,6 @@ from thingc.model.resolve.types import AssemblyDefinition, Component, Material, 
 NOTHING = MassProperties(mass=0.0)
 
 
-class Density(FrozenStruct):
-    """A density [kg/m^3] of a part. If `estimated` is True, masses that are computed from this density are marked as estimates."""
-
-    value: float
-    estimated: bool = False
-
-
 class MassResult(FrozenStruct):
     """The mass properties of a component in its own frame, and their source (`measured | vendor | stated | derived | estimated`).
 
@@ -102,15 +95,16 @@ def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
     )
 
 
-def component_mass(record: PartRecord | None, density: Density | None, process: Process | None, overrides: Overrides) -> MassResult | None:
+def component_mass(component: Component, record: PartRecord | None, material: Material | None) -> MassResult | None:
     """Compute the mass, the centre of mass and the inertia of a component in its own frame. Return None if the mass cannot be determined.
 
-    `record` is the geometry record of the part (None for a frame). `density` is the density of the Thing or of the material, if any. If the
-    document overrides only the mass, the inertia is scaled. If the document overrides only the centre of mass, the inertia is unchanged.
+    `record` is the geometry record of the part (None for a frame). If the document overrides only the mass, the inertia is scaled. If the
+    document overrides only the centre of mass, the inertia is unchanged.
     All inertias are about the centre of mass of the component.
     """
-    matter, estimate = _matter(record, process, overrides)
-    natural = _natural(matter, density, estimate)
+    overrides = component.overrides
+    matter, estimate = _matter(record, process_of(component, material), overrides)
+    natural = _natural(matter, record, material, estimate)
     mass = natural.properties.mass if natural is not None else None
     source = natural.source if natural is not None else "derived"
     inertia: Matrix = natural.properties.inertia if natural is not None else ZERO
@@ -194,19 +188,19 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
     return exact.with_mass(record.volume * ((skin + process.infill * (record.volume - skin)) / record.volume)), "skin"
 
 
-def _natural(matter: MassProperties, density: Density | None, estimate: str | None) -> MassResult | None:
-    """Return the mass properties of a part for a given density.
+def _natural(matter: MassProperties, record: PartRecord | None, material: Material | None, estimate: str | None) -> MassResult | None:
+    """Return the mass properties of a part for the density of its class or, if the class does not specify a density, of its material.
 
     For a part without volume, the mass is 0. Without a density, return None.
     """
     if matter.mass <= 0.0:
         return MassResult(properties=NOTHING, source="derived")
+    density, estimated = material.density if material is not None else None, estimate is not None
+    if record is not None and record.density is not None:
+        density, estimated = float(record.density.value), estimated or record.density.source == "estimated"
     if density is None:
         return None
-    return MassResult(
-        properties=matter.with_mass(density.value * matter.mass),
-        source="estimated" if density.estimated or estimate is not None else "derived",
-    )
+    return MassResult(properties=matter.with_mass(density * matter.mass), source="estimated" if estimated else "derived")
 
 
 def material_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> Material | None:

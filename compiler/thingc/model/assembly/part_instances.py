@@ -16,7 +16,6 @@ from thingc.geometry.record import FailureKind, ImpureInputs, MountRecord, PartD
 from thingc.model.assembly.hag import FRAME, Definition
 from thingc.model.assembly.mass import (
     NOTHING,
-    Density,
     MassResult,
     component_mass,
     estimate_of,
@@ -291,7 +290,7 @@ class PartInstances:
         if isinstance(component.definition, LinkDefinition):
             return self._weigh_link(use, component.definition)
         process = process_of(component, material)
-        weighed = component_mass(record, _density(record, material), process, component.overrides)
+        weighed = component_mass(component, record, material)
         if record is not None and record.exact and weighed is not None:
             self._doubt(use, record, weighed)
         if material is None and record is not None and record.material is not None:
@@ -466,13 +465,6 @@ def bom_of(component: Component, record: PartRecord | None, scope: AssemblyDefin
     thing = BomEntry(number=number, supplier=supplier, cost=cost, make=make, link=link)
     number = component.bom.number or thing.number
     return component.bom.over(scope.catalog.get(number, BomEntry()) if number is not None else BomEntry()).over(thing)
-
-
-def _density(record: PartRecord | None, material: Material | None) -> Density | None:
-    """Return the density of a part class or, if the class does not specify a density, of the material."""
-    if record is not None and record.density is not None:
-        return Density(value=float(record.density.value), estimated=record.density.source == "estimated")
-    return Density(value=material.density) if material is not None and material.density is not None else None
 
 
 def _line(warning: PartWarning) -> str:

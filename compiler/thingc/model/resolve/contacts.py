@@ -55,12 +55,8 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
 
 def adhesions(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
     """Return the adhesion force [N] of each magnet mount. Forces of extended modes are included."""
-    merged: dict[str, tuple[object, Path]] = {}
-    for model, path in reversed(contacts.items):
-        for text, raw in getattr(model, "adhesion", {}).items():
-            merged[text] = (raw, (*path, "adhesion", text))
     forces: list[tuple[Reference, float]] = []
-    for text, (raw, path) in merged.items():
+    for text, (raw, path) in contacts.entries("adhesion").items():
         reference = references.shown_mount(table, scope, text, path, key=True)
         force = scope.number(raw, path, FORCE, "an adhesion", above=0.0)
         if reference is not None and force is not None:

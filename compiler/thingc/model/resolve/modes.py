@@ -37,12 +37,8 @@ def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Ho
 
     The result includes the holds of the modes that the mode extends. Invalid holds are reported and omitted.
     """
-    merged: dict[str, tuple[object, Path]] = {}
-    for model, path in reversed(layers.items):
-        for text, said in (getattr(model, "hold", None) or {}).items():
-            merged[text] = (said, (*path, "hold", text))
     held: list[Hold] = []
-    for text, (said, path) in merged.items():
+    for text, (said, path) in layers.entries("hold").items():
         reference = references.root(table, scope, text, path, key=True)
         pose, turns = None, False
         if isinstance(said, HoldSpec):

@@ -339,6 +339,11 @@ class DefaultLayers(FrozenStruct, kw_only=False):
         """
         return DefaultLayers(tuple((value, path) for value, path in self._written(key, number) if isinstance(value, BaseModel)))
 
+    def entries(self, key: str) -> dict[str, LayeredValue]:
+        """Return the entries of a setting that is a mapping, from all layers. Entries of more specific layers take precedence."""
+        written = [(getattr(model, key, None) or {}, path) for model, path in reversed(self.items)]
+        return {name: LayeredValue(value, (*path, key, name)) for mapping, path in written for name, value in mapping.items()}
+
     def _written(self, key: str, number: int | None) -> Iterator[LayeredValue]:
         for model, path in self.items:
             value = getattr(model, key, None) if key in model.model_fields_set else None
