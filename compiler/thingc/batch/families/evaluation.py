@@ -63,8 +63,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
         self, session: Session, reader: SettingsReader, mode: str, plan: Plan | None, refusals: Refusals, *, verify: int | None,
         judged: bool, sites: tuple[str, ...] = (), torques: bool = True, tests: tuple[str, ...] = (),
     ) -> None:
-        super().__init__(session, reader, (mode,), verify=verify, is_refused=refusals.applies)
-        self.refusals = refusals
+        super().__init__(session, reader, (mode,), refusals, verify=verify)
         self.mode = mode
         pose, reach = (None, None) if plan is None else (plan.pose, plan.reach)
         self.measure = partial(measure, pose=pose, reach=reach, sites=sites, torques=torques)

@@ -8,7 +8,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakKeyDictionary
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Diagnostic, Report
+from thingc.base.memo import Memo
 from thingc.batch.families.merged_mesh_model import ModelSource
 from thingc.batch.families.mjspec_recompile import ModelTemplate, NotInMjSpec, RecompiledSpec
 from thingc.batch.families.results import NoModel
@@ -20,7 +23,8 @@ from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
-from thingc.batch.plans.trace_compilation import TraceResult, WrittenModel, written
+from thingc.batch.plans.tape import Tape
+from thingc.batch.plans.trace_compilation import TraceResult
 from thingc.driver import pipeline
 from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.store.local import BlobMissing, StoreUnusable
@@ -29,6 +33,7 @@ from thingc.targets.mjcf.emit import sources as model_sources
 if TYPE_CHECKING:
     import mujoco
 
+    from thingc.driver.pipeline import Compilation
     from thingc.driver.session import Session
     from thingc.targets.artifact import StoredArtifact
 
@@ -36,6 +41,8 @@ KEPT = 32
 """Maximum number of cached compiled models. The cache is useful for training, which uses the same morphologies repeatedly."""
 
 Item = tuple[Mapping[str, Any], ParsedSettings]
+WrittenModel = tuple[str, Mapping[str, "StoredArtifact"]]
+"""The text of a model with slots for numbers of the tape, and a mapping from file names to meshes."""
 
 
 class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
@@ -50,8 +57,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
     def __init__(
         self, session: Session, reader: SettingsReader, mode: str, refusals: Refusals, *, visual: bool, floor: bool, verify: int | None,
     ) -> None:
-        super().__init__(session, reader, (mode,), verify=verify, is_refused=refusals.applies)
-        self.refusals = refusals
+        super().__init__(session, reader, (mode,), refusals, verify=verify)
         self.mode = mode
         self.visual = visual
         self.floor = floor
@@ -129,10 +135,17 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
             template.why = slower
             return template.outputs, template
 
-        make = written(self.session, self.mode, floor=self.floor)
-        while (plan := self.new_plan(read, form, first, make, finish, applies=text)) is None and arrays is not None:
+        while (plan := self.new_plan(read, form, first, self._written, finish, applies=text)) is None and arrays is not None:
             slower, form.refused, arrays = f"with arrays, {form.refused}", None, None
         return plan
+
+    def _written(self, compilation: Compilation, tape: Tape) -> WrittenModel:
+        """Write the model of a traced compilation, in which slots take the place of numbers."""
+        request = replace(pipeline.request_of(self.session.environment, compilation, verify=False), memo=Memo())
+        tape.writing = True
+        texts, assets = model_sources(request, floor=self.floor)
+        tape.writing = False
+        return texts[self.mode], assets
 
     def assets(self, made: WrittenModel) -> Mapping[str, StoredArtifact]:
         """Return the meshes of a traced model."""

@@ -88,8 +88,8 @@ class Builds(Planner["_Template", Build]):
         self, session: Session, reader: SettingsReader, *, modes: Sequence[str], targets: Sequence[str], verify: int | None,
         measured: Measured = lambda compilation: {}, emit: Emit = emitted, patience: int | None = None,
     ) -> None:
-        self.refusals = Refusals(session, reader, modes, verify=verify)
-        super().__init__(session, reader, modes, verify=verify, is_refused=self.refusals.applies, patience=patience or PATIENCE)
+        refusals = Refusals(session, reader, modes, verify=verify)
+        super().__init__(session, reader, modes, refusals, verify=verify, patience=patience or PATIENCE)
         self._targets = tuple(targets)
         self._has_slots = all(target in TARGETS and TARGETS[target].numbers_in_text for target in targets)
         self._measured = measured
@@ -214,12 +214,10 @@ class Builds(Planner["_Template", Build]):
         slots = {name: slot(f"{SETTING}{name}") for name in names}
         settings = Settings(parameters={name: slots[name] for name in own.parameters}, choices={name: slots[name] for name in own.choices})
         tape.writing = True
-        try:
-            request = pipeline.request_of(environment, compilation, verify=0)
-            artifacts = self._emit(replace(request, geometry=cast("GeometryService", _Kernel(request.geometry))), self._targets)
-            files = pipeline.files(environment, replace(compilation, settings=settings), artifacts)
-        finally:
-            tape.writing = False
+        request = pipeline.request_of(environment, compilation, verify=0)
+        artifacts = self._emit(replace(request, geometry=cast("GeometryService", _Kernel(request.geometry))), self._targets)
+        files = pipeline.files(environment, replace(compilation, settings=settings), artifacts)
+        tape.writing = False
         return files, results
 
 

@@ -9,7 +9,7 @@ import random
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from thingc.base.units import Quantity
 from thingc.batch.plans.numeric_plan import Made, NumericPlan, PlanCache
@@ -22,6 +22,9 @@ from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.targets.artifact import StoredArtifact
+
+if TYPE_CHECKING:
+    from thingc.batch.plans.refusals import Refusals
 
 Whole = TypeVar("Whole")
 
@@ -217,16 +220,15 @@ def _near(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quant
 class Planner(PlanMaker[Made, Whole]):
     """Computes an object of the type `Whole` for many settings, with plans or by compilations.
 
-    A plan is created when `patience` settings with the same names have been compiled. If `is_refused` returns True for some settings, no
-    plan is created for them.
+    A plan is created when `patience` settings with the same names have been compiled. No plan is created for settings that `refusals`
+    recognizes.
     """
 
     def __init__(
-        self, session: Session, reader: SettingsReader, modes: Sequence[str], *, verify: int | None,
-        is_refused: Callable[[ParsedSettings], bool] = lambda read: False, patience: int = 2,
+        self, session: Session, reader: SettingsReader, modes: Sequence[str], refusals: Refusals, *, verify: int | None, patience: int = 2,
     ) -> None:
         super().__init__(session, reader, modes, verify=verify)
-        self._is_refused = is_refused
+        self.refusals = refusals
         self.forms: dict[Hashable, PlanCache[Made]] = {}
         self._patience = patience
 
@@ -255,7 +257,7 @@ class Planner(PlanMaker[Made, Whole]):
             return None
         form = self.form_of(read)
         known = form.plan_for(read)
-        if known is not None or self._is_refused(read) or not form.worth_it(read):
+        if known is not None or self.refusals.applies(read) or not form.worth_it(read):
             return known
         plan = self.plan(read, form)
         if plan is None:

@@ -9,7 +9,6 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.memo import Memo
 from thingc.base.units import Quantity
 from thingc.batch.plans.part_exchange import PartDependsOnNumber, TracedParts
 from thingc.batch.plans.searches import SearchMemo
@@ -17,13 +16,10 @@ from thingc.batch.plans.tape import Tape, Traced, variables_of
 from thingc.documents.expressions.value_text import text_of
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.documents.spec.invalid_entries import Specs
-from thingc.driver import pipeline
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.geometry.store.local import BlobMissing
 from thingc.model.resolve.resolver import Settings, Sources
-from thingc.targets.artifact import StoredArtifact
-from thingc.targets.mjcf.emit import sources as model_sources
 
 
 class NotTraceable(Exception):
@@ -95,25 +91,6 @@ def trace_compilation(
     except (TypeError, ValueError, ArithmeticError, AttributeError) as fault:
         raise NotTraceable(f"a pass does not support a varying number ({type(fault).__name__}: {fault})") from fault
     return TraceResult(made=made, tape=tape, names=tuple(numbers), parts=parts if parts.before is not None else None)
-
-
-WrittenModel = tuple[str, Mapping[str, StoredArtifact]]
-"""The text of a model with slots for numbers of the tape, and a mapping from file names to meshes."""
-
-
-def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilation, Tape], WrittenModel]:
-    """Return a function for `trace_compilation` that writes the MuJoCo model of a mode, in which slots take the place of numbers."""
-
-    def make(compilation: Compilation, tape: Tape) -> WrittenModel:
-        request = replace(pipeline.request_of(session.environment, compilation, verify=False), memo=Memo())
-        tape.writing = True
-        try:
-            texts, assets = model_sources(request, floor=floor)
-        finally:
-            tape.writing = False
-        return texts[mode], assets
-
-    return make
 
 
 def pinned(rehearsal: TraceResult) -> list[str]:
