@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from thingc.driver.session import Session
 
 Item = tuple[Mapping[str, Any], ParsedSettings]
-Planned = tuple[NumericPlan["ResultsShape"], Sequence[float]]
+Planned = tuple[NumericPlan[TracedResults], Sequence[float]]
 Verdict = tuple["str | None", tuple[Diagnostic, ...]]
 """The first rule that a robot violates, or None, and the errors of rules that cannot be evaluated."""
 Measured = tuple[Results, tuple[Diagnostic, ...]]
@@ -48,7 +48,7 @@ AHEAD = 32
 """Number of settings whose parts are built together."""
 
 
-class Evaluation(Planner["ResultsShape", Measured]):
+class Evaluation(Planner[TracedResults, Measured]):
     """Computes the results of a robot for many settings, in one mode.
 
     `sites` contains references to mounts whose positions are also results. If `torques` is False, the torque margin is not computed.
@@ -99,7 +99,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
                     results = plan.made.of(outputs)
                     yield self._judged(settings, read, results, plan.made.problems, verdict=verdicts.get(place))
 
-    def agrees(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> bool:
+    def agrees(self, plan: NumericPlan[TracedResults], outputs: Sequence[float], read: ParsedSettings) -> bool:
         """Return whether a plan has given the same results as a compilation. Otherwise, stop using plans for such settings."""
         return self.confirms(self.compute(plan, outputs, read), self.whole(read), read, self.form_of(read))
 
@@ -108,11 +108,11 @@ class Evaluation(Planner["ResultsShape", Measured]):
         results, report, _ = self._compiled(read)
         return (results, tuple(report.ordered())) if results else None
 
-    def compute(self, plan: NumericPlan[ResultsShape], outputs: Sequence[float], read: ParsedSettings) -> Measured:
+    def compute(self, plan: NumericPlan[TracedResults], outputs: Sequence[float], read: ParsedSettings) -> Measured:
         """Compute the results and the diagnostics with a plan."""
         return plan.made.of(outputs), plan.made.problems
 
-    def _together(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
+    def _together(self, plan: NumericPlan[TracedResults], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
         """Run a plan for the settings after the index `place` that differ only in numbers from the settings at this index.
 
         Return a mapping from the index of the settings to the outputs of the plan.
@@ -132,7 +132,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
 
     def columns(
         self, rows: Floats, names: Sequence[str], item: Callable[[Floats], Item],
-        restricted: Callable[[NumericPlan[ResultsShape]], NumericPlan[ResultsShape]],
+        restricted: Callable[[NumericPlan[TracedResults]], NumericPlan[TracedResults]],
     ) -> tuple[Floats, Booleans, tuple[Diagnostic, ...]] | None:
         """Compute the results of many settings at once with a plan. Each row of `rows` contains values of the numbers `names`.
 
@@ -157,7 +157,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
                     return None
         return outputs, applies, plan.made.problems
 
-    def plan_at(self, read: ParsedSettings) -> tuple[NumericPlan[ResultsShape] | None, str]:
+    def plan_at(self, read: ParsedSettings) -> tuple[NumericPlan[TracedResults] | None, str]:
         """Return the plan that applies to the given settings. If no plan exists, create a plan.
 
         If no plan can be created, return None and the reason.
@@ -170,7 +170,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
             known = plan, outputs
         return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
 
-    def plan(self, read: ParsedSettings, form: PlanCache[ResultsShape]) -> NumericPlan[ResultsShape] | None:
+    def plan(self, read: ParsedSettings, form: PlanCache[TracedResults]) -> NumericPlan[TracedResults] | None:
         """Create a plan that gives the same results as a compilation.
 
         If no plan can be created, store the reason in `form` and return None.
@@ -179,10 +179,10 @@ class Evaluation(Planner["ResultsShape", Measured]):
         if first is None:
             return None
 
-        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], ResultsShape]:
+        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], TracedResults]:
             if exchange is not None and first[1]:
                 raise NotTraceable("diagnostics were reported that may depend on a part", list(form.modelled))
-            shape = ResultsShape(rehearsal.made, first[1])
+            shape = TracedResults(rehearsal.made, first[1])
             return shape.outputs, shape
 
         def traced(compilation: Compilation, tape: Tape) -> Results:
@@ -244,7 +244,7 @@ class Evaluation(Planner["ResultsShape", Measured]):
             problems = (*problems, *more)
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
-    def _verdicts(self, plan: NumericPlan[ResultsShape], chunk: Sequence[Item], together: Mapping[int, Planned]) -> dict[int, Verdict]:
+    def _verdicts(self, plan: NumericPlan[TracedResults], chunk: Sequence[Item], together: Mapping[int, Planned]) -> dict[int, Verdict]:
         """Evaluate the rules for all results of a plan at once.
 
         Return a mapping from the index of settings to the verdict. Settings for which a rule cannot be evaluated are omitted.
@@ -279,14 +279,3 @@ class Evaluation(Planner["ResultsShape", Measured]):
                 return rule.text, ()
             undecided.append(wrong)
         return None, tuple(undecided)
-
-
-class ResultsShape(TracedResults):
-    """The names of the results that one plan computes, and the values of results that do not depend on numbers.
-
-    `problems` contains the diagnostics that are the same for all numbers.
-    """
-
-    def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:
-        super().__init__(results)
-        self.problems = problems

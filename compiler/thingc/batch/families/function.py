@@ -13,11 +13,11 @@ import numpy.typing as npt
 from thingc.base.diagnostics import Diagnostic, Severity
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
-from thingc.batch.families.evaluation import Evaluation, ResultsShape
+from thingc.batch.families.evaluation import Evaluation
 from thingc.batch.families.search_space import SearchSpace
 from thingc.batch.families.stencil import ROUNDING, Floats, Stencil
 from thingc.batch.plans.derivatives import DerivativeFunction, Derivatives, NotSmooth, derivative_function, with_slopes
-from thingc.batch.plans.numeric_plan import MOST, NumericPlan
+from thingc.batch.plans.numeric_plan import MOST, NumericPlan, TracedResults
 from thingc.batch.results import FamilyError
 from thingc.batch.values import standard_unit
 from thingc.driver.settings import ParsedSettings, SettingsReader
@@ -72,8 +72,8 @@ class RestrictedPlan:
     parts depend, `modelled` contains the corresponding mapping.
     """
 
-    plan: NumericPlan[ResultsShape]
-    restricted: NumericPlan[ResultsShape]
+    plan: NumericPlan[TracedResults]
+    restricted: NumericPlan[TracedResults]
     traced: Mapping[int, int]
     modelled: Mapping[int, int]
 
@@ -236,7 +236,7 @@ class FamilyFunction:
             missing = "; ".join(f"`{name}` does not exist" for name, value in zip(self.outputs, values, strict=True) if np.isnan(value))
             raise FamilyError(f"there are no results at {self._shown(row)}: {_errors(values.problems[0]) or missing}")
 
-    def _restricted(self, plan: NumericPlan[ResultsShape]) -> NumericPlan[ResultsShape]:
+    def _restricted(self, plan: NumericPlan[TracedResults]) -> NumericPlan[TracedResults]:
         """Return a plan that computes only the outputs of this function."""
         if id(plan) not in self._plans:
             while len(self._plans) >= MOST:

@@ -9,6 +9,7 @@ from functools import cached_property, partial
 from itertools import count
 from typing import Any, Generic, TypeVar
 
+from thingc.base.diagnostics import Diagnostic
 from thingc.base.numeric import nan
 from thingc.batch.plans.columns import Booleans, ColumnFunction, Floats, column_function
 from thingc.batch.plans.part_exchange import Exchange, Exchanged
@@ -166,9 +167,13 @@ class PlanCache(Generic[Made]):
 
 
 class TracedResults:
-    """The results of a traced compilation, by name. `outputs` contains all results that are traced numbers."""
+    """The results of a traced compilation, by name. `outputs` contains all results that are traced numbers.
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    `problems` contains the diagnostics that are the same for all numbers.
+    """
+
+    def __init__(self, values: Mapping[str, Any], problems: tuple[Diagnostic, ...] = ()) -> None:
+        self.problems = problems
         self.outputs = [value for value in values.values() if isinstance(value, Traced)]
         self._names = [name for name, value in values.items() if isinstance(value, Traced)]
         self._all = {name: None if isinstance(value, Traced) else value for name, value in values.items()}
