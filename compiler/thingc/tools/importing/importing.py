@@ -129,7 +129,7 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
         renamed={name: word for kind in names.values() for name, word in kind.items() if name != word},
     )
     asked = {"roots": roots, "repair": repair, "meshes": meshes, **({"keep": True} if keep else {})}
-    record = _record(imported, text, {**names, **writer.others()}, asked, path, data)
+    record = _record(imported, {**names, **writer.others()}, asked, path, data)
     return replace(imported, files={**imported.files, RECORD: record})
 
 
@@ -161,14 +161,13 @@ def _load_source(
     return read_sdf(path, data, packages, report) if path.lower().endswith(".sdf") else read_urdf(path, data, report)
 
 
-def _record(
-    imported: Imported, text: str, names: Mapping[str, Mapping[str, str]], asked: Mapping[str, object], path: str, data: bytes,
-) -> bytes:
+def _record(imported: Imported, names: Mapping[str, Mapping[str, str]], asked: Mapping[str, object], path: str, data: bytes) -> bytes:
     """Return the JSON data of the file `import.json`, which describes an import.
 
     The next import of the same robot reads this file. The data contain the source, the options, the names, the repairs, the losses, and the
     generated document.
     """
+    content = imported.files[imported.document]
     losses = [
         {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in imported.losses
     ]
@@ -187,7 +186,7 @@ def _record(
         ],
         "losses": losses,
         "document": {
-            "file": imported.document, "sha256": hashlib.sha256(text.encode()).hexdigest(), "lines": text.splitlines(),
+            "file": imported.document, "sha256": hashlib.sha256(content).hexdigest(), "lines": content.decode().splitlines(),
         },
     }
     return (json.dumps(said, indent=2, ensure_ascii=False) + "\n").encode()
