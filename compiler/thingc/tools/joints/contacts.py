@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import product
 
 from msgspec.structs import replace
 
@@ -81,34 +82,31 @@ def contact(first: Features, other: Features) -> Contact:
 
 
 def _shafts(first: Features, other: Features) -> Iterator[ShaftContact]:
-    for one in first.cylinders:
-        for two in other.cylinders:
-            shaft, hole = (two, one) if one.hollow else (one, two)
-            if one.hollow == two.hollow or hole.sweep < math.pi + 0.1 or shaft.sweep < math.pi / 2.0:
-                continue
-            lower, upper = max(one.lower, two.lower), min(one.upper, two.upper)
-            fits = -TOUCHING <= hole.radius - shaft.radius <= CLEARANCE and upper - lower >= SHORTEST
-            if fits and same_line(hole.line, shaft.line):
-                yield ShaftContact(line=hole.line, radius=shaft.radius, lower=lower, upper=upper, first_is_shaft=not one.hollow)
+    for one, two in product(first.cylinders, other.cylinders):
+        shaft, hole = (two, one) if one.hollow else (one, two)
+        if one.hollow == two.hollow or hole.sweep < math.pi + 0.1 or shaft.sweep < math.pi / 2.0:
+            continue
+        lower, upper = max(one.lower, two.lower), min(one.upper, two.upper)
+        fits = -TOUCHING <= hole.radius - shaft.radius <= CLEARANCE and upper - lower >= SHORTEST
+        if fits and same_line(hole.line, shaft.line):
+            yield ShaftContact(line=hole.line, radius=shaft.radius, lower=lower, upper=upper, first_is_shaft=not one.hollow)
 
 
 def _holes(first: Features, other: Features) -> Iterator[tuple[CentreLine, float]]:
-    for one in first.cylinders:
-        for two in other.cylinders:
-            apart = max(one.lower, two.lower) - min(one.upper, two.upper)
-            equal = abs(one.radius - two.radius) < 2.0 * CLEARANCE and same_line(one.line, two.line)
-            if one.hollow and two.hollow and equal and apart < SHORTEST:
-                yield one.line, one.radius
+    for one, two in product(first.cylinders, other.cylinders):
+        apart = max(one.lower, two.lower) - min(one.upper, two.upper)
+        equal = abs(one.radius - two.radius) < 2.0 * CLEARANCE and same_line(one.line, two.line)
+        if one.hollow and two.hollow and equal and apart < SHORTEST:
+            yield one.line, one.radius
 
 
 def _faces(first: Features, other: Features) -> Iterator[FaceContact]:
-    for one in first.planes:
-        for two in other.planes:
-            opposed = dot(one.normal, two.normal) < PARALLEL - 1.0
-            if opposed and abs(dot(one.normal, two.centre) - dot(one.normal, one.centre)) < TOUCHING:
-                corners = _common_area(one, two)
-                if corners:
-                    yield FaceContact(normal=one.normal, corners=corners)
+    for one, two in product(first.planes, other.planes):
+        opposed = dot(one.normal, two.normal) < PARALLEL - 1.0
+        if opposed and abs(dot(one.normal, two.centre) - dot(one.normal, one.centre)) < TOUCHING:
+            corners = _common_area(one, two)
+            if corners:
+                yield FaceContact(normal=one.normal, corners=corners)
 
 
 def _common_area(one: PlanarFace, two: PlanarFace) -> tuple[Vector, ...]:

@@ -29,17 +29,17 @@ def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
 
     The possible keys are `timestep` [s], `integrator`, `cone` and `impratio`.
     """
-    option = original.model.opt
-    said: list[tuple[str, float | str]] = [
-        ("timestep", float(option.timestep)), ("integrator", INTEGRATORS[int(option.integrator)]), ("cone", CONES[int(option.cone)]),
-        ("impratio", float(option.impratio)),
-    ]
-    usual: dict[str, float | str] = {"timestep": 0.002, "integrator": "euler", "cone": "pyramidal", "impratio": 1.0}
-    for name, value in said:
+    option, said = original.model.opt, list[tuple[str, float | str]]()
+    settings: tuple[tuple[str, float | str, float | str], ...] = (
+        ("timestep", float(option.timestep), 0.002), ("integrator", INTEGRATORS[int(option.integrator)], "euler"),
+        ("cone", CONES[int(option.cone)], "pyramidal"), ("impratio", float(option.impratio), 1.0),
+    )
+    for name, value, usual in settings:
         if isinstance(value, float) and value <= 0.0:
             original.losses.note(f"a `{name}` of {value:g}", "the value must be above 0 in a document", original.flat.root.where)
-            usual[name] = value
-    return tuple((name, value) for name, value in said if value != usual[name])
+        elif value != usual:
+            said.append((name, value))
+    return tuple(said)
 
 
 def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]:
