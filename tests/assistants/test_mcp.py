@@ -28,6 +28,7 @@ from ruamel.yaml import YAML
 from editor.language_server import wait_until
 from thingc.driver import edit_document
 from thingc.tools.cli.main import COMMANDS, main
+from thingc.tools.cli.render import SHOT
 from thingc.tools.mcp.server import Tools, create_server
 from thingc.tools.templates import files_of
 
@@ -42,6 +43,13 @@ components:
   post: {part: shapes:Post}
   boom: {part: shapes:Boom, attach: {hub: plat.top}}
 """
+SMALLER = """
+from thingc.targets.render.picture import Shot
+from thingc.tools.cli import main, render
+render.SHOT = Shot(size=(320, 240))
+raise SystemExit(main.main())
+"""
+"""`thingc`, whose default picture is a sixteenth as large: without a graphics card, each takes seconds."""
 Call = Callable[..., CallToolResult]
 
 
@@ -66,13 +74,15 @@ def called(tool: str, given: dict[str, Any], *, trusted: bool = True) -> CallToo
     return anyio.run(work)
 
 
-def served(rover: Path, *calls: tuple[str, dict[str, Any]], words: Sequence[str] = ("--trusted",)) -> list[CallToolResult]:
+def served(
+    rover: Path, *calls: tuple[str, dict[str, Any]], words: Sequence[str] = ("--trusted",), command: Sequence[str] = ("-m", "thingc"),
+) -> list[CallToolResult]:
     """Call tools of a server in a process of its own, in which MuJoCo is not yet imported for another way to draw."""
     async def work() -> list[CallToolResult]:
-        command = StdioServerParameters(
-            command=sys.executable, args=["-P", "-m", "thingc", "mcp", "-C", str(rover), *words], cwd=rover.parent, env={**os.environ},
+        server = StdioServerParameters(
+            command=sys.executable, args=["-P", *command, "mcp", "-C", str(rover), *words], cwd=rover.parent, env={**os.environ},
         )
-        async with Client(command) as client:
+        async with Client(server) as client:
             assert client.server_info is not None and client.server_info.name == "thingc"
             return [await client.call_tool(tool, given) for tool, given in calls]
 
@@ -137,10 +147,10 @@ def test_a_picture_shows_the_pose(rover: Path) -> None:
     document = {"document": "rover.yaml"}
     *drawn, unknown = served(
         rover, ("render", document), ("render", {**document, "pose": "level", "elevation": 0, "mounts_of": ["boom"]}),
-        ("render", {**document, "pose": "levle"}),
+        ("render", {**document, "pose": "levle"}), command=("-c", SMALLER),
     )
     raised, level = map(picture, drawn)
-    assert raised.shape == (960, 1280, 3) and np.ptp(raised) > 100
+    assert SHOT.size == (1280, 960) and raised.shape == (240, 320, 3) and np.ptp(raised) > 100
     assert np.abs(raised - level).max() > 100
     assert sorted(path.name for path in rover.iterdir() if path.suffix == ".png") == []
     assert unknown.is_error and "did you mean `level`?" in unknown.content[0].text  # type: ignore[union-attr]

@@ -111,13 +111,16 @@ def test_random_robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(BENCHMARK))
     for name in ("robots", "study"):  # of another benchmark
         monkeypatch.delitem(sys.modules, name, raising=False)
-    from robots import generate
+    from robots import CONNECTIONS, generate
     from study import Results
 
     results = Results(tmp_path)
-    for seed in range(4):
+    connections = set()
+    for seed in (1, 2, 9):
         robot, joints = generate(seed)
+        connections |= {joint.connection for joint in joints}
         export_step(robot, tmp_path / f"robot{seed}.step")
         results.add(tmp_path / f"robot{seed}.step", joints)
     sys.modules.pop("robots"), sys.modules.pop("study")
+    assert connections == {*CONNECTIONS} - {"bolted"}, "which is no joint, and is in the second robot"
     assert results.table() == 0

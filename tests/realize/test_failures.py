@@ -250,7 +250,7 @@ def test_a_kernel_that_does_not_load(
 def test_without_fork(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/bad.py", BAD)
     place.write("parts/helper.py", HELPER)
-    inline = Workers(2, forking=False)
+    inline = Workers(1, forking=False)
     try:
         with place.service(workers=inline, timeout=3.0) as service:
             names = ("Good", "Raises", "Hangs", "Leaves", "Warns")
