@@ -184,7 +184,7 @@ def run_here(words: Sequence[str]) -> str:
         elif words[0] == "cd":
             os.chdir(words[1])
         else:
-            assert words[0] == "python", command
+            assert words[0] == "python", words
             before, modules = sys.path[:], set(sys.modules)
             try:
                 sys.path.insert(0, os.getcwd())

@@ -30,7 +30,9 @@ def modules() -> Iterator[str]:
 
 
 def test_every_module_can_be_imported_without_posix() -> None:
-    """Third-party packages are imported before; they have packages for Windows. The CAD kernel is imported as in a worker, which is faster."""
+    """Third-party packages are imported before; they have packages for Windows.
+    The CAD kernel is imported as in a worker, which is faster.
+    """
     program = f"""
 import importlib, runpy, sys
 from thingc.geometry.worker.lazy_build123d import import_cheaply
