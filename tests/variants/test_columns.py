@@ -10,7 +10,6 @@ import pyarrow
 import pytest
 
 from thingc.batch import packed_layout
-from thingc.batch.packed_layout import column
 
 VALUES: dict[Any, Callable[[random.Random], Any]] = {
     pyarrow.int64(): lambda chance: chance.randrange(-2**63, 2**63),
@@ -27,13 +26,13 @@ def test_a_column_is_the_array_of_pyarrow(type: Any) -> None:
     for length in (0, 1, 7, 8, 9, 64, 65):
         for absent in (0.0, 0.3, 1.0):
             values = [None if chance.random() < absent else VALUES[type](chance) for _ in range(length)]
-            found, wanted = column(values, type), pyarrow.array(values, type)
+            found, wanted = packed_layout._column(values, type), pyarrow.array(values, type)
             found.validate(full=True)
             assert found.type == type and found.null_count == wanted.null_count and repr(found.to_pylist()) == repr(wanted.to_pylist())
 
 
 def test_very_long_texts_are_left_to_pyarrow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(packed_layout, "LARGEST", 3)
-    assert column(["ab", "cd", None], pyarrow.string()).to_pylist() == ["ab", "cd", None]
+    assert packed_layout._column(["ab", "cd", None], pyarrow.string()).to_pylist() == ["ab", "cd", None]
     with pytest.raises(TypeError):
-        column([1.5], pyarrow.int64())
+        packed_layout._column([1.5], pyarrow.int64())
