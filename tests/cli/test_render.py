@@ -210,10 +210,10 @@ def no_screen(folder: Path) -> dict[str, str]:
 @pytest.mark.parametrize(("without", "said"), [
     (no_egl, "error[TC808]: cannot render with MUJOCO_GL=egl: the library is missing\n"
      "  help: install EGL (Debian, Ubuntu: apt install libegl1); it needs neither a screen nor a graphics card\n"),
-    (no_screen, "error[TC808]: cannot render with MUJOCO_GL=glfw: an OpenGL platform library has not been loaded into this "
-     "process\n  help: set MUJOCO_GL=egl, which needs neither a screen nor a graphics card\n"),
+    (no_screen, "error[TC808]: cannot render with MUJOCO_GL=glfw: GLFW needs a screen\n"
+     "  help: set MUJOCO_GL=egl before MuJoCo is imported; it needs neither a screen nor a graphics card\n"),
     (lambda _: {"MUJOCO_GL": "pencil"}, "error[TC808]: cannot render with MUJOCO_GL=pencil: invalid value for environment "
-     "variable MUJOCO_GL: pencil\n  help: set MUJOCO_GL=egl, which needs neither a screen nor a graphics card\n"),
+     "variable MUJOCO_GL: pencil\n  help: set MUJOCO_GL=egl before MuJoCo is imported; it needs neither a screen nor a graphics card\n"),
 ], ids=["no EGL", "no screen", "no such thing"])
 def test_a_machine_that_cannot_draw(lamp: Path, tmp_path: Path, without: Callable[[Path], dict[str, str]], said: str) -> None:
     more = without(tmp_path)
@@ -221,6 +221,15 @@ def test_a_machine_that_cannot_draw(lamp: Path, tmp_path: Path, without: Callabl
     assert ran.code == 2 and ran.out == ""
     assert ran.err == said + "\n1 error\n"
     assert list(lamp.iterdir()) == []
+
+
+def test_graphics_fail_if_mujoco_was_imported_without_a_screen(tmp_path: Path) -> None:
+    """In a process that has loaded an OpenGL library, as the CAD kernel does, MuJoCo would abort the process."""
+    code = "import build123d, mujoco\nfrom thingc.targets.render.picture import NoGraphics, ready\n"
+    code += "try: ready()\nexcept NoGraphics as fault: print(fault)"
+    env = {name: value for name, value in os.environ.items() if name not in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "cannot render with MUJOCO_GL=glfw: GLFW needs a screen\n"), done.stderr
 
 
 WRONG = {

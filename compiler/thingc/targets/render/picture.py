@@ -60,13 +60,22 @@ def ready() -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # GLFW warns if there is no screen
             import mujoco
+            from mujoco import gl_context
 
+            context = getattr(gl_context, "GLContext", None)
+            if context is not None and context.__module__ == "mujoco.glfw" and not _has_screen():
+                backend = "glfw"  # also if MuJoCo was imported before the variable was set
+                raise RuntimeError("GLFW needs a screen")  # MuJoCo aborts a process without a screen that has loaded an OpenGL library
             with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8):
                 pass
     except Exception as fault:  # the loaders of OpenGL raise ImportError, AttributeError, RuntimeError or their own
         absent = isinstance(fault, (AttributeError, ImportError, OSError))  # PyOpenGL: None in place of the library
         words = "the library is missing" if absent else " ".join(str(fault).split()).partition(",")[0] or type(fault).__name__
         raise NoGraphics(f"cannot render with MUJOCO_GL={backend}: {words}", _hint(backend)) from fault
+
+
+def _has_screen() -> bool:
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def _hint(backend: str) -> str:
@@ -76,7 +85,7 @@ def _hint(backend: str) -> str:
         return "install OSMesa (Debian, Ubuntu: apt install libosmesa6), or set MUJOCO_GL=egl"
     if sys.platform != "linux":
         return "set MUJOCO_GL=on, and run the command in a session with a screen"
-    return "set MUJOCO_GL=egl, which needs neither a screen nor a graphics card"
+    return "set MUJOCO_GL=egl before MuJoCo is imported; it needs neither a screen nor a graphics card"
 
 
 def picture(

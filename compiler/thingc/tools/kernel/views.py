@@ -72,4 +72,4 @@ def _curves(*compounds: Any) -> tuple[Curve, ...]:
         if compound is not None and not compound.IsNull():
             BRepLib.BuildCurves3d_s(compound)
             found += [curve_of(TopoDS.Edge(edge)) for edge in explored(compound, TopAbs_EDGE)]
-    return tuple(found)
+    return tuple(sorted(found, key=repr))  # the kernel returns edges in the order of their addresses in memory
