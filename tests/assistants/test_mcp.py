@@ -44,12 +44,17 @@ components:
   boom: {part: shapes:Boom, attach: {hub: plat.top}}
 """
 SMALLER = """
+import os
+os.environ.setdefault("MUJOCO_GL", "egl")  # the studio imports MuJoCo
+from thingc.targets.render import studio
 from thingc.targets.render.picture import Shot
 from thingc.tools.cli import main, render
 render.SHOT = Shot(size=(320, 240))
+lamps = studio.lamps
+studio.lamps = lambda camera, normal, counts: lamps(camera, normal, (2, 2))
 raise SystemExit(main.main())
 """
-"""`thingc`, whose default picture is a sixteenth as large: without a graphics card, each takes seconds."""
+"""`thingc`, whose default picture is a sixteenth as large and has few lamps: without a graphics card, each takes seconds."""
 Call = Callable[..., CallToolResult]
 
 
