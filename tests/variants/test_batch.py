@@ -284,7 +284,7 @@ def test_a_variant_with_an_error_is_refused_and_the_rest_goes_on(tmp_path: Path,
         refused=PENDULUM.replace("tilt: 20 deg", "tilt: 20 deg\n      upper: 90 deg")
         .replace("upper: 90 deg}\n        drive", "upper: =upper}\n        drive"),
     )
-    done = thingc_here("batch", "some.yaml", "--jobs", "1", cwd=here, store=shared_store)
+    done = thingc_here("batch", "some.yaml", "--jobs", "1", "--pictures", "none", cwd=here, store=shared_store)
     table = rows(here / "build" / "some")
     assert [(row["name"], row["status"], row["code"]) for row in table] == [
         ("named", "built", ""), ("some_1", "refused", Code.POSE_LIMITS.code), ("some_2", "built", ""),
@@ -594,7 +594,7 @@ def test_the_command_says_what_it_did(tmp_path: Path, shared_store: str) -> None
     done = thingc("batch", "sweep.yaml", "--jobs", "1", cwd=here, env=environment(shared_store))
     assert (done.returncode, done.stdout) == (0, "")
     assert done.stderr == "build/sweep: 12 variants: 12 built; 0 parts modelled\n"
-    words = ("--format", "json", "-o", "elsewhere", "--limit", "2", "--jobs", "1")
+    words = ("--format", "json", "-o", "elsewhere", "--limit", "2", "--jobs", "1", "--pictures", "none")
     answer = thingc_here("batch", "sweep.yaml", *words, cwd=here, store=shared_store).answer
     assert answer["statuses"] == {"built": 2} and answer["folder"] == "elsewhere/sweep" and answer["diagnostics"] == []
 
