@@ -11,8 +11,8 @@ import math
 from pathlib import Path
 
 from thingc.base.joints.kinds import KINDS
-from thingc.base.joints.twist import moved
-from thingc.base.pose import MATE, Pose, Vector, placed, rotate, shifted, turned_z
+from thingc.base.joints.twist import pose_after
+from thingc.base.pose import MATE, Pose, Vector, make_pose, make_translation, rotate, turned_z
 
 PICTURES = Path(__file__).resolve().parent / "pictures"
 INK, GREY, LIGHT, ORANGE = "#20242a", "#7c828b", "#d6d9de", "#e8792b"
@@ -94,18 +94,18 @@ def frame(pose: Pose, name: str, side: Point, size: float = 0.55) -> list[str]:
 def joint() -> str:
     """Return the picture of the frames P, A, the moved A, B and C, of which `X_PC` is composed."""
     q = math.radians(55)
-    parent = placed((0.0, -0.7, 0.0), (0.0, 0.0, 0.3))
-    mount = shifted(0.3, 0.9, 0.35)
-    gap = mount @ turned_z(0.0) @ shifted(0.0, 0.0, 0.9)
-    turned = gap @ moved(KINDS["revolute"].twists, (q,))
+    parent = make_pose((0.0, -0.7, 0.0), (0.0, 0.0, 0.3))
+    mount = make_translation(0.3, 0.9, 0.35)
+    gap = mount @ turned_z(0.0) @ make_translation(0.0, 0.0, 0.9)
+    turned = gap @ pose_after(KINDS["revolute"].twists, (q,))
     met = turned @ MATE
-    child = met @ placed((-0.5, 0.2, -1.3), (0.2, 0.1, 0.4))
+    child = met @ make_pose((-0.5, 0.2, -1.3), (0.2, 0.1, 0.4))
     parts = [line(seen(a.translation), seen(b.translation), GREY, 1.5, "5 5") for a, b in ((parent, mount), (mount, gap), (met, child))]
     parts += frame(parent, "P", (-26, 6)) + frame(mount, "A", (10, 22)) + frame(child, "C", (12, -6))
     x_before = rotate(gap.rotation, (1.0, 0.0, 0.0))
     start = seen(tuple(p + 0.75 * d for p, d in zip(gap.translation, x_before, strict=True)))  # type: ignore[arg-type]
     parts.append(line(seen(gap.translation), start, LIGHT, 2.5))
-    arc = [gap @ turned_z(k * q / 24) @ shifted(0.68, 0.0, 0.0) for k in range(25)]
+    arc = [gap @ turned_z(k * q / 24) @ make_translation(0.68, 0.0, 0.0) for k in range(25)]
     points = [seen(pose.translation) for pose in arc]
     (u, v), (u_before, v_before) = points[-1], points[-4]
     parts += [path(points[:-2], ORANGE, 3.0), head(points[-1], math.atan2(v - v_before, u - u_before), ORANGE)]

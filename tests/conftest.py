@@ -1,5 +1,5 @@
-"""What all tests share: the repository's root, one geometry store (parts are modelled once per test run), and that thingc never calls
-anything a defect of its own (TC899) unless a test wants to see just that: `@pytest.mark.defect`."""
+"""Fixtures for all tests: the repository, and one geometry store, so that parts are built once per test run. A test fails if thingc
+reports a defect of its own (TC899), except with `@pytest.mark.defect`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def root() -> Path:
 
 @pytest.fixture(scope="session")
 def shared_store(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """One store for all workers of a run: several of them model at once, which is itself a test."""
+    """One store for all test processes of a run. Several of them build parts at the same time, which is a test, too."""
     base = tmp_path_factory.getbasetemp()
     if os.environ.get("PYTEST_XDIST_WORKER"):
         base = base.parent
@@ -64,24 +64,24 @@ def in_double_precision() -> Iterator[None]:
 
 
 class _Kept(Workers):
-    """Workers that no service ends."""
+    """Workers that are not stopped by a service."""
 
     def close(self) -> None:
-        """They serve the next test, too."""
+        """Keep the workers for the next test."""
 
 
 _KEPT: dict[object, Workers] = {}
 
 
 def _kept(_: int, *, seed: int = 0) -> Workers:
-    """What is compiled in this process is modelled by a worker that all tests share, two parts at once, whatever number was asked for:
-    the kernel is loaded once, not once a test."""
+    """Return the workers that all tests in this process share. They build two parts at a time, regardless of the requested number. The
+    CAD kernel is loaded once, not once per test."""
     return _KEPT.setdefault(tuple(environment(seed).items()), _Kept(2, seed=seed))
 
 
 @pytest.fixture(scope="session", params=TEMPLATES)
 def begun(request: pytest.FixtureRequest, shared_store: str) -> Path:
-    """The document of a workspace that `thingc new` has made, built: one for each template, its parts in the shared store."""
+    """The built document of a workspace that `thingc new` has created, one for each template. Its parts are in the shared store."""
     folder = Path(shared_store).parent / f"begun-{request.param}"
 
     def begin() -> None:
@@ -92,24 +92,24 @@ def begun(request: pytest.FixtureRequest, shared_store: str) -> Path:
 
 
 def pytest_sessionfinish() -> None:
-    """End what was kept."""
+    """Stop the shared workers."""
     for workers in _KEPT.values():
         Workers.close(workers)
 
 
 DEFECTS: list[str] = []
-"""What was called a defect since the last test: in this process, or in the output of one that was run."""
+"""The defects that were reported since the last test, in this process or in the output of another one."""
 _SAID = re.compile(rb'error\[TC899\]|title=TC899|\\*"(?:code|id|ruleId)\\*": ?\\*"TC899')
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first, so that no worker is left alone with one at the end (`make test` tells xdist to keep this order)."""
+    """Run files with slow tests first, so that no process is busy alone at the end. `make test` tells xdist to keep this order."""
     slow = Counter(item.path for item in items if item.get_closest_marker("slow") is not None)
     items.sort(key=lambda item: -slow[item.path])
 
 
 def pytest_collection_finish() -> None:
-    """What has been imported and collected stays to the end: it is not looked through for garbage again and again."""
+    """Exclude imported and collected objects from garbage collection, because they exist until the end."""
     gc.freeze()
     gc.set_threshold(100_000, 20, 20)  # as in a command
     gc.enable()
@@ -117,12 +117,12 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_unconfigure() -> None:
-    """Let Python collect at its end what was frozen: nanobind would report its objects as leaks."""
+    """Allow Python to collect the excluded objects at its end. Otherwise, nanobind would report its objects as leaks."""
     gc.unfreeze()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Watch the diagnostics of reports and of exceptions in this process, and what other processes print."""
+    """Record the diagnostics of reports and exceptions in this process, and the output of other processes."""
     gc.disable()  # until all is collected
     signals.spare_the_child_of_glfw()  # of each process that imports MuJoCo
     say, of_exception, communicate = Report.say, console.of_exception, subprocess.Popen.communicate
@@ -147,7 +147,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(autouse=True)
 def no_defect(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Fails a test in which thingc called something a defect of its own, and one that is marked `defect` in which it did not."""
+    """Fail a test in which thingc reports a defect of its own, or a test with the mark `defect` without such a report."""
     yield
     met, wanted = DEFECTS.copy(), request.node.get_closest_marker("defect") is not None
     DEFECTS.clear()

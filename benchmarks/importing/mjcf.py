@@ -78,7 +78,7 @@ def one(file: Path, spec: mujoco.MjSpec, theirs: mujoco.MjModel, states: int) ->
     imported = import_robot(str(file), report)
     took = f"{time.perf_counter() - begun:.2f}"
     if imported is None:
-        said = report.ordered()[0]
+        said = report.sorted_diagnostics()[0]
         return ["", took, f"refused: {said.code.code} {said.message}"], True
     original = read(file, spec, theirs)
     known = {*json.loads(imported.files["import.json"])["names"]["links"]} & {*original.bodies.values()}

@@ -66,7 +66,7 @@ def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
     first = import_robot(str(file), report, ImportRequest(repair="nearest"))
     empty = [""] * (len(KINDS) + 2)
     if first is None:
-        said = report.ordered()[0]
+        said = report.sorted_diagnostics()[0]
         return ["", *empty, f"refused: {said.code.code} {said.message}"], True
     links = [link.name for link in first.robot.links]
     roots = chance.sample(links, min(ROOTS, len(links)))

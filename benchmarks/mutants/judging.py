@@ -71,7 +71,7 @@ def _compiled(path: str, store: str) -> list[Document] | None:
     """
     with Environment(path, Options(store=store)) as environment:
         compilation = pipeline.compile(environment, kinds=("assembly", "materials"))
-        assert not compilation.report.diagnostics, as_text(compilation.report.ordered())
+        assert not compilation.report.diagnostics, as_text(compilation.report.sorted_diagnostics())
         assert compilation.documents is not None
         documents = compilation.documents
         return list(documents.by_path.values()) if documents.root.kind == "assembly" else None
@@ -98,7 +98,7 @@ def judge(subject: Subject, mutant: Mutant, store: str) -> Verdict:
                 compilation = pipeline.compile(environment)
                 if not compilation.report.failed:
                     pipeline.build(environment, compilation, ["mjcf"])
-                said += compilation.report.ordered()
+                said += compilation.report.sorted_diagnostics()
                 if compilation.report.failed:
                     break
     finally:

@@ -245,7 +245,7 @@ def error_of(function: FamilyFunction, x: np.ndarray) -> float:
     read = function._item(x)[1]
     plan, _ = function._evaluation.plan_at(read)
     assert plan is not None
-    program = function._restricted(plan).program
+    program = function._restrict(plan).program
     run = in_many_digits(program)
     greatest = 0.0
     with mpmath.workdps(60):

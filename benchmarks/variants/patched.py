@@ -125,7 +125,7 @@ def compared(document: str, count: int, store: str | None, visual: bool, parts: 
             models = family._of(mode, visual)
             for many in drawn(known, meeting, geometry, modelling, count // len(family.modes), source):
                 read = [family._read(one) for one in many]
-                whole = [models._compiled(one) for _, one in read]
+                whole = [models._compile(one) for _, one in read]
                 for settings, one, model, other in zip(many, read, models.each(read, share=True), whole, strict=True):
                     form = models.forms.get((one[1].names, one[1].texts))
                     plan = form.plan_for(one[1]) if form is not None else None

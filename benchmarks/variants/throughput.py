@@ -104,7 +104,7 @@ def build(made: Builds, settings: Settings, folder: Path, *, plans: bool = True)
     """Build one variant and write its files. If `plans` is False, the variant is compiled without a plan. Raises `SystemExit` if a
     diagnostic is reported.
     """
-    built = made.planned(settings) if plans else None
+    built = made.build_by_plan(settings) if plans else None
     if built is None:
         built, problems = made.compile_build(settings)
         if built is None:
@@ -280,9 +280,9 @@ def refusals(count: int, store: str | None) -> None:
                 evaluated = time.process_time()
                 models = [made.model(one) for one in many[40:]]
                 modelled = time.process_time()
-                whole = [compiled._compiled(made._reader.read(one)) for one in many[40:]]
+                whole = [compiled._compile(made._reader.read(one)) for one in many[40:]]
                 times[kind] = [1e3 * time / count for time in (evaluated - begun, modelled - evaluated, time.process_time() - modelled)]
-                if [(one.results, list(one.problems)) for one in found] != [(one[0], one[1].ordered()) for one in whole]:
+                if [(one.results, list(one.problems)) for one in found] != [(one[0], one[1].sorted_diagnostics()) for one in whole]:
                     raise SystemExit(f"{name}: plans and compilations differ for {kind} settings")
                 if any(bool(one) is (kind == "refused") for one in models):
                     raise SystemExit(f"{name}: not all settings are {kind}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from xml.etree import ElementTree
 
 from thingc.base.inertia import ZERO, physical_fault
-from thingc.base.joints.twist import moved
+from thingc.base.joints.twist import pose_after
 from thingc.base.pose import Pose, rotate
 from thingc.model.assembly.types import Assembly, Mate
 from thingc.model.robot.types import Robot
@@ -114,7 +114,7 @@ def _crossed(mate: Mate, forward: bool) -> tuple[Pose, tuple[float, ...], tuple[
     """Return the pose of the next occurrence at q = 0 across a mate, and the axis and the anchor of the joint in the frame of this
     occurrence.
     """
-    pose = mate.X_PJ @ moved(tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)) @ mate.X_JC
+    pose = mate.X_PJ @ pose_after(tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)) @ mate.X_JC
     joint = mate.X_JC.inverse() if forward else mate.X_PJ
     axis = rotate(joint.rotation, (0.0, 0.0, 1.0))
     return (pose, axis, joint.translation) if forward else (pose.inverse(), tuple(-x for x in axis), joint.translation)

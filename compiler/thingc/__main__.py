@@ -10,7 +10,7 @@ from thingc.tools.cli import signals
 def entry() -> None:
     """The console script: leaves without the interpreter's slow farewell, after everything has been written."""
     try:
-        signals.heed()  # before anything else is imported, which takes the longest of some commands
+        signals.install_handlers()  # before anything else is imported, which takes the longest of some commands
         code = _run()
     except KeyboardInterrupt:  # while modules were imported, or after everything was done
         code = signals.INTERRUPTED

@@ -1,4 +1,4 @@
-"""The house as its drawing says: imports point one way, and the CAD kernel stays behind its wall."""
+"""Architecture rules: imports point in one direction, and only the worker uses the CAD kernel."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ ORDER = (
     "base", "modes", "documents", "geometry", "model/resolve", "model/assembly", "model/robot", "model", "targets", "driver", "batch",
     "tools", "__init__", "__main__",
 )
-"""Rooms of the package, and folders in them: a module imports from its own and from those before it."""
+"""Layers of the package and folders in them: a module may import from its own layer and from earlier ones."""
 ENTRIES = {"__init__.py", "__main__.py", "py.typed", *(room for room in ORDER if room.isidentifier() and not room.startswith("__"))}
 TYPES_ONLY = {("documents/checks", "thingc.model.resolve"), ("documents/checks", "thingc.model.assembly")}
 ALONE = {"geometry/things": ("thingc.base.interfaces",), "tools/templates": ()}
-"""Folders that import nothing else of thingc, except these modules: part authors read the first and its module, the second holds the files
+"""Folders that import nothing else of thingc, except these modules: the first is the API for part authors, the second contains the files
 of new workspaces."""
 OF_EXTRAS = {
     "batch.gym.family_env", "batch.cluster.dask_plugin", "batch.families.jax_function", "batch.families.mjx_constants",
@@ -54,40 +54,40 @@ LIGHT = (
     "base/", "documents/load/", "documents/spec/", "documents/checks/", "documents/expressions/", "documents/workspace.py",
     "model/resolve/", "model/assembly/", "model/robot/", "driver/environment.py", "driver/pipeline.py", "driver/up_to_date.py",
 )
-"""Where everything is that `check` runs."""
+"""The modules that `check` runs."""
 
 
 def modules() -> list[Path]:
-    """Those of the compiler; in the folders of `templates/` are files of new workspaces."""
+    """Return the modules of the compiler; the folders in `templates/` contain files of new workspaces."""
     begun = PACKAGE / "tools/templates"
     return sorted(path for path in PACKAGE.rglob("*.py") if path.parent == begun or begun not in path.parents)
 
 
 @cache
 def tree(path: Path) -> ast.Module:
-    """A module as Python reads it."""
+    """Return the syntax tree of a module."""
     return ast.parse(path.read_text())
 
 
 @pytest.fixture(scope="module", autouse=True)
 def read_once() -> Iterator[None]:
-    """Trees are kept for all tests here, and no longer: they take much room."""
+    """Clear the cached syntax trees after these tests, because they use much memory."""
     yield
     tree.cache_clear()
 
 
 def place_of(path: Path) -> str:
-    """`model/robot/tree.py`: where a module lies in the package."""
+    """Return the path of a module in the package, such as `model/robot/tree.py`."""
     return path.relative_to(PACKAGE).as_posix()
 
 
 def module_name(path: Path) -> str:
-    """`thingc.model.robot.tree`, of a package its own name."""
+    """Return the dotted name of a module, such as `thingc.model.robot.tree`; for a package the name of the package."""
     return ".".join(("thingc", *path.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
 
 
 def layer(name: str) -> int:
-    """The place in `ORDER` of a module, or of a name in it: that of the longest entry that leads to it."""
+    """Return the index in `ORDER` of a module, or of a name in it: that of the longest matching entry."""
     words = name.split(".")[1:] or ["__init__"]
     found = [room for room in ORDER if words[: room.count("/") + 1] == room.split("/")]
     assert found, f"{name} is in no room of ORDER"
@@ -95,7 +95,7 @@ def layer(name: str) -> int:
 
 
 def at_run_time(node: ast.AST, *, called: bool = True) -> Iterator[ast.AST]:
-    """The statements below a node, but for those for type checkers alone; of functions only where they are `called`."""
+    """Yield the statements below a node, except those under TYPE_CHECKING; bodies of functions only if `called`."""
     waiting = [node]
     while waiting:
         node = waiting.pop()
@@ -106,7 +106,7 @@ def at_run_time(node: ast.AST, *, called: bool = True) -> Iterator[ast.AST]:
 
 
 def named_by(nodes: Iterable[ast.AST]) -> set[str]:
-    """The modules, and names in them, that import statements among `nodes` name: `thingc.base.units.LENGTH`."""
+    """Return the modules, and names in them, in the import statements among `nodes`: `thingc.base.units.LENGTH`."""
     found: set[str] = set()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -119,15 +119,15 @@ def named_by(nodes: Iterable[ast.AST]) -> set[str]:
 
 @cache
 def imported(path: Path) -> frozenset[str]:
-    """Every module, and every name in it, that a file names in an import, wherever that stands."""
+    """Return every module, and every name in it, that a file imports anywhere."""
     return frozenset(named_by(ast.walk(tree(path))))
 
 
-def test_the_package_has_few_entries() -> None:
+def test_package_has_the_expected_entries() -> None:
     assert {path.name for path in PACKAGE.iterdir()} - {"__pycache__"} == ENTRIES
 
 
-def test_imports_point_one_way() -> None:
+def test_imports_point_in_one_direction() -> None:
     wrong = {}
     for path in modules():
         place, own = place_of(path), layer(module_name(path))
@@ -141,8 +141,8 @@ def test_imports_point_one_way() -> None:
     assert wrong and {place: names for place, names in wrong.items() if names} == {}, "these modules must not import that"
 
 
-def test_some_rooms_do_not_see_others() -> None:
-    """Targets write what the model says, without another look at documents; some folders stand alone."""
+def test_isolated_folders_do_not_import_others() -> None:
+    """Targets do not import the document modules; some folders import nothing else of thingc."""
     for path in modules():
         place, ours = place_of(path), {name for name in imported(path) if name.startswith("thingc.")}
         if place.startswith("targets/"):
@@ -154,16 +154,16 @@ def test_some_rooms_do_not_see_others() -> None:
                 assert not outside, f"{place} must not import {sorted(outside)}"
 
 
-def test_exported_names_are_there() -> None:
-    """In a process of its own: some names import JAX, which starts threads, and other tests fork."""
+def test_exported_names_exist() -> None:
+    """In a separate process: some names import JAX, which starts threads, and other tests fork."""
     packages = ("thingc", "thingc.batch", "thingc.batch.families", "thingc.modes", "thingc.targets")
     assert all(len(import_module(package).__all__) > 3 for package in packages)
     look = "assert all(getattr(one, name) is not None for one in map(import_module, sys.argv[1:]) for name in one.__all__)"
     subprocess.run([sys.executable, "-c", f"import sys\nfrom importlib import import_module\n{look}", *packages], check=True)
 
 
-def test_optional_dependencies_stay_optional() -> None:
-    """What extras bring is imported where it is used, inside functions; modules that are nothing without it are imported so as well."""
+def test_optional_dependencies_are_imported_lazily() -> None:
+    """Packages of extras are imported inside functions. Modules that require an extra are imported lazily as well."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     optional = {re.split(r"[<>=!~]", line)[0] for name, lines in extras.items() if name != "dev" for line in lines}
     wanted = optional | {f"thingc.{name}" for name in OF_EXTRAS}
@@ -177,7 +177,7 @@ def test_optional_dependencies_stay_optional() -> None:
 
 
 @pytest.mark.parametrize("folder", GEOMETRY)
-def test_folders_of_geometry_point_one_way(folder: str) -> None:
+def test_geometry_folders_import_in_one_direction(folder: str) -> None:
     seen = {
         (path.relative_to(PACKAGE).as_posix(), name) for path in modules()
         if path.relative_to(PACKAGE).parts[:2] in {("geometry", folder), ("geometry", f"{folder}.py")}
@@ -191,8 +191,8 @@ def test_folders_of_geometry_point_one_way(folder: str) -> None:
 IN_PART = {"base.sensor_kinds._MOVED", "documents.spec.sensors._EXAMPLES"}
 
 
-def test_tables_by_closed_sets_are_whole() -> None:
-    """A dictionary of a module that is annotated as one by a `Literal` or an enum of ours has every member, which mypy does not ask for."""
+def test_tables_over_closed_sets_are_complete() -> None:
+    """A module-level dictionary annotated with a `Literal` or an enum of ours as key must have every member; mypy does not check this."""
     asked, missing = set(), {}
     for path in modules():
         name = ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
@@ -209,8 +209,8 @@ def test_tables_by_closed_sets_are_whole() -> None:
     assert len(asked) > 12 and {table for table, members in missing.items() if members} == IN_PART, missing
 
 
-def test_no_module_needs_itself() -> None:
-    """Imports inside functions count: they put a circle off, and do not open it."""
+def test_there_are_no_import_cycles() -> None:
+    """Imports inside functions count: they only postpone a cycle."""
     names = {".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path for path in modules()}
     graph = networkx.DiGraph()
     for name, path in names.items():
@@ -225,16 +225,16 @@ def test_no_module_needs_itself() -> None:
 
 
 def importing(packages: set[str]) -> set[str]:
-    """The modules that import one of these packages, wherever that stands."""
+    """Return the modules that import one of these packages anywhere."""
     return {place_of(path) for path in modules() if any(name.split(".")[0] in packages for name in imported(path))}
 
 
-def test_only_the_worker_sees_the_kernel() -> None:
+def test_only_the_worker_imports_the_kernel() -> None:
     seen = importing(KERNEL)
     assert seen and {place for place in seen if not place.startswith(KERNEL_MODULES)} == set(), "these import the CAD kernel"
 
 
-def test_the_path_of_check_is_light() -> None:
+def test_modules_used_by_check_are_light() -> None:
     heavy = importing(HEAVY)
     assert heavy and {place for place in heavy if place.startswith(LIGHT)} == set()
 
@@ -264,27 +264,48 @@ NO_NOUNS = {
     "near", "nested", "packaged", "packed", "past", "printed", "ran", "said", "shared", "shown", "stated", "told", "twice", "upon",
     "wanted", "within", "worded", "written",
 }
-"""Participles, prepositions and adverbs: by themselves they do not tell what a module is about."""
+"""Participles, prepositions and adverbs: alone they do not describe the subject of a module."""
 MANY = 12
 PROTOCOLS = {"run", "configure", "emit"}
-"""Functions that modules of one kind have by the same name: commands and targets."""
+"""Functions with the same name in all modules of a kind: commands and targets."""
 
 
-def test_modules_are_named_by_nouns() -> None:
+def test_module_names_are_nouns() -> None:
     names = {path.stem: place_of(path) for path in modules()}
     assert {place for name, place in names.items() if name.strip("_") in NO_NOUNS} == set()
 
 
-def test_names_of_functions_tell_them_apart() -> None:
-    """A search for a name finds what is meant: no more than a dozen modules have a function of one name."""
+VERBS = {"embed", "feed", "flatten", "len", "need", "seed", "speed", "listen", "open", "shorten", "children"}
+"""Names that are not participles."""
+IRREGULAR = {
+    "apart", "begun", "beside", "bound", "built", "done", "drawn", "elsewhere", "found", "given", "held", "kept", "known", "made", "meant",
+    "said", "seen", "sent", "shown", "swept", "told", "written",
+}
+FIXED_NAMES = {"batched", "namespaced", "wrapped", "settled", "_seen"}
+"""Names of the public Python API, of interfaces of other packages, and of decorators."""
+
+
+def test_function_names_are_not_bare_participles() -> None:
+    """A participle alone, such as `placed` or `told`, does not describe what a function does or returns."""
+    names = {
+        f"{place_of(path)}:{node.name}" for path in modules() for node in ast.walk(tree(path))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name not in FIXED_NAMES
+        and not any("property" in ast.unparse(decorator) or "setter" in ast.unparse(decorator) for decorator in node.decorator_list)
+        and (name := node.name.strip("_")) not in VERBS and (name in IRREGULAR or re.fullmatch("[a-z]+(ed|en)", name))
+    }
+    assert names == set()
+
+
+def test_function_names_are_distinctive() -> None:
+    """At most twelve modules may have a function of the same name, so that a search for it is useful."""
     counts = Counter(
         node.name for path in modules() for node in tree(path).body if isinstance(node, ast.FunctionDef) and node.name not in PROTOCOLS
     )
     assert {name: count for name, count in counts.items() if count > MANY} == {}
 
 
-def test_a_class_name_means_one_class() -> None:
-    """`modes` is read beside a simulation, without the compiler: it has joints, links and modes of its own."""
+def test_class_names_are_unique() -> None:
+    """`modes` is used next to a simulation, without the compiler: it has its own joints, links and modes."""
     places: dict[str, set[str]] = {}
     for path in modules():
         for node in ast.walk(tree(path)):
@@ -297,11 +318,11 @@ NUMBERS = (
     "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "model/", "modes/",
     "documents/checks/", "driver/testing/kinds/",
 )
-"""Where numbers are computed with."""
+"""The modules that do numeric computations."""
 
 
-def test_sums_of_floats_are_the_same_in_every_python() -> None:
-    """`sum` is, of floats, another function from Python 3.12 on: where numbers are reckoned with it counts, or adds to a start."""
+def test_float_sums_do_not_depend_on_the_python_version() -> None:
+    """The built-in `sum` of floats changed in Python 3.12. In numeric modules it may only count, or add to a start value."""
     others = []
     for path in (one for one in modules() if place_of(one).startswith(NUMBERS)):
         for node in ast.walk(tree(path)):
@@ -312,9 +333,9 @@ def test_sums_of_floats_are_the_same_in_every_python() -> None:
     assert not others, "thingc.base.numeric.sum_of"
 
 
-def test_lengths_are_the_same_in_every_python() -> None:
-    """`math.hypot` and `math.dist` have other last digits from Python 3.12 on. `things` imports nothing of ours; `principal_axes` says why
-    it does without."""
+def test_lengths_do_not_depend_on_the_python_version() -> None:
+    """The last digits of `math.hypot` and `math.dist` changed in Python 3.12. `things` imports nothing of ours; `principal_axes`
+    explains why it may use them."""
     theirs = re.compile(r"\bmath\.(hypot|dist)\b|from math import .*\b(hypot|dist)\b")
     others = [str(path.relative_to(PACKAGE)) for path in modules() if theirs.search(path.read_text())]
     assert set(others) == {"base/numeric.py", "base/inertia.py", "geometry/things/inspection.py"}, "thingc.base.numeric has both"
@@ -324,12 +345,12 @@ RECORDED = (
     "base/pose.py", "base/inertia.py", "base/primitives.py", "base/joints/", "documents/expressions/", "documents/checks/",
     "driver/testing/kinds/", "model/", "targets/", "batch/measurements.py",
 )
-"""Where numbers may be recorded: what is done with them goes through `base/numeric.py`."""
+"""Modules whose numbers may be recorded: operations on them go through `base/numeric.py`."""
 NOT_RECORDED = (
     "targets/hag/", "targets/html/", "targets/render/", "model/solids/shapes.py", "model/solids/clearance.py",
     "model/solids/contact_cells.py", "targets/mjcf/initial_state_checks.py",
 )
-"""Files of these that work with pictures, or with the numbers of another program."""
+"""Exceptions for pictures, or for the numbers of another program."""
 INDICES_AND_CONSTANTS = {
     "driver/testing/kinds/no_collision.py": {"max", "min"},
     "base/inertia.py": {"math.copysign", "math.hypot"}, "base/pose.py": {"math.cos", "math.sin", "max"},  # inside of one operation
@@ -341,12 +362,12 @@ INDICES_AND_CONSTANTS = {
     "targets/mjcf/compat/mjx.py": {"max", "math.cos", "math.sin"}, "targets/usd/chain.py": {"max", "min"},
     "targets/usd/stage.py": {"max", "min"}, "targets/xml_writer.py": {"min"},
 }
-"""What other files need for indices, constants and messages."""
+"""Functions that other files use for indices, constants and messages."""
 
 
-def test_numbers_that_may_be_recorded_go_through_numeric() -> None:
-    """Of a recorded number `min` decides, and a function of `math` takes the value: plans of it hold for fewer settings. With a `key`
-    `min` has to decide."""
+def test_recordable_numbers_go_through_numeric() -> None:
+    """With a recorded number, `min` fixes a branch, and a function of `math` fixes the value, so a recorded plan is valid for fewer
+    settings. `min` with a `key` must choose a branch anyway."""
     found: dict[str, set[str]] = {}
     for path in (one for one in modules() if place_of(one).startswith(RECORDED) and not place_of(one).startswith(NOT_RECORDED)):
         nodes = list(ast.walk(tree(path)))
@@ -369,7 +390,7 @@ def test_importing_thingc_is_light() -> None:
     assert not heavy
 
 
-def test_diagnostic_codes_are_a_closed_set() -> None:
+def test_diagnostic_codes_are_unique() -> None:
     from thingc.base.diagnostics import Code
 
     assert max(Counter(code.code for code in Code).values()) == max(Counter(code.name for code in Code).values()) == 1
@@ -379,7 +400,8 @@ def test_diagnostic_codes_are_a_closed_set() -> None:
 
 
 def test_warnings_of_documents_can_be_allowed() -> None:
-    """A code that a pass warns of has the command that says it: without, nobody could write `allow: {CODE: reason}`."""
+    """A code that is reported as a warning must name the command that reports it; otherwise `allow: {CODE: reason}` would not be
+    possible."""
     passes = ("documents/", "model/", "targets/", "driver/testing/")
     warned: dict[str, bool] = {}
     for path in modules():
@@ -398,8 +420,8 @@ def test_warnings_of_documents_can_be_allowed() -> None:
     assert len(warned) >= 5 and not [name for name, known in warned.items() if not known] and not allowances & set(warned)
 
 
-def test_what_commands_print_goes_through_one_place() -> None:
-    """`console.say` and the forms of diagnostics show what documents hold as text; a plain `print` would hand on escape sequences."""
+def test_commands_print_through_the_console_module() -> None:
+    """`console.say` and the diagnostic formats escape text of documents; a plain `print` would output escape sequences."""
     plain = [
         f"{path.name}:{node.lineno}" for path in (PACKAGE / "tools/cli").glob("*.py") if path.name != "console.py"
         for node in ast.walk(tree(path))

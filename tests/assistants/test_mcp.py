@@ -1,5 +1,5 @@
-"""`thingc mcp`, with the client of the package `mcp`: each tool returns what the command prints, writes only in the folder, and runs no
-code of a folder that is not trusted."""
+"""`thingc mcp`, with the client of the package `mcp`. Each tool returns the output of the command, writes only in the folder, and runs
+no code of an untrusted folder."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def called(tool: str, given: dict[str, Any], *, trusted: bool = True) -> CallToo
 def served(
     rover: Path, *calls: tuple[str, dict[str, Any]], words: Sequence[str] = ("--trusted",), command: Sequence[str] = ("-m", "thingc"),
 ) -> list[CallToolResult]:
-    """Call tools of a server in a process of its own, in which MuJoCo is not yet imported for another way to draw."""
+    """Call tools of a server in a separate process, in which MuJoCo is not yet imported with another renderer."""
     async def work() -> list[CallToolResult]:
         server = StdioServerParameters(
             command=sys.executable, args=["-P", *command, "mcp", "-C", str(rover), *words], cwd=rover.parent, env={**os.environ},
@@ -100,7 +100,7 @@ def codes(result: CallToolResult) -> list[str]:
 
 
 def printed(*words: str) -> Any:
-    """What a command prints in a process of its own."""
+    """Return the output of a command in a separate process."""
     return json.loads(subprocess.run([sys.executable, "-P", "-m", "thingc", *words, "--format", "json"], capture_output=True).stdout)
 
 
@@ -118,14 +118,14 @@ def test_five_tools_read_and_two_write(rover: Path) -> None:
         assert required == others.get(name, {"document"})
 
 
-def test_unknown_arguments_and_paths_that_no_file_has_are_refused(rover: Path) -> None:
+def test_unknown_arguments_and_invalid_paths_are_errors(rover: Path) -> None:
     wrong = called("check", {"document": "rover.yaml"})
     assert wrong.is_error and "`check` has no argument `document`: did you mean `documents`?" in wrong.content[0].text  # type: ignore[union-attr]
     assert "U+0000" in called("check", {"documents": ["a\0b"]}).content[0].text  # type: ignore[union-attr]
 
 
 @pytest.mark.slow
-def test_what_is_read_is_what_the_commands_print(rover: Path) -> None:
+def test_results_equal_the_output_of_commands(rover: Path) -> None:
     for tool, given, words in (
         ("check", {"documents": ["rover.yaml"]}, ["check", "rover.yaml"]),
         ("check", {}, ["check"]),
@@ -142,7 +142,7 @@ def test_what_is_read_is_what_the_commands_print(rover: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_picture_shows_the_pose(rover: Path) -> None:
+def test_picture_shows_the_pose(rover: Path) -> None:
     def picture(result: CallToolResult) -> np.ndarray[Any, Any]:
         assert codes(result) == []
         image = result.content[1]
@@ -196,7 +196,7 @@ def test_elements_are_added(rover: Path) -> None:
     assert codes(called("check", {"documents": ["rover.yaml"]})) == []
 
 
-def test_a_broken_document_is_reported_and_not_changed(rover: Path) -> None:
+def test_invalid_document_is_reported_and_not_changed(rover: Path) -> None:
     checked = called("check", {"documents": ["broken.yaml"]})
     assert not checked.is_error and codes(checked) == codes(called("info", {"document": "broken.yaml"})) == ["TC302"]
     assert checked.structured_content is not None and checked.structured_content["diagnostics"][0]["line"] == 6
@@ -214,7 +214,7 @@ def test_a_broken_document_is_reported_and_not_changed(rover: Path) -> None:
         assert {path.name: path.read_bytes() for path in rover.glob("*.yaml")} == before
 
 
-def test_files_outside_the_folder_are_refused(rover: Path) -> None:
+def test_files_outside_the_folder_are_errors(rover: Path) -> None:
     (rover / "link.yaml").symlink_to(rover.parent / "other.yaml")
     (rover / "up").symlink_to(rover.parent)
     before = (rover.parent / "other.yaml").read_bytes()
@@ -243,7 +243,7 @@ def test_arguments_are_not_options(rover: Path) -> None:
 
 @pytest.mark.slow
 def test_no_code_of_an_untrusted_folder_runs(rover: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Modules that thingc itself imports leave a mark if they are found in the folder, and the geometry service must not be created."""
+    """Modules that thingc imports itself would leave a file if they were found in the folder. The geometry service must not be created."""
     mark = rover.parent / "ran"
     for module in ("json", "conftest", "sitecustomize", "thingc"):
         (rover / f"{module}.py").write_text(f"open({str(mark)!r}, 'w')\n")
@@ -287,7 +287,7 @@ def test_no_code_of_an_untrusted_folder_runs(rover: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("tool", ["set", "add"])
-def test_a_document_that_changes_meanwhile_is_not_overwritten(rover: Path, tool: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_concurrent_change_is_not_overwritten(rover: Path, tool: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """An editor saves the file after the tool has read it, and before it writes."""
     document, saved = rover / "rover.yaml", (rover / "rover.yaml").read_text() + "# an edit\n"
     replace = edit_document.document_change
@@ -308,8 +308,8 @@ def test_a_document_that_changes_meanwhile_is_not_overwritten(rover: Path, tool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("trusted", [False, True])
-def test_over_standard_input_and_output(rover: Path, shared_store: str, trusted: bool) -> None:
-    """A process of its own; what part code prints does not disturb the protocol."""
+def test_server_over_standard_input_and_output(rover: Path, shared_store: str, trusted: bool) -> None:
+    """The server runs in a separate process. The output of part code does not disturb the protocol."""
     (rover / "parts/shapes.py").write_text("print('hello')\n" + (rover / "parts/shapes.py").read_text())
     document = {"document": "rover.yaml"}
     results = served(
@@ -322,7 +322,7 @@ def test_over_standard_input_and_output(rover: Path, shared_store: str, trusted:
     assert ("TC340" in codes(results[0])) != trusted
 
 
-def test_a_signal_ends_the_server_while_it_waits(rover: Path) -> None:
+def test_signal_ends_a_waiting_server(rover: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-P", "-m", "thingc", "mcp"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     ) as process:
@@ -336,8 +336,8 @@ def test_a_signal_ends_the_server_while_it_waits(rover: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_signal_interrupts_a_command_and_ends_the_server(rover: Path) -> None:
-    """While a part is built: its worker ends as well."""
+def test_signal_interrupts_a_command(rover: Path) -> None:
+    """While a part is built, its worker ends as well."""
     text = (rover / "parts/shapes.py").read_text()
     slow = "class Slow(Boom):\n    def result(self):\n        time.sleep(300)\n"
     (rover / "parts/shapes.py").write_text(f"{text}\n\nimport time\n\n\n{slow}")
@@ -360,7 +360,7 @@ def test_a_signal_interrupts_a_command_and_ends_the_server(rover: Path) -> None:
         assert psutil.wait_procs(workers, timeout=20.0)[1] == []
 
 
-def test_a_missing_extra_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_extra_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["mcp"]) == 2
     told = capsys.readouterr().err
@@ -368,8 +368,8 @@ def test_a_missing_extra_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: py
 
 
 @pytest.mark.slow
-def test_the_skill_is_right(rover: Path) -> None:
-    """Its document is checked without diagnostics, its commands and options exist, and new workspaces have it."""
+def test_skill_is_valid(rover: Path) -> None:
+    """Its document has no diagnostics, its commands and options exist, and new workspaces contain it."""
     text = SKILL.read_text()
     assert files_of("arm", "my_robot")[".claude/skills/thingc/SKILL.md"].decode() == text
     head = YAML(typ="safe").load(text.split("---")[1])
@@ -387,7 +387,7 @@ def test_the_skill_is_right(rover: Path) -> None:
         assert parser is not None and options <= {word for action in parser._actions for word in action.option_strings}, command
 
 
-def test_the_extra_is_declared() -> None:
+def test_extra_is_declared() -> None:
     import tomllib
 
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]

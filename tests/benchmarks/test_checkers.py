@@ -1,4 +1,4 @@
-"""What `make conformance` makes of the findings of checkers, and that a misread URDF file is one."""
+"""The findings of checkers in `make conformance`, including URDF files that a reader misinterprets."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_explained_findings_do_not_count() -> None:
     assert "python -m pip install lint==1" in row(checker, "URDF", None)
 
 
-def test_a_run_of_some_checkers_keeps_the_rows_of_the_others() -> None:
+def test_partial_run_keeps_the_rows_of_other_checkers() -> None:
     from checkers import CHECKERS, page
 
     before = "| usdchecker | USD | 1 | 2 | 0 | 0 | 0 |\n| yourdfpy | URDF | 1 | 2 | 3 | 0 | 0 |\n| removed | USD | 1 | 2 | 0 | 0 | 0 |\n"
@@ -50,7 +50,7 @@ def test_a_run_of_some_checkers_keeps_the_rows_of_the_others() -> None:
     assert page([], text) == text and len({checker.name for checker in CHECKERS}) == len(CHECKERS)
 
 
-def test_a_misread_file_and_what_a_reader_prints_are_findings(tmp_path: Path) -> None:
+def test_misread_files_and_output_of_readers_are_findings(tmp_path: Path) -> None:
     from findings import checked, differences
 
     file = tmp_path / "r.urdf"

@@ -1,5 +1,5 @@
-"""What of `make conformance` is quick to have: both robots in all modes, at a few configurations, by the same questions and scripts.
-Environments of readers are those of the command, made where they are missing; readers that cannot be had here are skipped."""
+"""The fast part of `make conformance`: both robots in all modes at a few configurations, with the same questions and scripts.
+Environments of readers are those of the command, and are created if they are missing. Readers that cannot be installed are skipped."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from emit import usd_answers
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "benchmarks" / "conformance"
 FEW = 5
-"""At how many configurations."""
+"""The number of configurations."""
 
 SUFFIXES = {"URDF": "urdf", "USD": "usda"}
 
@@ -50,8 +50,8 @@ def asked(on_path: None, shared_store: str) -> dict[str, list[Any]]:
 @pytest.mark.parametrize(("name", "format"), [
     ("mujoco", "URDF"), ("check_urdf", "URDF"), ("yourdfpy", "URDF"), ("pinocchio", "URDF"), ("usdchecker", "USD"), ("ours", "USD"),
 ])
-def test_both_robots_are_one_robot_in_every_mode(asked: dict[str, list[Any]], name: str, format: str) -> None:
-    """`ours` follows UsdPhysics's frames by itself: what others make of them only `make conformance` asks."""
+def test_robots_are_equal_in_all_modes(asked: dict[str, list[Any]], name: str, format: str) -> None:
+    """`ours` evaluates the frames of UsdPhysics independently. Other readers of USD are tested only in `make conformance`."""
     from study import READERS, Judged, judged
 
     verdict = Judged(floats=format == "USD")

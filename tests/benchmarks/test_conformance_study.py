@@ -1,4 +1,4 @@
-"""The study of conformance: what it asks of every reader, and that it would see a file that says something else."""
+"""The study of conformance: its questions to every reader, and that it detects changed files."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from thingc.tools.cli.main import main
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "conformance"
 FEW = 4
-"""At how many configurations our own reader of SDF is asked: it is slow."""
+"""The number of configurations for our SDF reader, which is slow."""
 
 SEEDS = (0, 3, 20)
-"""Of the last a turn without limits follows one with limits."""
+"""In the last robot, a joint without limits follows a joint with limits."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -33,7 +33,7 @@ def on_path():
 
 @pytest.fixture(scope="module")
 def both(tmp_path_factory: pytest.TempPathFactory, shared_store: str):
-    """Questions to all modes of three random robots, to files of each format."""
+    """Questions to all modes of three random robots in files of each format."""
     from reference import question
     from robots import document
 
@@ -80,7 +80,7 @@ modes: {m: {root: base, base: fixed}}
 """
 
 
-def test_a_package_whose_poses_are_others_is_seen(tmp_path: Path, shared_store: str) -> None:
+def test_package_with_wrong_poses_is_detected(tmp_path: Path, shared_store: str) -> None:
     import packages
     from study import Judged
 
@@ -90,7 +90,7 @@ def test_a_package_whose_poses_are_others_is_seen(tmp_path: Path, shared_store: 
     assert asked.request["poses"] == ["up", "low"] and "tip" in asked.request["frames"]
 
     def answer(srdf: str):
-        """MuJoCo on URDF, told the states of the group of all joints."""
+        """Answer with MuJoCo on URDF, with the states of the group of all joints."""
         unfused = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'  # else frames are no bodies; a package does not ask for it
         model = mujoco.MjModel.from_xml_string(Path(asked.request["file"]).read_text().replace("</robot>", unfused))
         data = mujoco.MjData(model)
@@ -110,7 +110,8 @@ def test_a_package_whose_poses_are_others_is_seen(tmp_path: Path, shared_store: 
 
 
 def judged(asked, change: Callable[[str], str] = str):
-    """What the study makes of MuJoCo's answers to URDF files that were changed, and of those of our own readers to SDF and USD files."""
+    """Return the findings of the study for changed URDF files that MuJoCo reads, and for changed SDF and USD files that our own readers
+    read."""
     import ask_mujoco
     from study import Judged
 
@@ -127,7 +128,7 @@ def judged(asked, change: Callable[[str], str] = str):
     return verdict
 
 
-def test_what_thingc_writes_is_one_robot(both) -> None:
+def test_all_files_describe_one_robot(both) -> None:
     for format, asked in both.items():
         verdict = judged(asked)
         assert verdict.faults == [] and verdict.files == len(asked)
@@ -137,14 +138,14 @@ def test_what_thingc_writes_is_one_robot(both) -> None:
 
 
 def flipped(text: str) -> str:
-    """The last axis the other way round."""
+    """Reverse the last axis."""
     before, _, after = text.rpartition('<axis xyz="')
     values, _, rest = after.partition('"')
     return f'{before}<axis xyz="{" ".join(str(-float(x)) for x in values.split())}"{rest}'
 
 
 def turned(text: str) -> str:
-    """Every inertia a quarter turn about z: as if the frame of it had been turned, or that turn forgotten."""
+    """Rotate every inertia by a quarter turn about z, as if its frame had been ignored."""
     def quarter(match: re.Match[str]) -> str:
         xx, xy, xz, yy, yz, zz = (float(one) for one in re.findall(r'="(\S+?)"', match[0]))
         values = {"ixx": yy, "ixy": -xy, "ixz": -yz, "iyy": xx, "iyz": xz, "izz": zz}
@@ -154,12 +155,12 @@ def turned(text: str) -> str:
 
 
 def shifted(text: str) -> str:
-    """The first centre of mass a millimetre away."""
+    """Move the first centre of mass by a millimetre."""
     return re.sub(r'(<inertial>\s*<origin xyz=")(\S+)', lambda match: f"{match[1]}{float(match[2]) + 0.001!r}", text, count=1)
 
 
 def heavier(text: str) -> str:
-    """A link of other mass."""
+    """Change the mass of a link."""
     return re.sub(r'<mass value="0\.', '<mass value="1.', text, count=1)
 
 
@@ -167,16 +168,16 @@ def heavier(text: str) -> str:
 @pytest.mark.parametrize(("change", "seen"), [
     (flipped, {"frames"}), (turned, {"mass matrix"}), (shifted, {"centre of mass"}), (heavier, {"total mass"}),
 ], ids=lambda one: one.__name__ if callable(one) else "")
-def test_a_file_that_says_something_else_is_seen(asked, change: Callable[[str], str], seen: set[str]) -> None:
-    """A flipped axis, a turned inertia, a moved centre, another mass."""
+def test_changed_urdf_file_is_detected(asked, change: Callable[[str], str], seen: set[str]) -> None:
+    """A reversed axis, a rotated inertia, a moved centre, another mass."""
     faults = judged(asked, change).faults
     assert {one.name for one in asked} == {fault.partition(":")[0] for fault in faults}, "in every file"
     assert any(word in fault for fault in faults for word in seen)
 
 
 @pytest.mark.parametrize(("pattern", "other"), [('mass="0.', 'mass="1.'), ("0 0 -9.81", "0 0 -9.8")])
-def test_a_model_that_moves_otherwise_is_seen(both, pattern: str, other: str) -> None:
-    """By where its joints are after some steps."""
+def test_model_with_other_motion_is_detected(both, pattern: str, other: str) -> None:
+    """The positions of joints after some steps differ."""
     from asking import started
     from reference import question, stepped
     from study import Judged
@@ -196,14 +197,14 @@ def test_a_model_that_moves_otherwise_is_seen(both, pattern: str, other: str) ->
 
 
 def flipped_sdf(text: str) -> str:
-    """The last axis the other way round."""
+    """Reverse the last axis."""
     before, _, after = text.rpartition("<xyz>")
     values, _, rest = after.partition("<")
     return f"{before}<xyz>{' '.join(str(-float(x)) for x in values.split())}<{rest}"
 
 
 def turned_sdf(text: str) -> str:
-    """Every inertia a quarter turn about z."""
+    """Rotate every inertia by a quarter turn about z."""
     def quarter(match: re.Match[str]) -> str:
         xx, xy, xz, yy, yz, zz = (float(one) for one in re.findall(r">(\S+?)</", match[0]))
         values = {"ixx": yy, "ixy": -xy, "ixz": -yz, "iyy": xx, "iyz": xz, "izz": zz}
@@ -213,33 +214,34 @@ def turned_sdf(text: str) -> str:
 
 
 def unheld_sdf(text: str) -> str:
-    """A base that is fixed nowhere."""
+    """Remove the joint that fixes the base."""
     return re.sub(r'<joint name="root" type="fixed">.*?</joint>', "", text, flags=re.S)
 
 
 def alone_sdf(text: str) -> str:
-    """Nothing mimics."""
+    """Remove all mimics."""
     return re.sub(r"<mimic .*?</mimic>", "", text, flags=re.S)
 
 
 def wider_sdf(text: str) -> str:
-    """A limit elsewhere."""
+    """Change a limit."""
     return re.sub(r"<upper>(.*?)<", lambda match: f"<upper>{float(match[1]) + 0.1!r}<", text, count=1)
 
 
 @pytest.mark.parametrize(("change", "seen"), [
     (flipped_sdf, "frames"), (turned_sdf, "mass matrix"), (unheld_sdf, "frames"), (alone_sdf, "mimics"), (wider_sdf, "limits"),
 ], ids=lambda one: one.__name__ if callable(one) else "")
-def test_an_sdf_file_that_says_something_else_is_seen(both, change: Callable[[str], str], seen: str) -> None:
-    """A flipped axis, a turned inertia, a lost base, a dropped mimic, another limit: in every file that has such a thing."""
+def test_changed_sdf_file_is_detected(both, change: Callable[[str], str], seen: str) -> None:
+    """A reversed axis, a rotated inertia, a base that is not fixed, a removed mimic, another limit, in every file that has such an
+    element."""
     concerned = [one for one in both["SDF"] if change(text := Path(one.request["file"]).read_text()) != text]
     faults = judged(concerned, change).faults
     assert len(concerned) >= 3 and {one.name for one in concerned} == {fault.partition(":")[0] for fault in faults}
     assert any(seen in fault for fault in faults)
 
 
-def test_joints_of_an_sdf_file_with_a_loop_count_from_the_pose_of_the_file(tmp_path: Path, shared_store: str) -> None:
-    """MuJoCo, at the values that the study takes for 0, has every link where the file has it."""
+def test_joint_zeros_of_an_sdf_file_with_a_loop(tmp_path: Path, shared_store: str) -> None:
+    """At the values that the study uses as 0, MuJoCo has every link at the pose in the file."""
     from reference import _zeros
 
     (tmp_path / "fourbar.yaml").write_text(FOURBAR)
@@ -271,7 +273,7 @@ NUMBERS = r"\((\S+), (\S+), (\S+), (\S+)\)"
 
 
 def times(text: str, attribute: str, other: tuple[float, float, float, float], count: int = 0) -> str:
-    """The last `count` quaternions of a name in a USD file (0: all) times another one."""
+    """Multiply the last `count` quaternions of a name in a USD file (0: all) by another one."""
     a, b, c, d = other
 
     def product(match: re.Match[str]) -> str:
@@ -286,43 +288,43 @@ def times(text: str, attribute: str, other: tuple[float, float, float, float], c
 
 
 def flipped_usd(text: str) -> str:
-    """The last axis the other way round."""
+    """Reverse the last axis."""
     return times(text, "localRot", (0.0, 1.0, 0.0, 0.0), 2)
 
 
 def turned_usd(text: str) -> str:
-    """All principal axes a quarter turn about z."""
+    """Rotate all principal axes by a quarter turn about z."""
     return times(text, "principalAxes", (0.5**0.5, 0.0, 0.0, 0.5**0.5))
 
 
 def unheld_usd(text: str) -> str:
-    """A base that is a millimetre from where it is fixed."""
+    """Move the base a millimetre away from the place where it is fixed."""
     return re.sub(r'(FixedJoint "root".*?localPos0 = \()(\S+),', lambda one: f"{one[1]}{float(one[2]) + 0.001!r},", text, flags=re.S)
 
 
 def alone_usd(text: str) -> str:
-    """Nothing mimics."""
+    """Remove all mimics."""
     return re.sub(r"rel newton:mimicJoint = .*", "", text)
 
 
 def wider_usd(text: str) -> str:
-    """A limit elsewhere."""
+    """Change a limit."""
     return re.sub(r"(upperLimit = )(\S+)", lambda match: f"{match[1]}{float(match[2]) + 0.1!r}", text, count=1)
 
 
 @pytest.mark.parametrize(("change", "seen"), [
     (flipped_usd, "frames"), (turned_usd, "mass matrix"), (unheld_usd, "frames"), (alone_usd, "mimics"), (wider_usd, "limits"),
 ], ids=lambda one: one.__name__ if callable(one) else "")
-def test_a_usd_file_that_says_something_else_is_seen(both, change: Callable[[str], str], seen: str) -> None:
-    """A flipped axis, turned principal axes, a base elsewhere, a dropped mimic, another limit: in every file that has such a thing."""
+def test_changed_usd_file_is_detected(both, change: Callable[[str], str], seen: str) -> None:
+    """A reversed axis, rotated principal axes, a moved base, a removed mimic, another limit, in every file that has such an element."""
     concerned = [one for one in both["USD"] if change(text := Path(one.request["file"]).read_text()) != text]
     faults = judged(concerned, change).faults
     assert len(concerned) >= 3 and {one.name for one in concerned} == {fault.partition(":")[0] for fault in faults}
     assert any(seen in fault for fault in faults)
 
 
-def test_a_mimic_that_is_left_out_is_seen(asked) -> None:
-    """By readers that say what they follow."""
+def test_ignored_mimic_is_detected(asked) -> None:
+    """Only for readers that state which mimics they support."""
     from study import difference
 
     expected = [one for question in asked for one in question.answer["mimic"]]
@@ -333,7 +335,7 @@ def test_a_mimic_that_is_left_out_is_seen(asked) -> None:
     assert difference("mimic", other, expected, []) == pytest.approx(0.01)
 
 
-def test_what_a_reader_is_known_to_refuse_is_said_in_its_row() -> None:
+def test_known_refusals_are_in_the_row_of_a_reader() -> None:
     from study import Judged, table
 
     verdict = Judged("is newer than")
@@ -346,7 +348,7 @@ def test_what_a_reader_is_known_to_refuse_is_said_in_its_row() -> None:
     assert row.endswith("| no differences, not supported: 2 (SDFormat 1.11 is newer than 1.9) |")
 
 
-def test_a_reader_that_cannot_be_had_is_left_out_in_words(tmp_path: Path) -> None:
+def test_missing_reader_is_skipped_with_a_message(tmp_path: Path) -> None:
     from environments import succeeds
     from study import Reader, judged, table
 
@@ -356,7 +358,7 @@ def test_a_reader_that_cannot_be_had_is_left_out_in_words(tmp_path: Path) -> Non
     assert list(table({("other", "SDF"): (version, groups)}))[2].startswith(f"| other | SDF | {version} |")
 
 
-def test_what_a_reader_cannot_take_is_a_fault_in_its_words() -> None:
+def test_errors_of_readers_are_quoted() -> None:
     from study import Judged
 
     verdict = Judged()
@@ -364,8 +366,8 @@ def test_what_a_reader_cannot_take_is_a_fault_in_its_words() -> None:
     assert verdict.faults == ["arm_bench: reader cannot: ValueError: no such joint"]
 
 
-def test_meshes_are_asked_by_their_names_as_boxes_in_the_world() -> None:
-    """One that is turned a quarter about z, and one as it is: swapped, they are seen."""
+def test_meshes_are_compared_as_boxes_by_name() -> None:
+    """One mesh is rotated by a quarter turn about z, and another one is not. Exchanged meshes are detected."""
     import mujoco
     from reference import _box, _meshes, _shape
     from study import BOUNDS, difference

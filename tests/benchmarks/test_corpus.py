@@ -1,4 +1,4 @@
-"""The corpus of outputs: the same twice, and a byte that differs is seen."""
+"""The corpus of outputs is reproducible, and a changed byte is detected."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 ENTRY = "codes/TC618"
-"""A robot without parts of build123d."""
+"""A robot without build123d parts."""
 
 
 def corpus(*words: object) -> subprocess.CompletedProcess[str]:
@@ -18,13 +18,13 @@ def corpus(*words: object) -> subprocess.CompletedProcess[str]:
 
 
 def asked(program: str) -> str:
-    """What a program prints that has `corpus`."""
+    """Return the output of a program that uses `corpus`."""
     command = [sys.executable, "-c", f"import corpus; {program}"]
     return subprocess.run(command, cwd=ROOT / "benchmarks", capture_output=True, text=True, check=True).stdout
 
 
-def test_what_is_frozen_is_found_again_and_a_change_is_seen(tmp_path: Path, shared_store: str) -> None:
-    """That the one file that was changed is all that differs says as well that the others are equal."""
+def test_comparison_finds_exactly_the_changed_file(tmp_path: Path, shared_store: str) -> None:
+    """Only the changed file is reported, so all others are equal."""
     kept = tmp_path / "corpus.json"
     first = corpus("freeze", kept, "--store", shared_store)
     assert first.returncode == 0 and first.stdout.startswith("1 entries, "), first.stderr
@@ -38,12 +38,12 @@ def test_what_is_frozen_is_found_again_and_a_change_is_seen(tmp_path: Path, shar
     assert changed.returncode == 1 and changed.stdout == f"{ENTRY}: {name}\n1 entries: 1 x .xml differ\n"
 
 
-def test_what_does_not_differ_is_said() -> None:
+def test_equal_corpora_are_reported() -> None:
     one = {"docs/things.md": {"exit": "0", "a.xml": "0" * 64}}
     assert asked(f"print(corpus.compared({one}, {one}))") == "1 entries: all equal\n0\n"
 
 
-def test_the_entries_of_a_page_are_asked_for_by_its_name() -> None:
+def test_entries_of_a_page_are_selected_by_its_name() -> None:
     patterns = {"docs/things.md": True, "*": True, "docs/*": True, "docs/thing": False}
     said = asked(f"print([corpus.fits('docs/things.md/rack.yaml', [one]) for one in {list(patterns)}])")
     assert said == f"{list(patterns.values())}\n"

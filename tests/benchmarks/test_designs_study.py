@@ -1,4 +1,4 @@
-"""The study of random designs: some of them, and that it would see a crash, a rule that is not named and modes that differ."""
+"""The study of random designs: some designs, and that the study detects crashes, errors without a rule, and modes that differ."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "benchmarks" / "designs"
 SEED, NUMBERS = 11, (2, 3)
-"""Of these designs some build, and some are refused."""
+"""Some of these designs build, and some are refused."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -29,7 +29,7 @@ def on_path():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A workspace for documents that are edited."""
+    """A workspace for edited documents."""
     from drawing import workspace
 
     base = tmp_path_factory.mktemp("designs")
@@ -37,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return base
 
 
-def test_a_design_depends_on_its_number_and_the_seed_alone():
+def test_designs_depend_only_on_number_and_seed():
     from drawing import design, ranges
 
     assert design(5, 7) == design(5, 7) and len({str(design(n, s)) for n in range(50) for s in (7, 8)}) == 100
@@ -52,8 +52,8 @@ def test_a_design_depends_on_its_number_and_the_seed_alone():
         assert len(astray) == sum(rule in (("TC803", n) for n in declared) or rule == ("TC315", "leg_length") for rule in one.broken)
 
 
-def test_every_edit_fits_the_documents(folder: Path):
-    """By itself and with the others: `write` raises where one does not."""
+def test_edits_fit_the_documents(folder: Path):
+    """Each edit alone, and together with the others. `write` raises an error if an edit does not fit."""
     import random
 
     from drawing import EDITS, Design, write
@@ -68,7 +68,7 @@ def test_every_edit_fits_the_documents(folder: Path):
 
 
 @pytest.mark.slow
-def test_some_designs_build_or_are_refused_by_name(tmp_path: Path, shared_store: str):
+def test_some_designs_build_or_are_refused_by_a_rule(tmp_path: Path, shared_store: str):
     study = runpy.run_path(str(FOLDER / "study.py"))
     verdicts = study["run"](NUMBERS, SEED, tmp_path, Path(shared_store))
     assert [(v.design.number, v.outcome, v.faults) for v in verdicts if v.faults or v.outcome == "crashed"] == []
@@ -81,7 +81,7 @@ def test_some_designs_build_or_are_refused_by_name(tmp_path: Path, shared_store:
     assert f"| **all** | {len(NUMBERS)} |" in page and "| crashed | 0 |" in page
 
 
-def test_modes_that_differ_are_a_fault(folder: Path, shared_store: str):
+def test_different_modes_are_a_fault(folder: Path, shared_store: str):
     import verdicts
     from drawing import Design, write
 
@@ -97,7 +97,7 @@ def test_modes_that_differ_are_a_fault(folder: Path, shared_store: str):
         assert verdicts.compared(spoilt, 0), field
 
 
-def test_what_names_no_rule_is_a_fault(folder: Path, shared_store: str):
+def test_errors_without_a_rule_are_a_fault(folder: Path, shared_store: str):
     import verdicts
     from drawing import Design, Edit, write
 
@@ -125,7 +125,7 @@ def test_what_names_no_rule_is_a_fault(folder: Path, shared_store: str):
         assert faults == ([] if named else [f"no rule is named: {code.code} {message}"])
 
 
-def test_a_part_that_dies_and_an_exception_are_crashes(tmp_path: Path, shared_store: str):
+def test_crashed_parts_and_exceptions_are_crashes(tmp_path: Path, shared_store: str):
     import verdicts
     from drawing import Design, workspace, write
 
@@ -142,7 +142,7 @@ def test_a_part_that_dies_and_an_exception_are_crashes(tmp_path: Path, shared_st
     assert verdict.outcome == "crashed" and "Traceback" in verdict.faults[0]
 
 
-def test_the_page_is_what_the_study_prints():
+def test_page_equals_the_output():
     study = runpy.run_path(str(FOLDER / "study.py"))
     page = study["PAGE"].read_text(encoding="utf-8")
     head, _, tables = page.partition("## Outcomes\n")

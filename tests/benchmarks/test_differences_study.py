@@ -1,4 +1,4 @@
-"""The study of differences: its edits fit the documents that are there, and a few of it."""
+"""The study of differences: its edits fit the documents, and a short run of it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def on_path():
         sys.path.remove(folder)
 
 
-def test_every_edit_fits_its_documents(tmp_path: Path):
+def test_edits_fit_the_documents(tmp_path: Path):
     from known_changes import ROBOTS, cases
 
     texts = {}
@@ -33,7 +33,7 @@ def test_every_edit_fits_its_documents(tmp_path: Path):
             assert text.count(old) == 1 and old != new, (one.name, file)
 
 
-def test_some_of_it(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch):
+def test_short_run(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch):
     from known_changes import ROBOTS, cases, rewritten
 
     study = runpy.run_path(str(FOLDER / "study.py"))

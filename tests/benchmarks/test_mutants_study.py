@@ -1,4 +1,4 @@
-"""The study of broken documents: what it calls right and wrong, and a small run of it."""
+"""The study of invalid documents: its criteria, and a short run of it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.slow
-def test_few_are_accepted_and_the_right_line_is_blamed(shared_store: str) -> None:
+def test_few_mutants_are_accepted_and_errors_have_the_right_line(shared_store: str) -> None:
     done = subprocess.run(
         [
             sys.executable, ROOT / "benchmarks/mutants/study.py", "--count", "40", "--seed", "5", "--jobs", "1", "--store", shared_store,
@@ -29,7 +29,7 @@ def test_few_are_accepted_and_the_right_line_is_blamed(shared_store: str) -> Non
     assert refused >= 0.8 * every and right >= 0.95 * refused
 
 
-def test_the_page_is_of_a_whole_run_that_was_good_enough() -> None:
+def test_page_contains_a_complete_and_sufficient_run() -> None:
     page = (ROOT / "docs" / "studies" / "mutants.md").read_text()
     assert page.startswith((ROOT / "benchmarks" / "mutants" / "page.md").read_text())
     found = re.search(r"make mutants\n```\n\n(\d+) mutants: (\d+) refused .* (\d+) refused mutants ", page)

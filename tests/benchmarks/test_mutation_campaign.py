@@ -1,4 +1,4 @@
-"""The mutation campaign: every kind of change is made, none where a change means nothing; its rooms exist; changed functions are run."""
+"""The mutation campaign: all kinds of changes are made, but none without an effect; its rooms exist; changed functions are executed."""
 
 from __future__ import annotations
 
@@ -92,8 +92,8 @@ def test_marks_of_executed_statements(monkeypatch: pytest.MonkeyPatch, tmp_path:
 
 
 @pytest.mark.slow
-def test_no_mutant_is_judged_without_test_files(tmp_path: Path) -> None:
-    """All would survive, and the results would be kept."""
+def test_mutants_need_test_files(tmp_path: Path) -> None:
+    """Without test files, all mutants would survive, and the results would be stored."""
     words = [sys.executable, FOLDER / "campaign.py", "--number", "1", "--map-minutes", "0", "--folder", tmp_path]
     done = subprocess.run(words, check=False, capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr.startswith("the map has no test files") and list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""The naming study sees what is wrong: moved names, features that are not there, picks that name another feature."""
+"""The naming study detects moved names, missing features, and picks that select another feature."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def on_path():
 
 @pytest.fixture(scope="module")
 def block() -> Solid:
-    """40 x 20 x 10 with its middle in the origin, an M3 clearance hole along z at (12, 0) and a shaft upwards at (-12, 0)."""
+    """A block of 40 x 20 x 10 with its middle at the origin, an M3 clearance hole along z at (12, 0), and a shaft upwards at (-12, 0)."""
     from build123d import Plane, Solid
 
     box = Solid.make_box(40, 20, 10, Plane((-20, -10, -5)))
@@ -41,7 +41,7 @@ def found(block: Solid, feature: object) -> int:
     return sum(is_feature(face, feature) for face in block.faces())
 
 
-def test_a_plane_is_found_by_level_outward_normal_and_extent(block):
+def test_plane_is_found_by_height_normal_and_extent(block):
     from features import Feature
 
     def plane(on, axis):
@@ -57,7 +57,7 @@ def test_a_plane_is_found_by_level_outward_normal_and_extent(block):
     assert plane((0, 0, -5), (0, 0, -1)) == 1
 
 
-def test_a_hole_is_no_shaft_and_has_its_axis_diameter_and_extent(block):
+def test_holes_and_shafts_are_distinguished(block):
     from features import Feature
 
     def cylinder(kind, on, diameter, axis=(0, 0, 1)):
@@ -74,7 +74,7 @@ def test_a_hole_is_no_shaft_and_has_its_axis_diameter_and_extent(block):
     assert cylinder("hole", (-12, 0, 9), 6) == 0
 
 
-def test_the_predicate_says_no_to_a_moved_mount_and_to_a_solid_that_moved_away():
+def test_moved_mounts_and_solids_are_detected():
     from build123d import Location, Pos
     from intents_arm import rotor_brace
     from sweep import fault
@@ -93,7 +93,7 @@ def test_the_predicate_says_no_to_a_moved_mount_and_to_a_solid_that_moved_away()
     assert "meant in" in fault(rows["servo_seat"].frame(longer), rows["servo_seat"], longer.result())
 
 
-def test_names_last_and_some_picks_do_not():
+def test_names_are_stable_and_some_picks_are_not():
     import intents_arm
     import intents_stock
     from picks import EDGES, FACES
@@ -120,7 +120,7 @@ def test_names_last_and_some_picks_do_not():
     assert trays.gone[FACES[0], "another"] == 1
 
 
-def test_a_pick_names_its_feature_where_it_was_chosen(block):
+def test_pick_selects_its_feature_in_the_original_part(block):
     from features import Feature, is_feature, is_rim
     from picks import EDGES, FACES, Lists, chosen
 
@@ -137,7 +137,7 @@ def test_a_pick_names_its_feature_where_it_was_chosen(block):
     assert (pick := chosen(FACES[1], lists, top, lambda face: is_feature(face, top))) and (pick.axis, pick.index) == ("Z", -1)
 
 
-def test_a_mount_without_intent_is_refused():
+def test_mount_without_intent_is_an_error():
     import intents_arm
     from sweep import sweep
 
@@ -147,7 +147,7 @@ def test_a_mount_without_intent_is_refused():
         sweep(arm.PenDummy, lambda **given: intents_arm.pen_dummy(**given)[:1], 2)
 
 
-def test_the_page_says_what_the_study_prints():
+def test_page_equals_the_output():
     from intents_stock import cell
     from sweep import sweep
 

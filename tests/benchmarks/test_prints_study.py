@@ -1,4 +1,4 @@
-"""`make print-masses` on a few prints, and the reading of G-code by hand."""
+"""`make print-masses` on a few prints, and the parser of G-code."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ sliced = pytest.mark.skipif(prusa.program() is None, reason="PrusaSlicer is not 
 
 
 @sliced
-def test_prints_weigh_what_prusaslicer_lays(shared_store: str, tmp_path: Path) -> None:
-    """A part of a robot, a bridge and a slope: a small part of the study."""
+def test_masses_of_prints_equal_those_of_prusaslicer(shared_store: str, tmp_path: Path) -> None:
+    """A part of a robot, a bridge and a slope, which are a small part of the study."""
     with study.session(tmp_path, shared_store) as opened:
         for part, up, settings in (
             ("arm:OmegaCap", "as modelled", prusa.Settings(walls=3, lids=4, infill=0.15)),
@@ -38,8 +38,8 @@ def test_prints_weigh_what_prusaslicer_lays(shared_store: str, tmp_path: Path) -
             assert max(map(abs, found.moments)) < 0.04, part
 
 
-def test_extrusions_are_read_off_the_g_code() -> None:
-    """Two lines of 10 mm, one of which is another kind; travels, retractions and moves of the filament alone lay nothing."""
+def test_extrusions_are_read_from_g_code() -> None:
+    """Two lines of 10 mm of different kinds. Travels, retractions and moves of the filament alone add no material."""
     gcode = """\
         G1 Z0.2 F720
         G1 X10 Y20
@@ -72,8 +72,8 @@ def stl(*triangles: tuple[tuple[float, float, float], ...]) -> bytes:
     return bytes(80) + struct.pack("<I", len(triangles)) + body
 
 
-def test_errors_are_those_of_thingc() -> None:
-    """A part that is 2 % too heavy, whose centre is 1 mm too high on an extent of 50 mm, and whose inertia is 4 % too large."""
+def test_errors_are_relative_to_prusaslicer() -> None:
+    """A part that is 2 % too heavy, whose centre is 1 mm too high with an extent of 50 mm, and whose inertia is 4 % too large."""
     mesh = stl(((0, 0, 0), (20, 0, 0), (0, 40, 0)), ((0, 0, 50), (20, 0, 50), (0, 40, 50)))
     theirs = prusa.Printed(volume=1000.0, centre=(5.0, 5.0, 20.0), inertia=((2e5, 0, 0), (0, 3e5, 0), (0, 0, 4e5)), kinds={})
     own = np.diag([2e5, 3e5, 4e5]) * 1e-15 * study.DENSITY * 1.04
@@ -82,14 +82,14 @@ def test_errors_are_those_of_thingc() -> None:
     assert (found.mass, found.centre, found.moments) == (pytest.approx(0.02), pytest.approx(0.02), pytest.approx((0.04,) * 3))
 
 
-def test_the_share_of_joins_follows_from_the_rule() -> None:
+def test_share_of_joins_follows_from_the_rule() -> None:
     assert joined.share(joined.FAMILIES["stars"], 360, 1000, seed=1) == pytest.approx(JOINED, abs=0.01)
     even = np.arange(0.0, 101.0)  # ends as far from each other: every second gap, but for one at the end
     assert joined.joined(even) == pytest.approx(0.5, abs=0.011)
 
 
-def test_the_page_keeps_what_is_promised() -> None:
-    """docs/studies/prints.md as the command has written it: every part is in it, and the errors are within the bounds."""
+def test_page_contains_all_parts_within_bounds() -> None:
+    """docs/studies/prints.md as written by the command: every part is in it, and the errors are within the bounds."""
     text = study.PAGE.read_text(encoding="utf-8").partition(study.BEGIN)[2].partition(study.END)[0].replace("\N{MINUS SIGN}", "-")
     rows = {cells[0]: cells[1:] for line in text.splitlines() if (cells := [cell.strip() for cell in line.strip("| ").split("|")])}
     for name in (*study.ROBOTS.values(), *study.SOLIDS.values()):

@@ -1,4 +1,4 @@
-"""The edits of `make bench` find their places in the robots as they are."""
+"""The edits of `make bench` apply to the current robots."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_every_save_is_another_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each finds the one place that it edits, and never says what was said before."""
+def test_every_edit_changes_the_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each edit finds exactly one place, and never repeats an earlier text."""
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
     monkeypatch.delitem(sys.modules, "run", raising=False)
     import run  # type: ignore[import-not-found]

@@ -29,7 +29,7 @@ def test_some_mistakes_are_reported(shared_store: str, tmp_path: Path, monkeypat
     assert {edit: verdict.said[:5] for edit, verdict in verdicts.items()} == FOUND
 
 
-def test_the_page_has_the_shares_of_its_table_and_a_reason_for_each_mistake() -> None:
+def test_page_has_shares_and_reasons() -> None:
     assert PAGE.startswith((ROOT / "benchmarks" / "mutants" / "slips_page.md").read_text())
     first, second = (100 - int(share) for share in re.findall(r"^\| .*, now \|.*\((\d+)%\) \| \d+ \|$", PAGE, re.MULTILINE))
     assert f"reports {second} % of the second list, but only {first} % of the first list" in " ".join(PAGE.split())

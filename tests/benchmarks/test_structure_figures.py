@@ -1,4 +1,4 @@
-"""What `make structure` counts, on modules of a few lines."""
+"""The figures of `make structure` for modules of a few lines."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TEXTS = {
 }
 
 
-def test_a_structure_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_figures_of_a_structure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks" / "structure"))
     monkeypatch.delitem(sys.modules, "figures", raising=False)
     import figures  # type: ignore[import-not-found]

@@ -1,4 +1,4 @@
-"""What the weld study compares is what it says: one robot, three formulations, and one with a body for each component."""
+"""The weld study compares equivalent models: one robot in three formulations, and one model with a body for each component."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def bench(shared_store: str):
         sys.path.remove(str(FOLDER))
 
 
-def test_component_bodies_are_the_same_robot(bench) -> None:
+def test_model_with_component_bodies_is_the_same_robot(bench) -> None:
     formulations, _, stepping, _, study = bench
     fused, unfused, welded = study.rooted_model(), stepping.component_rooted(study), stepping.component_welded(study)
     assert unfused.nbody - 1 == welded.nbody - 1 == len(study.assembly.occurrences) > fused.nbody
@@ -55,7 +55,7 @@ def by_joint(study, model: mujoco.MjModel, values: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("gravity", ["floor", "wall"])
 def test_rooted_model_rests_from_the_first_step_and_welds_do_not(bench, gravity: str) -> None:
-    """The torques are those of the model with one body per component, whose tree is made by other code."""
+    """The torques are those of the model with one body per component, which other code creates."""
     formulations, standing, stepping, _, study = bench
     models = {name: study.formulation(name) for name in formulations.FORMULATIONS}
     other = stepping.component_rooted(study)
@@ -85,7 +85,7 @@ def test_rooted_model_rests_from_the_first_step_and_welds_do_not(bench, gravity:
                     assert stiff.steps != 0 and 0.0 < stiff.drift < soft.drift / 100.0
 
 
-def test_welds_start_where_the_rooted_model_stands_and_their_inverse_dynamics_needs_projection(bench) -> None:
+def test_inverse_dynamics_of_welds_needs_projection(bench) -> None:
     formulations, standing, _, _, study = bench
     for name in ("weld, default", "weld, stiff"):
         formulation = study.formulation(name)
@@ -101,7 +101,7 @@ def test_welds_start_where_the_rooted_model_stands_and_their_inverse_dynamics_ne
             assert result.error > 0.5 * result.exact and result.projected < 1e-12
 
 
-def test_swing_converges_when_rooted_and_not_when_welded_softly(bench) -> None:
+def test_swing_converges_only_in_the_rooted_model(bench) -> None:
     formulations, _, _, swinging, study = bench
     rooted, soft = study.formulation("rooted"), study.formulation("weld, default")
     errors = {}
@@ -125,8 +125,8 @@ def test_angle_of_a_rotation(bench) -> None:
         assert standing.angle(matrix.reshape(3, 3)) == pytest.approx(degrees, rel=1e-6)
 
 
-def test_page_is_what_the_study_prints() -> None:
-    """The documentation has the words of the template around its numbers, and the figure is there."""
+def test_page_equals_the_output() -> None:
+    """The page contains the words of the template around the numbers, and the figure exists."""
     template = (FOLDER / "page.md").read_text()
     pieces = re.split(r"\$[a-z_]+", template)
     page = FOLDER.parents[1] / "docs" / "studies" / "weld_vs_root.md"

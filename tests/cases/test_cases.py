@@ -1,11 +1,7 @@
-"""Wrong documents, and exactly what a person reads about each.
-
-Every document `<area>/<name>.yaml` (or `.toml`) is a case, unless its name begins with `_` (those are used by others); beside
-it `<name>.txt` holds what `thingc check <name>.yaml` prints when it is run in the document's folder, and the exit code.
-A first line `# $ thingc build bad.yaml -p 'reach=3 kg'` gives another command.
-
-`REGENERATE=1 pytest tests/cases` writes the texts anew: read the difference as the person at the keyboard would.
-"""
+"""Invalid documents, and the exact output for each of them. Every document `<area>/<name>.yaml` (or `.toml`) is a case, unless its name
+begins with `_` (such documents are used by others). The file `<name>.txt` beside it contains the output of `thingc check <name>.yaml`
+in the folder of the document, and the exit code. A first line `# $ thingc build bad.yaml -p 'reach=3 kg'` sets another command.
+`REGENERATE=1 pytest tests/cases` writes the files again. Read the differences like a user."""
 
 from __future__ import annotations
 
@@ -33,14 +29,14 @@ DOCUMENTS = sorted(
 NAMES = [str(path.relative_to(HERE).with_suffix("")) for path in DOCUMENTS]
 
 _PROGRESS = re.compile(r"^(modelling|decomposing|slicing) parts: .*\n", re.MULTILINE)
-"""Depends on what the store holds already."""
+"""Depends on the content of the store."""
 
 _SECONDS = re.compile(r"  \d+\.\d\d s$", re.MULTILINE)
-"""How long a test of a document took."""
+"""The duration of a test of a document."""
 
 
 def command_of(document: Path) -> list[str]:
-    """The words of the command line behind `thingc`."""
+    """Return the words of the command line after `thingc`."""
     with document.open("rb") as stream:
         first = stream.readline(1000).decode("latin-1").removeprefix("\xef\xbb\xbf").strip()
     if first.startswith("# $ thingc "):
@@ -49,14 +45,14 @@ def command_of(document: Path) -> list[str]:
 
 
 def said(words: list[str]) -> tuple[str, int]:
-    """What a command prints, standard output before standard error, and its exit code."""
+    """Return the output of a command, standard output before standard error, and its exit code."""
     with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
         code = main(words)
     return _SECONDS.sub("  0.00 s", out.getvalue()) + _PROGRESS.sub("", err.getvalue()), code
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=NAMES)
-def test_what_is_said_is_word_for_word_what_was_agreed(
+def test_output_equals_the_file(
     document: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("THINGC_STORE", shared_store)
@@ -80,20 +76,20 @@ TEXTS |= {
 """What is said of each document, and of the examples on the pages of the codes."""
 
 
-def test_every_text_belongs_to_a_document() -> None:
+def test_every_output_file_has_a_document() -> None:
     assert {str(path.relative_to(HERE).with_suffix("")) for path in HERE.rglob("*.txt")} == set(NAMES)
 
 
-def test_no_text_shows_the_inside_of_the_compiler() -> None:
+def test_outputs_contain_no_internals() -> None:
     inside = re.compile(r"Traceback|pydantic|NoneType|KeyError|validation error|errors\.pydantic|object at 0x|<class")
     assert [name for name, text in TEXTS.items() if inside.search(text)] == []
 
 
-def test_no_text_has_an_absolute_path() -> None:
+def test_outputs_contain_no_absolute_paths() -> None:
     assert [name for name, text in TEXTS.items() if str(HERE.parent) in text or re.search(r"--> /", text)] == []
 
 
-def test_every_error_has_a_place_unless_it_is_of_the_command_line() -> None:
+def test_errors_have_locations() -> None:
     usage = {code.code for code in USAGE_CODES}
     homeless = []
     for name, text in TEXTS.items():
@@ -105,8 +101,8 @@ def test_every_error_has_a_place_unless_it_is_of_the_command_line() -> None:
     assert homeless == []
 
 
-def test_every_caret_stands_under_something() -> None:
-    """A caret under blank space points at nothing (a place where something is missing is one column)."""
+def test_carets_point_at_text() -> None:
+    """A caret below blanks points at nothing. The location of a missing element is one column wide."""
     astray = []
     for name, text in TEXTS.items():
         for line, below in zip(text.splitlines(), text.splitlines()[1:]):
@@ -118,7 +114,7 @@ def test_every_caret_stands_under_something() -> None:
     assert astray == []
 
 
-def test_the_closing_line_counts_what_was_said() -> None:
+def test_last_line_counts_the_diagnostics() -> None:
     for name, text in TEXTS.items():
         for severity in ("error", "warning"):
             number = len(re.findall(rf"^{severity}\[", text, re.MULTILINE))
@@ -126,8 +122,8 @@ def test_the_closing_line_counts_what_was_said() -> None:
             assert counted == ([str(number)] if number else []), name
 
 
-def test_json_says_the_same(shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The machine's answer has the contract's keys and the codes, places and words of the text."""
+def test_json_output_agrees_with_text(shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The JSON output has the documented keys, and the codes, locations and messages of the text."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     for name in ("several/everything_at_once", "spec/unknown_keys", "load/empty"):
         document = HERE / f"{name}.yaml"

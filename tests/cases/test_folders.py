@@ -1,4 +1,4 @@
-"""What no committed document can bring about: files that cannot be read, folders that cannot be written, links, sizes."""
+"""Cases that need other files than documents: unreadable files, folders without write permission, links, large files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 
 from thingc.base.diagnostics import Code
 from thingc.documents.load.discovery import MOST_FOLDERS
-from thingc.targets.registry import TARGETS, written
+from thingc.targets.registry import TARGETS, written_pattern
 from thingc.tools.cli.main import COMMANDS, main
 
 HERE = Path(__file__).resolve().parent
@@ -25,7 +25,7 @@ GOOD = (HERE / "load" / "good.yaml").read_text()
 
 @pytest.fixture
 def folder(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty workspace with the cases' parts, which is the working folder."""
+    """An empty workspace with the parts of the cases, which is the working folder."""
     inside = tmp_path / "workspace"
     inside.mkdir()
     (inside / "parts").mkdir()
@@ -38,14 +38,14 @@ def folder(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, list[str]]:
-    """The exit code and the lines of both streams without progress."""
+    """Return the exit code and the lines of both streams without progress."""
     capsys.readouterr()
     code = main(words)
     out, err = capsys.readouterr()
     return code, [line for line in (out + err).splitlines() if not line.startswith(("modelling ", "decomposing ", "slicing "))]
 
 
-def test_a_folder_with_files_of_a_stranger_is_not_touched(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folder_with_other_files_is_not_changed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "out" / "two").mkdir(parents=True)
     (folder / "out" / "two" / "thesis.tex").write_text("years of work")
     code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
@@ -59,7 +59,7 @@ def test_a_folder_with_files_of_a_stranger_is_not_touched(folder: Path, capsys: 
     assert (folder / "out" / "two" / "thesis.tex").read_text() == "years of work"
 
 
-def test_a_file_that_came_later_stops_the_next_build(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_later_file_stops_the_next_build(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")[0] == 0
     before = {path: path.read_bytes() for path in (folder / "out" / "two").iterdir()}
     (folder / "out" / "two" / "notes.txt").write_text("mine")
@@ -69,7 +69,7 @@ def test_a_file_that_came_later_stops_the_next_build(folder: Path, capsys: pytes
     assert {path: path.read_bytes() for path in before} == before
 
 
-def test_a_wrong_document_leaves_the_last_good_build(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_document_keeps_the_last_build(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")[0] == 0
     before = {path: path.read_bytes() for path in (folder / "out" / "two").iterdir()}
     (folder / "robot.yaml").write_text(GOOD.replace("plate.top", "plate.topp"))
@@ -77,7 +77,7 @@ def test_a_wrong_document_leaves_the_last_good_build(folder: Path, capsys: pytes
     assert {path: path.read_bytes() for path in (folder / "out" / "two").iterdir()} == before
 
 
-def test_an_output_folder_that_is_a_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_output_folder_that_is_a_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "out").write_text("a file")
     code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
     assert code == 2
@@ -85,7 +85,7 @@ def test_an_output_folder_that_is_a_file(folder: Path, capsys: pytest.CaptureFix
     assert str(folder) not in "\n".join(lines)
 
 
-def test_a_store_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unwritable_store(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "store").write_text("a file")
     code, lines = said(capsys, "check", "robot.yaml", "--store", "store")
     assert code == 2
@@ -94,7 +94,7 @@ def test_a_store_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs a file whose reading fails for everybody")
-def test_a_document_that_cannot_be_read(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unreadable_document(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "robot.yaml").unlink()
     (folder / "robot.yaml").symlink_to("/proc/self/mem")
     code, lines = said(capsys, "fmt", "robot.yaml")
@@ -103,14 +103,14 @@ def test_a_document_that_cannot_be_read(folder: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may read everything")
-def test_a_document_that_may_not_be_read(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_document_without_read_permission(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "robot.yaml").chmod(0)
     code, lines = said(capsys, "check", "robot.yaml")
     assert code == 1
     assert lines[0] == f"error[{Code.UNREADABLE.code}]: cannot read `robot.yaml`: permission denied"
 
 
-def test_a_document_that_is_a_link_out_of_the_workspace(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_document_link_out_of_the_workspace(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder.parent / "elsewhere.yaml").write_text(GOOD)
     (folder / "robot.yaml").unlink()
     (folder / "robot.yaml").symlink_to(folder.parent / "elsewhere.yaml")
@@ -121,7 +121,7 @@ def test_a_document_that_is_a_link_out_of_the_workspace(folder: Path, capsys: py
     ]
 
 
-def test_a_pipe_is_no_document_and_nobody_waits_for_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_pipe_is_an_error_without_waiting(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     os.mkfifo(folder / "pipe.yaml")
     assert said(capsys, "check", "pipe.yaml") == (2, [
         "error[TC802]: `pipe.yaml` is not a regular file", "  help: name a regular file", "", "1 error",
@@ -140,7 +140,7 @@ def test_a_pipe_is_no_document_and_nobody_waits_for_it(folder: Path, capsys: pyt
     ("empty", "known documents: `legged/hexapod.yaml`, `legged/leg.yaml`"),
     ("legged", "known documents: `legged/hexapod.yaml`, `legged/leg.yaml`"),
 ])
-def test_a_document_is_meant_that_lies_elsewhere_in_the_workspace(
+def test_document_in_another_folder_is_suggested(
     tmp_path: Path, word: str, hint: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -156,14 +156,14 @@ def test_a_document_is_meant_that_lies_elsewhere_in_the_workspace(
 
 
 @pytest.mark.parametrize("words", [("touched",), ("check", "--touched"), ("check", "--touched", "--fix")])
-def test_a_folder_is_no_file_that_has_changed(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]) -> None:
+def test_folder_in_place_of_a_changed_file(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]) -> None:
     assert said(capsys, *words, "parts") == (2, [
         "error[TC801]: expected a file, found the folder `parts`", "  help: list the changed files, or add --all", "",
         "1 error",
     ])
 
 
-def test_standard_input_is_shown_where_it_is_wrong(
+def test_errors_in_standard_input_are_shown(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"thingc: assembly/1\r\nname: [b\r\n")))
@@ -174,7 +174,7 @@ def test_standard_input_is_shown_where_it_is_wrong(
     ]
 
 
-def test_a_link_that_leaves_the_workspace(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_link_that_leaves_the_workspace(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder.parent / "secret.yaml").write_text(GOOD)
     (folder.parent / "secret.step").write_text("")
     (folder / "hand.yaml").symlink_to(folder.parent / "secret.yaml")
@@ -190,13 +190,13 @@ def test_a_link_that_leaves_the_workspace(folder: Path, capsys: pytest.CaptureFi
     ]
 
 
-def test_a_document_of_more_than_ten_megabytes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_document_of_more_than_ten_megabytes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "robot.yaml").write_bytes(GOOD.encode() + b"#" * 10_000_000)
     code, lines = said(capsys, "check", "robot.yaml")
     assert code == 1 and lines[0] == "error[TC108]: the file has more than 10000000 bytes"
 
 
-def test_a_part_that_fails_shows_its_traceback_only_with_debug(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_traceback_of_a_part_needs_debug(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "parts" / "failing.py").write_text((HERE / "parts" / "failing.py").read_text())
     (folder / "robot.yaml").write_text("thingc: assembly/1\nname: two\ncomponents:\n  it: {part: failing:Strict}\n")
     code, lines = said(capsys, "check", "robot.yaml")
@@ -207,7 +207,7 @@ def test_a_part_that_fails_shows_its_traceback_only_with_debug(folder: Path, cap
     assert "  | ValueError: no stock of 10 mm" in lines
 
 
-def test_without_a_workspace_file_the_documents_own_folder_is_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_workspace_without_a_workspace_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "thingc.toml").unlink()
     assert said(capsys, "check", "robot.yaml") == (0, ["robot.yaml: ok"])
     (folder / "robot.yaml").write_text(GOOD.replace("materials: {petg: {density: 1270 kg/m^3}}", "materials: [../petg.yaml]"))
@@ -217,7 +217,7 @@ def test_without_a_workspace_file_the_documents_own_folder_is_one(folder: Path, 
 
 
 @pytest.mark.defect
-def test_a_defect_of_the_compiler_is_called_one(
+def test_defect_of_the_compiler_is_reported(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def defect(*_: object, **__: object) -> None:
@@ -238,7 +238,7 @@ def test_a_defect_of_the_compiler_is_called_one(
     (b"a\nb.yaml", r"a\nb.yaml"), (b"a\x1b[31m.yaml", r"a\x1b[31m.yaml"), ("a\u202e.yaml".encode(), r"a\u202e.yaml"),
     (b"caf\xe9.yaml", r"caf\udce9.yaml"), (b"a\tb.yaml", r"a\tb.yaml"),
 ])
-def test_a_document_with_a_name_that_nobody_can_read(
+def test_document_with_an_unreadable_name(
     folder: Path, capsys: pytest.CaptureFixture[str], name: bytes, told: str
 ) -> None:
     (folder / os.fsdecode(name)).write_text(GOOD)
@@ -247,7 +247,7 @@ def test_a_document_with_a_name_that_nobody_can_read(
         assert code == 1 and lines[0].startswith(f"error[{Code.FILE_NAME.code}]: the file name `{told}` has "), lines
 
 
-def test_a_link_does_not_hide_such_a_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_link_does_not_hide_an_unreadable_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "\u202emay.yaml").write_text(GOOD)
     (folder / "link.yaml").symlink_to("\u202emay.yaml")
     (folder / "nests.yaml").write_text("thingc: assembly/1\nname: n\ncomponents: {a: {assembly: link.yaml}}\n")
@@ -259,7 +259,7 @@ def test_a_link_does_not_hide_such_a_name(folder: Path, capsys: pytest.CaptureFi
 @pytest.mark.parametrize("command", [
     ["check", "robot.yaml"], ["build", "robot.yaml"], ["lock"], ["schema"], ["parts"], ["fmt", "--modeline", "robot.yaml"],
 ], ids=lambda words: words[0])
-def test_a_workspace_in_a_folder_whose_name_is_no_text(folder: Path, capsys: pytest.CaptureFixture[str], command: list[str]) -> None:
+def test_workspace_in_a_folder_with_an_invalid_name(folder: Path, capsys: pytest.CaptureFixture[str], command: list[str]) -> None:
     other = folder.parent / os.fsdecode(b"caf\xe9")
     folder.rename(other)
     os.chdir(other)
@@ -267,7 +267,7 @@ def test_a_workspace_in_a_folder_whose_name_is_no_text(folder: Path, capsys: pyt
     assert code == 1 and lines[0].startswith(f"error[{Code.FILE_NAME.code}]: the folder `") and "caf\\udce9" in lines[0]
 
 
-def test_the_rest_of_its_path_may_hold_anything(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rest_of_the_path_can_contain_any_characters(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = folder.parent / "a\n\x1b[31m \u202e"
     folder.rename(other)
     os.chdir(other)
@@ -284,8 +284,8 @@ NEEDED = {
 }
 
 
-def test_every_command_in_a_working_folder_that_is_gone(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Also where nothing has been imported yet: so in a process of its own."""
+def test_commands_in_a_deleted_working_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each command runs in a separate process, so that no module is imported before."""
     (folder / "gone").mkdir()
     os.chdir(folder / "gone")
     (folder / "gone").rmdir()
@@ -302,7 +302,7 @@ def test_every_command_in_a_working_folder_that_is_gone(folder: Path, capsys: py
 
 
 @pytest.mark.parametrize("form", ["text", "json", "github", "sarif"])
-def test_a_working_folder_that_is_gone(folder: Path, capsys: pytest.CaptureFixture[str], form: str) -> None:
+def test_deleted_working_folder(folder: Path, capsys: pytest.CaptureFixture[str], form: str) -> None:
     (folder / "gone").mkdir()
     os.chdir(folder / "gone")
     (folder / "gone").rmdir()
@@ -313,7 +313,7 @@ def test_a_working_folder_that_is_gone(folder: Path, capsys: pytest.CaptureFixtu
     assert said(capsys, "explain", "TC302")[0] == 2 and main(["--version"]) == 0
 
 
-def test_a_part_that_raises_half_a_character(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_part_that_raises_an_invalid_string(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "parts" / "odd.py").write_text(
         'from thingc import Thing\n\n\nclass Odd(Thing):\n    def result(self):\n        raise ValueError("half \\ud800 \\x1b[31m")\n'
     )
@@ -332,15 +332,15 @@ DEEP = "too deeply nested" if sys.version_info < (3, 12) else "Parser stack over
     (b"x = " + b"(" * 500 + b"\n", "SyntaxError: "),
     (b"x = 1\0\n", "Error: "), (b'x = "\\ud800\x1b[31m\n', "SyntaxError: "),
 ])
-def test_part_files_that_python_cannot_read(folder: Path, capsys: pytest.CaptureFixture[str], code: bytes, words: str) -> None:
+def test_invalid_part_files(folder: Path, capsys: pytest.CaptureFixture[str], code: bytes, words: str) -> None:
     (folder / "parts" / "odd.py").write_bytes(code)
     exit_code, lines = said(capsys, "parts", "--format", "json")
     assert exit_code == 1 and Code.PART_UNREADABLE.code in "\n".join(lines) and words in "\n".join(lines)
     assert Code.PART_UNREADABLE.code in said(capsys, "lock")[1][0]
 
 
-def test_what_python_warns_of_in_a_part_file_is_not_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """From Python 3.12 on it prints such a warning, with the line of a file that it was not told."""
+def test_python_warnings_in_part_files_are_not_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Python 3.12 and newer prints such a warning with a line of a file whose name it does not know."""
     (folder / "parts" / "odd.py").write_text('from build123d import Box\n\n\ndef odd():\n    """A \\d box."""\n    return Box(9, 9, 9)\n')
     (folder / "odd.yaml").write_text("thingc: assembly/1\nname: odd\ncomponents: {a: {part: odd:odd, mass: 1 g}}\n")
     with warnings.catch_warnings():
@@ -375,10 +375,10 @@ def _replace(two: Path) -> None:
 
 @pytest.mark.parametrize("changed", [False, True], ids=["nothing else changed", "the document changed"])
 @pytest.mark.parametrize(("meddle", "name"), [(_edit, "bom.csv"), (_add, "notes.txt"), (_link, "bom.csv"), (_replace, "bom.csv/mine")])
-def test_what_a_person_did_to_a_build_is_kept_until_they_give_it_up(
+def test_edited_build_files_are_kept(
     folder: Path, capsys: pytest.CaptureFixture[str], meddle: Callable[[Path], None], name: str, changed: bool
 ) -> None:
-    """With the stamp of the build before at hand, and without."""
+    """With and without the recorded state of the previous build."""
     words = ["build", "robot.yaml", "-o", "out", "--emit", "bom,hag"]
     assert said(capsys, *words)[0] == 0
     two = folder / "out" / "two"
@@ -402,8 +402,8 @@ CORNER = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf
 
 
 @pytest.mark.parametrize("words", [[], ["--set", "components.a.file=other.obj"]], ids=["named", "chosen"])
-def test_a_file_behind_a_link_that_leads_elsewhere_now(folder: Path, capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
-    """With the stamp of the build before at hand: what it read lies there as it was, under its own name."""
+def test_file_behind_a_changed_link(folder: Path, capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    """With the recorded state of the previous build: the file that it read still exists under its own name."""
     (folder / "robot.yaml").write_text(
         "thingc: assembly/1\nname: two\nmaterials: {pla: {density: 1000 kg/m^3}}\ncomponents:\n  a: {file: latest.obj, material: pla}\n"
     )
@@ -421,8 +421,8 @@ def test_a_file_behind_a_link_that_leads_elsewhere_now(folder: Path, capsys: pyt
     assert said(capsys, "build", "robot.yaml", "--emit", "bom", *words)[0] != 0
 
 
-def test_a_build_folder_that_is_a_link_no_more(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What was written behind the link is as it was, and the folder is another one now."""
+def test_build_folder_that_is_no_longer_a_link(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The files behind the link are unchanged, and the folder is another one."""
     words = ["build", "robot.yaml", "--emit", "bom"]
     (folder / "build").mkdir()
     (folder / "kept").mkdir()
@@ -436,28 +436,28 @@ def test_a_build_folder_that_is_a_link_no_more(folder: Path, capsys: pytest.Capt
     assert (two / "bom.csv").read_bytes() == (folder / "kept" / "bom.csv").read_bytes()
 
 
-def test_the_files_of_a_build_are_named_from_where_one_stands(
+def test_build_files_are_relative_to_the_working_folder(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also by a run that finds nothing changed since one in another folder."""
+    """This also holds for a build that finds nothing changed since a build in another folder."""
     words = ["build", str(folder / "robot.yaml"), "--emit", "bom", "--format", "json"]
     for place, first in ((folder, "build/two/bom.csv"), (folder / "parts", "../build/two/bom.csv")):
         monkeypatch.chdir(place)
         assert json.loads("\n".join(said(capsys, *words)[1]))["artifacts"][0] == first
 
 
-def test_what_is_gone_from_a_build_is_written_again(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_deleted_build_files_are_written_again(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["build", "robot.yaml", "-o", "out", "--emit", "bom"]
     assert said(capsys, *words)[0] == 0
     (folder / "out" / "two" / "bom.csv").unlink()
     assert said(capsys, *words)[0] == 0 and (folder / "out" / "two" / "bom.csv").exists()
 
 
-def test_every_target_writes_what_it_says(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What a target writes and does not name would be taken for a stranger by the next build with other targets."""
+def test_targets_write_only_declared_files(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The next build with other targets would report an undeclared file as unexpected."""
     assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", ",".join(TARGETS))[0] == 0
     names = [str(path.relative_to(folder / "out" / "two")) for path in (folder / "out" / "two").rglob("*") if path.is_file()]
-    assert [name for name in names if not written().fullmatch(name)] == ["manifest.json"]
+    assert [name for name in names if not written_pattern().fullmatch(name)] == ["manifest.json"]
     stated = {pattern for target in TARGETS.values() for pattern in target.writes}
     assert {pattern for pattern in stated for name in names if fnmatch.fnmatch(name, pattern)} == stated
     for targets in ("bom", "mjcf", "hag,stl"):
@@ -478,10 +478,10 @@ def emit(request):
 @pytest.mark.parametrize(("states", "sound"), [
     ("", False), ('WRITES = ("other.csv", "ballast.*/x")', False), ('WRITES = "ballast.csv"', True), ('WRITES = ("b*.csv",)', True),
 ])
-def test_a_target_of_another_package_says_what_it_writes(
+def test_installed_targets_declare_their_files(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, states: str, sound: bool
 ) -> None:
-    """Else what it writes would be taken for a stranger's by the next build."""
+    """Otherwise, the next build would report their files as unexpected."""
     installed = folder.parent / "installed"
     (installed / "ballast-1.0.dist-info").mkdir(parents=True)
     (installed / "ballast-1.0.dist-info" / "entry_points.txt").write_text("[thingc.emitters]\nballast = ballast_of_links:emit\n")

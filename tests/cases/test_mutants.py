@@ -1,8 +1,6 @@
-"""The arm's document with one thing wrong at a time, hundreds of ways: never an exception, and the blame near the touch.
-
-The front of the compiler (load to link) runs in this process; the records of the arm's parts are made once, and a mutant
-that would need another part stops before the link.
-"""
+"""The document of the arm with hundreds of single mistakes: there is never an exception, and errors are near the mistake. The first
+compiler passes (load to link) run in this process. The records of the parts are created once. A mutant that needs another part stops
+before linking."""
 
 from __future__ import annotations
 
@@ -36,8 +34,8 @@ pytestmark = pytest.mark.slow
 
 MUTANTS = 80
 NEAR = 0.85
-"""Share of the mutants that are refused whose first error must be on the touched line or a neighbour. The others are
-legitimate: a component that is gone is missed where it is used."""
+"""The smallest share of refused mutants whose first error is on the changed line or next to it. The others are correct: the error of a
+removed component is at its use."""
 
 OTHER_VALUES = (
     "3", "-7 kg", "1e9", ".nan", "true", "~", "[1, 2]", "{a: 1}", "''", "nonsense", "=1 / 0", "=reech", "120 mm", "30 deg", "0",
@@ -47,7 +45,7 @@ OTHER_VALUES = (
 
 @dataclass(frozen=True)
 class Mutant:
-    """`text` of the document, and the lines that were touched."""
+    """The text of the document, and the changed lines."""
 
     what: str
     text: str
@@ -55,7 +53,7 @@ class Mutant:
 
 
 class Arm:
-    """The arm in a folder of its own, with its records."""
+    """The arm in a separate folder, with its records."""
 
     def __init__(self, project: Path, folder: Path, store: str) -> None:
         shutil.copytree(project / "assemblies", folder / "assemblies", ignore=shutil.ignore_patterns("README*"))
@@ -74,29 +72,29 @@ class Arm:
             )
 
     def said(self, text: str) -> tuple[list[Diagnostic], bool]:
-        """The diagnostics of another text in place of the document's, and whether all passes were run."""
+        """Return the diagnostics for another text of the document, and whether all passes ran."""
         self.path.write_text(text)
         report = Report()
         workspace = Workspace.find(str(self.path), report)
         assert workspace is not None
         documents = load(str(self.path), workspace, report)
         if documents is None:
-            return report.ordered(), True
+            return report.sorted_diagnostics(), True
         specs = validate(documents, report)
         with GeometryService(workspace, self.store, jobs=1, timeout=1.0) as geometry:
             references = [reference for reference, _ in part_references(specs, documents)]
             sources = Sources(workspace=workspace, documents=documents, specs=specs, schemas=geometry.describe(references))
             model = resolve(sources, Settings(), report)
         if model is None:
-            return report.ordered(), True
+            return report.sorted_diagnostics(), True
         texts = {definition.text for definition in part_definitions(model)}
         if not texts <= set(self.records):
-            return report.ordered(), False
+            return report.sorted_diagnostics(), False
         assembly = link(model, {text: self.records[text] for text in texts}, report)
         if assembly is not None:
             for mode in assembly.modes:
                 root(assembly, mode, report)
-        return report.ordered(), True
+        return report.sorted_diagnostics(), True
 
 
 @pytest.fixture(scope="module")
@@ -105,13 +103,13 @@ def arm(root: Path, tmp_path_factory: pytest.TempPathFactory, shared_store: str)
 
 
 def indices(text: str, span: Span) -> tuple[int, int]:
-    """Where a span begins and ends in the text."""
+    """Return the start and end index of a span in the text."""
     starts = [0, *(found.end() for found in re.finditer("\n", text))]
     return starts[span.line - 1] + span.column - 1, starts[span.end_line - 1] + span.end_column - 1
 
 
 def places(document: Document) -> Iterator[tuple[str, Node, Span | None]]:
-    """Every scalar and every entry with its path in dots and the span of its key."""
+    """Return every scalar and every entry with its dotted path and the span of its key."""
     for path, node in walk(document.tree):
         if not path:
             continue
@@ -120,7 +118,7 @@ def places(document: Document) -> Iterator[tuple[str, Node, Span | None]]:
 
 
 def mutants(document: Document, seed: int) -> Iterator[Mutant]:
-    """Without end, in an order that the seed decides."""
+    """Yield mutants without end, in an order that depends on the seed."""
     chance = random.Random(seed)
     text = document.text
     found = list(places(document))
@@ -168,7 +166,7 @@ def mutants(document: Document, seed: int) -> Iterator[Mutant]:
 
 
 def judged(arm: Arm, seed: int, count: int) -> tuple[Counter[str], list[str]]:
-    """How mutants went: `equal`, `accepted`, `unfinished`, `near`, `far`; and those that went far, in words."""
+    """Return counts of the mutants (`equal`, `accepted`, `unfinished`, `near`, `far`), and descriptions of those that are far."""
     tally: Counter[str] = Counter()
     far: list[str] = []
     makers = mutants(arm.document, seed)
@@ -196,7 +194,7 @@ def judged(arm: Arm, seed: int, count: int) -> tuple[Counter[str], list[str]]:
     return tally, far
 
 
-def test_no_mutant_surprises_the_compiler(arm: Arm) -> None:
+def test_mutants_cause_no_exceptions(arm: Arm) -> None:
     tally, far = judged(arm, 1, MUTANTS)
     assert tally["near"] + tally["far"] > MUTANTS // 2, tally
     assert tally["near"] >= NEAR * (tally["near"] + tally["far"]), (tally, far)

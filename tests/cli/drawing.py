@@ -1,8 +1,7 @@
-"""Run in a process of its own, for MuJoCo decides how to draw when it is imported: `drawing.py JOBS.json`.
+"""Run as a separate process, because MuJoCo selects its renderer at import: `drawing.py JOBS.json`.
 
-Each job is a model, a pose and a shot. Its answer is the picture that thingc makes in the light of very few lamps, and MuJoCo's own
-segmentation of the robot, seen by a camera fixed in the model where thingc's stands.
-"""
+Each job is a model, a pose and a shot. Its results are the picture that thingc renders with very few lamps, and MuJoCo's own
+segmentation of the robot, from a camera fixed in the model at the pose of thingc's camera."""
 
 from __future__ import annotations
 
@@ -22,20 +21,20 @@ ready()
 import mujoco
 
 from thingc.targets.render import studio
-from thingc.targets.render.picture import camera_of, points_of, posed
+from thingc.targets.render.picture import camera_of, points_of, pose_model
 
 LAMPS = studio.lamps
 
 
 def few(count: int, camera: Any, normal: Any, counts: tuple[int, int]) -> Any:
-    """Fewer than a picture has."""
+    """Return fewer lamps than a picture normally has."""
     return LAMPS(camera, normal, (count, count))
 
 
 def segmented(xml: str, assets: dict[str, bytes], job: dict[str, Any], shot: Shot) -> np.ndarray:
-    """Which pixels (height, width) show the robot."""
+    """Return the mask (height, width) of the pixels that show the robot."""
     bare = mujoco.MjModel.from_xml_string(xml, assets)
-    camera = camera_of(points_of(bare, posed(bare, job["pose"])), tuple(job["gravity"]), shot)
+    camera = camera_of(points_of(bare, pose_model(bare, job["pose"])), tuple(job["gravity"]), shot)
     spec = mujoco.MjSpec.from_string(xml, assets=assets)
     width, height = shot.size
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
@@ -45,7 +44,7 @@ def segmented(xml: str, assets: dict[str, bytes], job: dict[str, Any], shot: Sho
         name="eye", pos=camera.position, quat=quaternion, fovy=math.degrees(2 * math.atan(camera.tangent)),
     )
     model = spec.compile()
-    data = posed(model, job["pose"])
+    data = pose_model(model, job["pose"])
     options = mujoco.MjvOption()
     options.sitegroup[:] = 0
     with mujoco.Renderer(model, height, width) as renderer:
@@ -56,7 +55,7 @@ def segmented(xml: str, assets: dict[str, bytes], job: dict[str, Any], shot: Sho
 
 
 def main() -> None:
-    """Every job of the file; pictures and masks are written beside it."""
+    """Run all jobs of the file; pictures and masks are written next to it."""
     jobs = Path(sys.argv[1])
     for job in json.loads(jobs.read_text()):
         studio.lamps = functools.partial(few, job.get("lamps", 1))

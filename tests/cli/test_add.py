@@ -1,4 +1,4 @@
-"""`thingc add`: what is added is right where it stands, in YAML and TOML; all else stays, and nothing is written that would be wrong."""
+"""`thingc add`: additions are valid in YAML and TOML, the rest of the text is unchanged, and nothing invalid is written."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def read(path: Path) -> Any:
 
 
 def added(document: Path, *words: str) -> tuple[list[str], list[str]]:
-    """Lines that came, and lines that went, of a document that is right and laid out afterwards."""
+    """Return the added and the removed lines of a document, after checking that it is valid and formatted."""
     before = document.read_text().splitlines()
     assert main(["add", *words, "--to", document.name]) == 0
     assert main(["check", "--strict", document.name]) == 0
@@ -103,7 +103,7 @@ def added(document: Path, *words: str) -> tuple[list[str], list[str]]:
 
 
 @pytest.mark.parametrize("kind", get_args(JointType))
-def test_a_joint_takes_the_place_of_what_held_its_child(document: Path, kind: str) -> None:
+def test_joint_replaces_the_placement_of_its_child(document: Path, kind: str) -> None:
     came, went = added(document, "joint", "turn", "--type", kind, "--parent", "base.top", "--child", "arm.seat")
     assert [line.strip().partition(" ")[0] for line in went] == ["at" if document.suffix == ".toml" else "at:"]
     joint = read(document)["joints"]["turn"]
@@ -113,26 +113,26 @@ def test_a_joint_takes_the_place_of_what_held_its_child(document: Path, kind: st
         assert came[:4] == ["  turn:", f"    type: {kind}", "    parent: base.top", "    child: arm.seat"]
 
 
-def test_a_joint_that_closes_a_loop_takes_nothing_away(document: Path) -> None:
+def test_loop_joint_removes_nothing(document: Path) -> None:
     added(document, "joint", "turn", "--parent", "base.top", "--child", "arm.seat")
     _, went = added(document, "joint", "close", "--type", "ball", "--parent", "base.origin", "--child", "hand.seat", "--loop")
     assert went == [] and read(document)["joints"]["close"]["loop"] is True
 
 
 @pytest.mark.parametrize("kind", [kind for kind in kinds() if kind != "drive_margin"])
-def test_a_test_of_every_kind_is_right_in_a_robot_that_knows_nothing_of_it(document: Path, kind: str) -> None:
+def test_every_kind_of_test_can_be_added(document: Path, kind: str) -> None:
     came, went = added(document, "test", "first", "--kind", kind)
     assert went == [] and list(read(document)["tests"]["first"]) == [kind]
     if document.suffix == ".yaml":
         assert came[:2] == ["", "tests:"] and len(came) == 3 and came[2].startswith(f"  first: {{{kind}: {{")
 
 
-def test_a_test_of_a_motion_needs_one(document: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_motion_test_requires_a_motion(document: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert main(["add", "test", "first", "--kind", "drive_margin", "--to", document.name]) == 2
     assert "a `drive_margin` test needs a motion of the document" in capfd.readouterr().out
 
 
-def test_modes_differ_and_stand_where_sections_belong(document: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_modes_are_added_in_section_order(document: Path, capfd: pytest.CaptureFixture[str]) -> None:
     added(document, "test", "light", "--kind", "mass")
     for number, base in enumerate(("fixed", "held", "free")):
         came, went = added(document, "mode", f"m{number}")
@@ -142,7 +142,7 @@ def test_modes_differ_and_stand_where_sections_belong(document: Path, capfd: pyt
     assert list(read(document)["modes"]) == ["m0", "m1", "m2", "hand"]
 
 
-def test_a_mode_that_stands_on_a_mount_has_it_for_its_root_or_is_carried_there(document: Path) -> None:
+def test_mode_that_stands_on_a_mount(document: Path) -> None:
     added(document, "mode", "first", "--root", "base", "--base", "free")
     for name, words, value in (
         ("still", ["hand.seat"], {"root": "hand.seat", "base": "held"}),
@@ -157,7 +157,7 @@ def test_a_mode_that_stands_on_a_mount_has_it_for_its_root_or_is_carried_there(d
     assert main(["fmt", "--check", "."]) == 0
 
 
-def test_a_mode_starts_in_the_pose_of_the_first_one_or_of_its_own(document: Path) -> None:
+def test_mode_inherits_or_sets_its_pose(document: Path) -> None:
     head, tail = ("poses:\n  up: {wrist: 0.5 rad}\n  down: {}\n\n", "modes:\n  first: {root: hand, pose: up}\n  second: {extends: first}\n")
     if document.suffix == ".toml":
         head, tail = ('[poses]\nup = {wrist = "0.5 rad"}\ndown = {}\n\n', '[modes]\nfirst = {root = "hand", pose = "up"}\n'
@@ -172,7 +172,7 @@ def test_a_mode_starts_in_the_pose_of_the_first_one_or_of_its_own(document: Path
     assert modes["third"] == {"root": "hand", "base": "free", "pose": "up"} and modes["fourth"]["pose"] == "down"
 
 
-def test_an_assembly_is_a_document_of_the_same_form(document: Path) -> None:
+def test_new_assembly_has_the_format_of_the_document(document: Path) -> None:
     added(document, "assembly", "leg")
     added(document, "assembly", "arm_2", "--on", "base.top")
     nested = document.with_name(f"leg{document.suffix}")
@@ -197,7 +197,7 @@ mounts:
 """
 
 
-def test_an_assembly_that_is_there_is_placed_and_stays(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_existing_assembly_is_placed_and_unchanged(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nested = document.parent / "legs/leg.yaml"
     nested.parent.mkdir()
     nested.write_text(LEG)
@@ -230,7 +230,7 @@ def test_an_assembly_that_is_there_is_placed_and_stays(document: Path, capsys: p
 
 
 @pytest.mark.slow
-def test_a_part_is_a_class_and_a_component(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_part_adds_a_class_and_a_component(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
     came, went = added(document, "part", "FrontBracket")
     assert went == [] and "class FrontBracket(Thing):" in (document.parent / "parts/front_bracket.py").read_text()
     assert read(document)["components"]["front_bracket"] == {
@@ -284,13 +284,13 @@ def test_a_part_is_a_class_and_a_component(document: Path, capsys: pytest.Captur
     assert read(document)["components"]["bord"]["part"] == "shelf:Bord"
 
 
-def test_what_is_refused_leaves_no_folder(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_refused_addition_leaves_no_folder(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = sorted(document.parent.iterdir())
     assert main(["add", "part", "Bracket", "--to", document.name, "--on", "base.topp"]) == 1
     assert "did you mean `top`?" in capsys.readouterr().out and sorted(document.parent.iterdir()) == before
 
 
-def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_part_without_a_document(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["add", "part", "Bracket"]) == 0
     assert capsys.readouterr().out == "parts/bracket.py\n"
     assert main(["add", "assembly", "leg"]) == 0
@@ -341,7 +341,7 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("mode true --to D", "`true` is not a valid name: YAML reads it as another value"),
     ("part away:New --to D", "`parts/away.py` is outside the workspace (through a symbolic link)\n  help: use another module"),
 ])
-def test_what_cannot_be_added_is_said_and_nothing_is_written(
+def test_invalid_additions_are_reported_and_write_nothing(
     words: str, said: str, document: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
     parts = document.parent / "parts"
@@ -358,7 +358,7 @@ def test_what_cannot_be_added_is_said_and_nothing_is_written(
     assert after == before
 
 
-def test_a_document_that_is_wrong_already_stays(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_document_is_not_changed(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
     document.write_text(document.read_text().replace("1 kg", "1 mm"))
     assert main(["add", "mode", "x", "--to", document.name, "--format", "json"]) == 1
     assert "TC207" in capsys.readouterr().out and "modes" not in read(document)
@@ -370,7 +370,7 @@ def test_a_document_that_is_wrong_already_stays(document: Path, capsys: pytest.C
     assert "modes extend each other in a cycle" in capsys.readouterr().out and document.read_text() == before
 
 
-def test_a_document_is_checked_once(document: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_document_is_compiled_once(document: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     compiled, true = [], pipeline.compile
     monkeypatch.setattr(pipeline, "compile", lambda *given, **more: (compiled.append(given), true(*given, **more))[1])
     assert main(["add", "mode", "x", "--to", document.name]) == 0

@@ -1,4 +1,4 @@
-"""A command line without a document: the only robot of the workspace is meant, else what there is is said."""
+"""Command lines without a document: the only robot of the workspace is used; otherwise the candidates are listed."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str
     return tmp_path
 
 
-def test_the_only_robot_is_taken(workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said) -> None:
-    """Which is the document that no other nests; from a folder without documents that of the workspace; not those of workspaces inside."""
+def test_only_robot_is_used(workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said) -> None:
+    """A robot is a document that no other document nests. From a folder without documents, the robot of the workspace is used. Nested
+    workspaces do not count."""
     other = workspace / "other"
     other.mkdir()
     for name in ("thingc.toml", "robot.yaml"):
@@ -36,7 +37,7 @@ def test_the_only_robot_is_taken(workspace: Path, monkeypatch: pytest.MonkeyPatc
     assert capsys.readouterr().err == "using ../robot.yaml, the only robot in this folder\n"
 
 
-def test_several_or_none_are_said(workspace: Path, capsys: Said) -> None:
+def test_several_or_no_robots_are_reported(workspace: Path, capsys: Said) -> None:
     (workspace / "again.yaml").write_text(ROBOT)
     assert main(["build"]) == 2
     assert capsys.readouterr().err == (
@@ -52,7 +53,7 @@ def test_several_or_none_are_said(workspace: Path, capsys: Said) -> None:
     )
 
 
-def test_robots_of_workspaces_below_are_said_before_those_outside(
+def test_robots_of_nested_workspaces_are_listed_first(
     workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said,
 ) -> None:
     for name in ("one", "two"):
@@ -65,14 +66,14 @@ def test_robots_of_workspaces_below_are_said_before_those_outside(
     assert "there are 2 robots in this folder\n  help: known robots: `one/robot.yaml`, `two/robot.yaml`\n" in capsys.readouterr().err
 
 
-def test_what_a_broken_document_nests_is_no_robot(workspace: Path, capsys: Said) -> None:
+def test_document_nested_by_a_broken_one_is_not_a_robot(workspace: Path, capsys: Said) -> None:
     document = workspace / "robot.yaml"
     document.write_text(document.read_text() + "  bad: [\n")
     assert main(["info"]) == 1
     assert capsys.readouterr().err.startswith("using robot.yaml, the only robot in this folder\nerror[TC103]")
 
 
-def test_check_looks_at_all_of_the_folder(capsys: Said) -> None:
+def test_check_checks_the_whole_folder(capsys: Said) -> None:
     assert main(["check"]) == 0
     assert capsys.readouterr().out.endswith("robot.yaml: ok\n4 documents checked, all ok\n")
     assert main(["check", "--touched"]) == 2

@@ -1,4 +1,4 @@
-"""Ctrl-C at any moment: one exit code, no traceback, nothing half written."""
+"""Ctrl-C at any time: one exit code, no traceback, no partially written files."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ entry()
 
 @pytest.fixture(autouse=True)
 def in_the_foreground() -> Iterator[None]:
-    """What a shell begins in the background ignores SIGINT, and so does all that it begins, as long as nobody asks for it."""
+    """Restore the SIGINT handler. Background jobs of a shell ignore SIGINT, and so do their child processes by default."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -136,41 +136,41 @@ def run(here: Path, store: str, words: Sequence[str]) -> subprocess.CompletedPro
 @pytest.mark.parametrize(("module", "number"), [
     ("argparse", signal.SIGINT), ("thingc.tools.cli.build", signal.SIGINT), ("pydantic", signal.SIGTERM), ("mujoco", signal.SIGINT),
 ])
-def test_while_modules_are_imported(module: str, number: signal.Signals, here: Path) -> None:
-    """With a store of its own: MuJoCo is not imported for a model that a build of another test has had accepted."""
+def test_interrupt_during_imports(module: str, number: signal.Signals, here: Path) -> None:
+    """With its own store: MuJoCo is not imported for a model that another test has already verified."""
     done = run(here, str(here / "store"), ["-c", AT_AN_IMPORT.format(module=module, name=number.name)])
     assert (done.returncode, done.stdout, done.stderr) in [(130, "", SAID), (130, "", "")], "early there is no command to speak of yet"
     assert not (here / "build").exists() or list((here / "build").iterdir()) == []
 
 
-def test_what_code_in_c_makes_of_it(here: Path, shared_store: str) -> None:
+def test_interrupt_converted_by_c_code_is_recognized(here: Path, shared_store: str) -> None:
     done = run(here, shared_store, ["-c", MADE_ANOTHER])
     assert (done.returncode, done.stdout, done.stderr) == (130, "", SAID)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="glfw is told its library on Linux")
-def test_importing_mujoco_begins_no_process(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Which would print a traceback of its own: glfw looks at its library in one."""
+def test_importing_mujoco_starts_no_process(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such a process would print its own traceback: glfw examines its library in a subprocess."""
     monkeypatch.delenv("PYGLFW_LIBRARY", raising=False)
     done = run(here, str(here / "store"), ["-c", PROCESSES])
     assert done.returncode == 0 and (here / "build/robot/mjcf").exists() and "glfw" not in done.stderr
 
 
-def test_between_files_that_belong_together(here: Path, shared_store: str) -> None:
+def test_interrupt_between_related_files(here: Path, shared_store: str) -> None:
     done = run(here, shared_store, ["-c", BETWEEN_FILES])
     assert (done.returncode, done.stderr) == (130, SAID)
     assert "mounts: {socket: bone.seat}" in (here / "finger.yaml").read_text()
     assert "child: finger_$i.socket" in (here / "robot.yaml").read_text() and "finger_1.socket" in (here / "robot.yaml").read_text()
 
 
-def test_a_workspace_comes_whole_and_its_lock_goes(here: Path, shared_store: str) -> None:
+def test_interrupted_new_creates_a_complete_workspace(here: Path, shared_store: str) -> None:
     done = run(here, shared_store, ["-c", WITH_A_LOCK])
     assert (done.returncode, done.stderr) == (130, SAID)
     assert (here / "rover/.vscode/extensions.json").exists() and not any(path.name.startswith(".rover") for path in here.iterdir())
 
 
-def test_a_workspace_that_another_command_makes_is_not_waited_for(here: Path, shared_store: str) -> None:
-    """Who waits while interrupts are held could not be interrupted."""
+def test_new_does_not_wait_for_another_command(here: Path, shared_store: str) -> None:
+    """Interrupts are blocked at that time, so waiting could not be interrupted."""
     with (here / ".rover.thingc-lock").open("w") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)
         done = run(here, shared_store, ["-m", "thingc", "new", "rover"])
@@ -178,7 +178,7 @@ def test_a_workspace_that_another_command_makes_is_not_waited_for(here: Path, sh
     assert "another command is creating `rover`" in done.stderr and "wait until it has finished, or choose another name" in done.stderr
 
 
-def test_an_interrupt_counts_that_comes_while_something_is_refused(here: Path, shared_store: str) -> None:
+def test_interrupt_during_a_refusal_counts(here: Path, shared_store: str) -> None:
     (here / "rover").mkdir()
     (here / "rover/letter.txt").write_text("Dear")
     done = run(here, shared_store, ["-c", LATE_AND_REFUSED])
@@ -187,15 +187,15 @@ def test_an_interrupt_counts_that_comes_while_something_is_refused(here: Path, s
 
 
 def heeds(process: subprocess.Popen[str]) -> bool:
-    """Whether it has come as far as to have a handler for SIGTERM, which Python itself has not."""
+    """Return whether the process has installed a handler for SIGTERM; Python itself installs none."""
     status = Path(f"/proc/{process.pid}/status").read_text()
     return bool(int(status.partition("SigCgt:")[2].split()[0], 16) & 1 << signal.SIGTERM - 1)
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="Linux says which signals a process handles")
 @pytest.mark.parametrize("seconds", [0.0, 0.15, 0.3, 0.45])
-def test_at_any_moment(seconds: float, here: Path, shared_store: str) -> None:
-    """As a terminal does it: everybody in the group gets the signal."""
+def test_interrupt_at_any_time(seconds: float, here: Path, shared_store: str) -> None:
+    """As in a terminal, the whole process group gets the signal."""
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "thingc", "new", "rover"], cwd=here, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         start_new_session=True, env={**os.environ, "THINGC_STORE": shared_store},

@@ -1,4 +1,4 @@
-"""`thingc limits`: intervals whose ends are known from the geometry of two boxes, written to the document and proved by its tests."""
+"""`thingc limits`: intervals with ends known from the geometry of two boxes, written to the document and confirmed by its tests."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ def run(*words: str) -> tuple[int, str, str]:
 
 
 def contact() -> tuple[float, float]:
-    """The angles [deg] between which the vane touches the pin: corners of the pin in the frame of the vane, which is along -y at 0."""
+    """Return the angles [deg] between which the vane touches the pin, from the corners of the pin in the frame of the vane, which is
+    along -y at 0."""
     angles = np.radians(np.arange(20.0, 40.0, 1e-4))
     corners = np.array([[31.234 + x, 17.1 + y] for x in (-0.25, 0.25) for y in (-0.25, 0.25)])
     y = np.cos(angles)[:, None] * corners[:, 1] - np.sin(angles)[:, None] * corners[:, 0]
@@ -49,7 +50,7 @@ def contact() -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("resolution", ["0.25 deg", "0.01 deg"])
-def test_the_ends_of_the_intervals_are_known(rig: Workspace, resolution: str) -> None:
+def test_interval_ends_match_the_geometry(rig: Workspace, resolution: str) -> None:
     code, out, err = run("limits", str(rig.write(VANE)), "--resolution", resolution, "--format", "json")
     assert code == 0, out + err
     found: dict[str, Any] = json.loads(out)["joints"][0]
@@ -73,7 +74,7 @@ def posed(text: str, angle: float) -> str:
 
 
 @pytest.mark.parametrize("home", [-85.0, -61.0, -60.0, -59.0, -58.0, -55.0, 30.0, 117.0, 124.0, 145.0])
-def test_one_interval_is_found_from_each_pose(rig: Workspace, home: float) -> None:
+def test_one_interval_is_found_from_every_pose(rig: Workspace, home: float) -> None:
     """The searched turn ends 180 deg from the pose: far from the pin, just before it (-61 deg), in contact with it, and just after it."""
     found, (begin, end) = searched(rig, posed(VANE, home)), contact()
     ((low, high),) = np.degrees(found["intervals"])
@@ -82,7 +83,7 @@ def test_one_interval_is_found_from_each_pose(rig: Workspace, home: float) -> No
     assert low <= home <= high and found["free"] == found["intervals"][0] and found["contacts"] == ["pin and vane"] * 2
 
 
-def test_intervals_beyond_a_second_pin(rig: Workspace) -> None:
+def test_second_pin_splits_the_range(rig: Workspace) -> None:
     """A second pin, opposite to the first, leaves two intervals. One of them crosses the end of the searched turn."""
     text = VANE.replace("  hub:", "  post: {part: rig_parts:Block, params: {x: 0.5 mm, y: 0.5 mm, z: 10 mm}, "
                         "at: {in: ground.origin, xyz: -31.234 -17.1 0 mm}}\n  hub:", 1)
@@ -93,21 +94,21 @@ def test_intervals_beyond_a_second_pin(rig: Workspace) -> None:
     assert "(1 more)" in run("limits", str(rig.write(posed(text, 60.0))))[1]
 
 
-def test_a_pose_in_contact_has_no_interval_of_its_own(rig: Workspace) -> None:
+def test_pose_in_contact_has_no_free_interval(rig: Workspace) -> None:
     thick = VANE.replace("x: 0.5 mm, y: 0.5 mm", "x: 4 mm, y: 4 mm").replace("y: 0.2 mm", "y: 4 mm")
     found = searched(rig, posed(thick, 118.7))
     assert found["free"] is None and len(found["intervals"]) == 1
     assert "touches in the pose (1 more)" in run("limits", str(rig.write(posed(thick, 118.7))))[1]
 
 
-def test_a_joint_without_contacts_is_free_for_one_turn(rig: Workspace) -> None:
+def test_joint_without_contacts_is_free_for_one_turn(rig: Workspace) -> None:
     found = searched(rig, posed(VANE.replace("31.234 17.1 0 mm", "31.234 57.1 0 mm"), 100.0))
     assert np.degrees(found["intervals"]) == pytest.approx(np.array([(-80.0, 280.0)])) and found["contacts"] == [None, None]
 
 
 @pytest.mark.parametrize(("polynomial", "intervals"), [("[0 deg, 0.75]", 2), ("[0 deg, -1]", 1), ("[0 deg, 0, 0.3 rad^-1]", 3)])
-def test_intervals_of_a_gear_are_joined_only_if_it_repeats(rig: Workspace, polynomial: str, intervals: int) -> None:
-    """The vane follows a wheel. After one turn of the wheel, the vane is elsewhere, unless the ratio is a whole number."""
+def test_gear_intervals_join_only_for_integer_ratios(rig: Workspace, polynomial: str, intervals: int) -> None:
+    """The vane follows a wheel. After one turn of the wheel, the vane is elsewhere unless the ratio is an integer."""
     text = VANE.replace("mounts: {hinge: {}}", "mounts: {hinge: {}, far: {xyz: 0 0 50 mm}}").replace(
         "joints:\n  turn:",
         "  wheel: {part: rig_parts:Block}\njoints:\n  turn: {type: continuous, parent: ground.far, child: wheel.origin}\n"
@@ -119,7 +120,7 @@ def test_intervals_of_a_gear_are_joined_only_if_it_repeats(rig: Workspace, polyn
         assert np.degrees([found["intervals"][0][0], found["intervals"][-1][1]]) == pytest.approx([-180.0, 180.0])
 
 
-def test_limits_are_written_and_pass_the_test(rig: Workspace) -> None:
+def test_written_limits_pass_the_test(rig: Workspace) -> None:
     document = rig.write(VANE)
     assert run("test", str(document))[0] == 1
     code, out, err = run("limits", str(document), "turn", "--write")
@@ -132,7 +133,7 @@ def test_limits_are_written_and_pass_the_test(rig: Workspace) -> None:
     assert run("test", str(document))[0] == 0
 
 
-def test_pairs_of_joints(rig: Workspace) -> None:
+def test_pairs_of_joints_are_checked(rig: Workspace) -> None:
     code, out, err = run("limits", str(rig.write(SLIDERS)), "--pairs", "--format", "json")
     assert code == 0, out + err
     pairs = json.loads(out)["pairs"]
@@ -150,12 +151,12 @@ def test_pairs_of_joints(rig: Workspace) -> None:
     (["--resolution", "1 m"], "`1 m` does not apply, because none of these joints slides"),
     (["--mode", "bnch"], "bnch"),
 ])
-def test_wrong_command_lines(rig: Workspace, words: list[str], said: str) -> None:
+def test_invalid_command_lines(rig: Workspace, words: list[str], said: str) -> None:
     code, out, err = run("limits", str(rig.write(VANE)), *words)
     assert code in (1, 2) and said in out + err and (out + err).count("error[") == 1, out + err
 
 
-def test_a_slide_without_limits(rig: Workspace) -> None:
+def test_slide_without_limits_is_an_error(rig: Workspace) -> None:
     text = SLIDERS.replace("type: prismatic, parent: ground.slide, child: left.left, limit: {lower: -200 mm, upper: 200 mm}",
                            "type: cylindrical, parent: ground.slide, child: left.left")
     code, out, err = run("limits", str(rig.write(text.partition("poses:")[0] + "modes: {bench: {root: ground}}\n")))

@@ -1,4 +1,4 @@
-"""`thingc motion`: a motion replayed in MuJoCo, with and without a window."""
+"""`thingc motion`: replay of a motion in MuJoCo, with and without a window."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ modes: {bench: {root: post}}
 
 
 def run(folder: Path, text: str, *words: str) -> tuple[int, str]:
-    """Exit code, and standard output or error."""
+    """Return the exit code and the combined output."""
     folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
     folder.joinpath("arm.yaml").write_text(text)
     with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
@@ -65,8 +65,8 @@ def run(folder: Path, text: str, *words: str) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize(("shoulder", "elbow"), [(STIFF, STIFF), (SPEED, STIFF), (MOTOR, MOTOR)])
-def test_drives_of_every_kind_follow_a_motion(tmp_path: Path, shoulder: str, elbow: str) -> None:
-    """The commands of motors come from inverse dynamics, so that a simulation without feedback follows the motion."""
+def test_every_drive_kind_follows_a_motion(tmp_path: Path, shoulder: str, elbow: str) -> None:
+    """The commands of motors come from inverse dynamics, so a simulation without feedback follows the motion."""
     text = ARM.replace("SHOULDER", shoulder).replace("ELBOW", elbow)
     code, out = run(tmp_path, text, "swing", "--format", "json", "--csv", str(tmp_path / "tracked.csv"))
     joints = {one["joint"]: one["error"] for one in json.loads(out)["joints"]}
@@ -77,7 +77,7 @@ def test_drives_of_every_kind_follow_a_motion(tmp_path: Path, shoulder: str, elb
     assert [float(one) for one in rows[-1]] == pytest.approx([1.3, 70.0, 100.0], abs=2.0)
 
 
-def test_a_tracked_file_is_a_motion_again(tmp_path: Path) -> None:
+def test_tracked_csv_can_be_used_as_a_motion(tmp_path: Path) -> None:
     text = ARM.replace("SHOULDER", STIFF).replace("ELBOW", STIFF)
     assert run(tmp_path, text, "--csv", str(tmp_path / "tracked.csv"))[0] == 0
     text = text.replace("motions: {", "motions: {again: {file: tracked.csv}, ")
@@ -85,7 +85,7 @@ def test_a_tracked_file_is_a_motion_again(tmp_path: Path) -> None:
     assert code == 0 and (tmp_path / "next.csv").exists(), out
 
 
-def test_the_loop_of_a_mode_stays_closed(tmp_path: Path) -> None:
+def test_loop_of_a_mode_stays_closed(tmp_path: Path) -> None:
     text = FOURBAR.replace("modes:\n", "motions: {turn: [{pose: at_20, time: 0}, {pose: at_130, time: 2 s}]}\nmodes:\n")
     code, out = run(tmp_path, text, "--format", "json", "--csv", str(tmp_path / "tracked.csv"))
     errors = {one["joint"]: one["error"] for one in json.loads(out)["joints"]}
@@ -93,7 +93,8 @@ def test_the_loop_of_a_mode_stays_closed(tmp_path: Path) -> None:
 
 
 def diverges(kp: float, kv: float, most: float, rotor: float, speed: bool) -> float:
-    """The time [s] at which the pendulum, in steps of 2 ms with explicit forces, turns more than half a turn off the motion in one step."""
+    """Return the time [s] when the pendulum, in steps of 2 ms with explicit forces, deviates by more than half a turn from the motion in
+    one step."""
     turned, rate, off, step = -math.pi / 4.0, 0.0, 0.0, 0.002
     for count in range(1, 450):
         s = count * step / 0.9
@@ -113,13 +114,12 @@ def diverges(kp: float, kv: float, most: float, rotor: float, speed: bool) -> fl
     ("{kind: position, kp: 2e6 N*m/rad, kv: 0.5 N*m*s/rad, effort: 1e9 N*m, armature: 4e-4 kg*m^2}", (2e6, 0.5, 1e9, 4e-4, False)),
     ("{kind: position, kp: 1e7 N*m/rad, kv: 100 N*m*s/rad, effort: 1e6 N*m, armature: 1e-6 kg*m^2}", (1e7, 100.0, 1e6, 1e-6, False)),
 ])
-def test_a_simulation_that_diverges(
+def test_diverging_simulation_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drive: str, values: tuple[float, float, float, float, bool],
 ) -> None:
     """The simulation stops. In the last case, MuJoCo does not warn, because the effort limit bounds the acceleration.
 
-    The commands are interpolated between samples of the motion, so that the time can differ by one step.
-    """
+    Commands are interpolated between samples of the motion, so the time can differ by one step."""
     monkeypatch.chdir(tmp_path)
     code, out = run(tmp_path, PENDULUM.replace("DRIVE", drive), "--csv", "tracked.csv")
     said = re.match(r"error\[TC612\]: the simulation of motion `wave` diverges at ([\d.]+) s at joint `lift`\n", out)
@@ -127,7 +127,7 @@ def test_a_simulation_that_diverges(
     assert "arm.yaml:7:" in out and not {"tracked.csv", "MUJOCO_LOG.TXT"} & {one.name for one in tmp_path.iterdir()}
 
 
-def test_a_motion_that_is_too_fast_does_not_diverge(tmp_path: Path) -> None:
+def test_fast_motion_does_not_count_as_divergence(tmp_path: Path) -> None:
     """The motion turns the joint by more than half a turn per time step, and the drive is too weak to follow."""
     text = PENDULUM.replace("limit: {lower: -90 deg, upper: 90 deg}, ", "").replace("revolute", "continuous")
     drive = "{kind: position, kp: 20 N*m/rad, kv: 0.5 N*m*s/rad, effort: 1 N*m}"
@@ -136,13 +136,13 @@ def test_a_motion_that_is_too_fast_does_not_diverge(tmp_path: Path) -> None:
     assert code == 0 and json.loads(out)["joints"][0]["error"] > np.radians(9e5), out
 
 
-def test_a_motion_that_is_too_long(tmp_path: Path) -> None:
+def test_too_long_motion_is_an_error(tmp_path: Path) -> None:
     text = PENDULUM.replace("DRIVE", "{kind: position, kp: 20 N*m/rad, kv: 0.5 N*m*s/rad}").replace("1.9 s", "1000001 s")
     code, out = run(tmp_path, text, "--csv", str(tmp_path / "tracked.csv"))
     assert code == 2 and "takes 5e+08 time steps, but at most 1000000" in out, out
 
 
-def test_a_note_lists_the_properties_that_mujoco_does_not_simulate(tmp_path: Path) -> None:
+def test_note_lists_drive_properties_not_simulated(tmp_path: Path) -> None:
     drive = "{kind: position, kp: 20 N*m/rad, kv: 0.5 N*m*s/rad, stall: 2 N*m, velocity: 6 rad/s, delay: 4 ms, noise: 0.1 deg}"
     code, out = run(tmp_path, PENDULUM.replace("DRIVE", drive), "--csv", str(tmp_path / "tracked.csv"))
     line = "note: MuJoCo does not simulate these properties of drives: `stall` of `lift`; `noise` of `lift`; `velocity` of `lift`\n"
@@ -152,19 +152,19 @@ def test_a_note_lists_the_properties_that_mujoco_does_not_simulate(tmp_path: Pat
 @pytest.mark.parametrize(("words", "said"), [
     (("swin",), "there is no motion `swin`"), (("swing", "--mode", "benc"), "no mode `benc`"), (("--csv", "no/t.csv"), "cannot write"),
 ])
-def test_wrong_command_lines(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+def test_invalid_command_lines(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
     code, out = run(tmp_path, ARM.replace("SHOULDER", STIFF).replace("ELBOW", STIFF), *words)
     assert code == 2 and said in out, out
 
 
-def test_a_document_without_motions(tmp_path: Path) -> None:
+def test_document_without_motions_is_an_error(tmp_path: Path) -> None:
     text = "".join(line for line in ARM.splitlines(keepends=True) if not line.startswith("motions"))
     code, out = run(tmp_path, text.replace("SHOULDER", STIFF).replace("ELBOW", STIFF))
     assert code == 2 and "the document has no motions" in out
 
 
 class Window:
-    """A window that is closed after its motion has been shown once."""
+    """A mock window that closes after the motion has been shown once."""
 
     def __init__(self, data: Any) -> None:
         self.data, self.shown = data, [data.qpos.copy()]
@@ -176,7 +176,7 @@ class Window:
         self.shown.append(self.data.qpos.copy())
 
 
-def test_the_window_shows_the_motion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_window_shows_the_motion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     windows: list[Window] = []
 
     @contextlib.contextmanager

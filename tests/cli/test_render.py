@@ -1,4 +1,4 @@
-"""`thingc render`: the whole robot is in the picture, in its colours, and what is said when there can be none."""
+"""`thingc render`: the whole robot is in the picture with its colours, and errors if rendering is not possible."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from loops.robots import compiled
 from modes.test_several_coordinates import GANTRY
 from thingc.base.pose import NO_POSE
 from thingc.targets.render import studio
-from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, frame_mark, joint_mark, placed
-from thingc.targets.render.frames import drawn as painted
-from thingc.targets.render.picture import Shot, camera_of, points_of, posed
+from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, arrows_of, frame_mark, joint_mark
+from thingc.targets.render.frames import draw_marks as painted
+from thingc.targets.render.picture import Shot, camera_of, points_of, pose_model
 from thingc.tools.cli import render, render_overlay
 from thingc.tools.cli.main import main
 
@@ -66,7 +66,7 @@ JOBS: dict[str, dict[str, Any]] = {
 
 @pytest.fixture(scope="module")
 def drawn(root: Path, shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Picture (height, width, 3) and mask (height, width) of every job."""
+    """Return picture (height, width, 3) and mask (height, width) of every job."""
     folder = tmp_path_factory.mktemp("drawn")
     arm = thingc.compile(str(root / ARM), store=shared_store)
     (folder / "assets").mkdir()
@@ -89,7 +89,7 @@ def drawn(root: Path, shared_store: str, tmp_path_factory: pytest.TempPathFactor
 
 
 def around(mask: np.ndarray, far: int) -> np.ndarray:
-    """A mask grown by some pixels each way."""
+    """Return a mask grown by some pixels in each direction."""
     grown = mask.copy()
     for _ in range(far):
         wide = np.pad(grown, 1)
@@ -98,8 +98,9 @@ def around(mask: np.ndarray, far: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", JOBS)
-def test_the_whole_robot_fills_the_picture(drawn: dict[str, tuple[np.ndarray, np.ndarray]], name: str) -> None:
-    """MuJoCo's segmentation by a fixed camera: within the margin, touching it in one direction, in the middle in the other."""
+def test_whole_robot_fills_the_picture(drawn: dict[str, tuple[np.ndarray, np.ndarray]], name: str) -> None:
+    """By MuJoCo's segmentation with a fixed camera: the robot is within the margin, touches it in one direction, and is centred in the
+    other."""
     image, mask = drawn[name]
     width, height = JOBS[name]["size"]
     assert image.shape == (height, width, 3) and image.dtype == np.uint8 and mask.shape == (height, width)
@@ -114,8 +115,8 @@ def test_the_whole_robot_fills_the_picture(drawn: dict[str, tuple[np.ndarray, np
 
 
 @pytest.mark.parametrize("name", JOBS)
-def test_what_is_drawn_is_the_robot_on_a_neutral_ground(drawn: dict[str, tuple[np.ndarray, np.ndarray]], name: str) -> None:
-    """Outside the segmented robot there is nothing but grey: the picture shows it at the very same place."""
+def test_only_the_robot_is_coloured(drawn: dict[str, tuple[np.ndarray, np.ndarray]], name: str) -> None:
+    """Pixels outside the segmented robot are grey: the robot is exactly at the place of the segmentation."""
     image, mask = drawn[name]
     spread = np.ptp(image.astype(int), axis=2)
     assert spread[~around(mask, 2)].max() <= 3
@@ -127,7 +128,7 @@ def test_what_is_drawn_is_the_robot_on_a_neutral_ground(drawn: dict[str, tuple[n
 
 
 def hues(image: np.ndarray, mask: np.ndarray) -> dict[str, float]:
-    """Parts of the robot's pixels that are clearly red, blue, green or orange, nearly black, or pale."""
+    """Return the fractions of the robot's pixels that are clearly red, blue, green or orange, nearly black, or pale."""
     r, g, b = (image[mask].astype(int)[:, k] for k in range(3))
     return {
         "crimson": float(np.mean((r > 1.8 * g) & (r > 1.8 * b) & (r > 60))),
@@ -138,22 +139,22 @@ def hues(image: np.ndarray, mask: np.ndarray) -> dict[str, float]:
 
 
 def test_materials_have_their_colours(drawn: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
-    """The pen is royal blue, its cap crimson, printed parts lavender, servos nearly black."""
+    """The pen is royal blue, its cap crimson, printed parts are lavender, and servos are nearly black."""
     found = hues(*drawn["home"])
     assert found["blue"] > 0.05 and found["crimson"] > 0.005 and found["pale"] > 0.2 and found["black"] > 0.1, found
     found = hues(*drawn["primitives"])
     assert found["green"] > 0.1 and found["orange"] > 0.1 and found["black"] < 0.01, found
 
 
-def test_there_is_a_shadow(drawn: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
+def test_robot_casts_a_shadow(drawn: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
     image, mask = drawn["home"]
     ground = image[~around(mask, 2)].astype(int).max(axis=1)
     assert np.mean(ground < 0.85 * np.median(ground)) > 0.01
 
 
 @pytest.mark.parametrize(("lowest", "opaque"), [(0.3, True), (0.0, True), (-1e-6, True), (-0.02, False)])
-def test_the_floor_is_that_of_the_scene(lowest: float, opaque: bool) -> None:
-    """At z = 0, wherever the robot is; if the robot reaches below it, it is transparent."""
+def test_floor_is_at_zero_height(lowest: float, opaque: bool) -> None:
+    """The floor is at z = 0, wherever the robot is. If the robot extends below it, the floor is transparent."""
     model = studio.model_of(PRIMITIVES, {}, (64, 48), lowest)
     floor = model.geom(studio.BACKDROP)
     assert floor.type[0] == mujoco.mjtGeom.mjGEOM_PLANE and floor.pos.tolist() == [0.0, 0.0, 0.0]
@@ -175,7 +176,7 @@ components:
     mass: 1 kg
     shapes: [{box: 100 100 20 mm, color: red}, {cylinder: {radius: 10 mm, length: 200 mm}, at: {xyz: 0 0 100 mm}, color: blue}]
 """
-"""A robot whose parts are not modelled."""
+"""A robot whose parts need no modelling."""
 
 
 @pytest.fixture
@@ -185,8 +186,8 @@ def lamp(tmp_path: Path) -> Path:
     return tmp_path / "here"
 
 
-def test_the_command(root: Path, shared_store: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its default name, its own pose, only that file. The command selects EGL itself, also with overlays."""
+def test_render_command_writes_one_file(root: Path, shared_store: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It uses the default name and pose, and selects EGL itself, also with overlays."""
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     more = {"DISPLAY": "", "WAYLAND_DISPLAY": ""}
     ran = command("render", root / ARM, "--mode", "drawing", "--size", "96x64", *MARKS, store=shared_store, cwd=tmp_path, more=more)
@@ -198,7 +199,7 @@ def test_the_command(root: Path, shared_store: str, tmp_path: Path, monkeypatch:
 
 
 def no_egl(folder: Path) -> dict[str, str]:
-    """An environment in which EGL is not to be had: a file that is no library stands in its way."""
+    """Return an environment without EGL: an invalid library file shadows it."""
     for name in ("libEGL.so", "libEGL.so.1"):
         (folder / name).write_bytes(b"")
     return {"LD_LIBRARY_PATH": str(folder), "MUJOCO_GL": "egl"}
@@ -216,7 +217,7 @@ def no_screen(folder: Path) -> dict[str, str]:
     (lambda _: {"MUJOCO_GL": "pencil"}, "error[TC808]: cannot render with MUJOCO_GL=pencil: invalid value for environment "
      "variable MUJOCO_GL: pencil\n  help: set MUJOCO_GL=egl before MuJoCo is imported; it needs neither a screen nor a graphics card\n"),
 ], ids=["no EGL", "no screen", "no such thing"])
-def test_a_machine_that_cannot_draw(lamp: Path, tmp_path: Path, without: Callable[[Path], dict[str, str]], said: str) -> None:
+def test_machine_without_rendering_support(lamp: Path, tmp_path: Path, without: Callable[[Path], dict[str, str]], said: str) -> None:
     more = without(tmp_path)
     ran = command("render", "../lamp.yaml", store=tmp_path / "store", cwd=lamp, more=more)
     assert ran.code == 2 and ran.out == ""
@@ -250,7 +251,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("words", WRONG)
-def test_a_wrong_command_line(
+def test_invalid_command_lines(
     root: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str
 ) -> None:
     monkeypatch.chdir(root)
@@ -262,7 +263,7 @@ def test_a_wrong_command_line(
     assert re.sub(r"^\w+ parts: .*\n", "", said.err, flags=re.MULTILINE) == f"error[{code}]: {WRONG[words]}\n\n1 error\n"
 
 
-def test_processes_draw_the_same_and_what_is_no_place_for_a_picture_stays_as_it_is(
+def test_rendering_is_deterministic_and_checks_its_target(
     lamp: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     (lamp / "folder.png").mkdir()
@@ -278,7 +279,7 @@ def test_processes_draw_the_same_and_what_is_no_place_for_a_picture_stays_as_it_
     assert (lamp / "one.png").read_bytes() == (lamp / "other.png").read_bytes()
 
 
-def test_a_wrong_document_is_said_as_by_build(
+def test_invalid_document_is_reported_as_by_build(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -293,17 +294,17 @@ def test_a_wrong_document_is_said_as_by_build(
 
 @pytest.fixture(scope="module")
 def posed_arm(root: Path, shared_store: str) -> Any:
-    """The arm held by its pen, writing: the robot, the MuJoCo model and its data."""
+    """Return the arm held by its pen in a writing pose: the robot, the MuJoCo model and its data."""
     arm = thingc.compile(str(root / ARM), store=shared_store)
     mode = arm.modes["drawing"]
     model = mujoco.MjModel.from_xml_string(mode.mjcf(), mode.assets())
-    return mode.robot, model, posed(model, "writing")
+    return mode.robot, model, pose_model(model, "writing")
 
 
-def test_a_mount_is_where_mujoco_has_its_site(posed_arm: Any) -> None:
-    """The arm shows its mounts as sites, which MuJoCo puts into the world by itself."""
+def test_mount_marks_match_mujoco_sites(posed_arm: Any) -> None:
+    """The document exports mounts of the arm as sites, which MuJoCo places independently."""
     robot, model, data = posed_arm
-    drawn = {mark.label: placed(mark, data, 0.1) for mark in render_overlay.mounts(robot, {})}
+    drawn = {mark.label: arrows_of(mark, data, 0.1) for mark in render_overlay.mounts(robot, {})}
     assert {"plate.servo_seat", "hand.cap.pen", "hand.pen.tip", "bracket.board"} <= set(drawn)
     assert "elbow_servo.rotor" in drawn and "forearm.rotor_seat" not in drawn, "one frame for the two mounts of a mate"
     site = data.site("hand/tip")
@@ -312,14 +313,14 @@ def test_a_mount_is_where_mujoco_has_its_site(posed_arm: Any) -> None:
         np.testing.assert_allclose(line[-1] - line[0], 0.1 * site.xmat.reshape(3, 3)[:, k], atol=1e-9)
     (root_mark,) = render_overlay.root(robot)
     assert root_mark.label == "root hand.tip (held)"
-    np.testing.assert_allclose(placed(root_mark, data, 0.1)[0][0], site.xpos, atol=1e-9)
+    np.testing.assert_allclose(arrows_of(root_mark, data, 0.1)[0][0], site.xpos, atol=1e-9)
 
 
-def test_an_axis_is_that_of_mujoco(posed_arm: Any) -> None:
-    """`drawing` crosses every joint backwards, so MuJoCo's axes, which the child turns about in the tree, are the document's turned
-    round: the same lines the other way."""
+def test_joint_axis_marks_match_mujoco(posed_arm: Any) -> None:
+    """`drawing` traverses every joint backwards. MuJoCo's axes are those about which the child in the tree turns, so they are the
+    document's axes reversed: the same lines in the opposite direction."""
     robot, model, data = posed_arm
-    drawn = {mark.label: placed(mark, data, 0.1)[0] for mark in render_overlay.joints(robot, {})}
+    drawn = {mark.label: arrows_of(mark, data, 0.1)[0] for mark in render_overlay.joints(robot, {})}
     assert list(drawn) == ["yaw", "shoulder", "elbow", "wrist"] and model.njnt == 4
     for name, line in drawn.items():
         joint = data.joint(name)
@@ -328,13 +329,13 @@ def test_an_axis_is_that_of_mujoco(posed_arm: Any) -> None:
         np.testing.assert_allclose(np.cross(line[0] - joint.xanchor, along), 0.0, atol=1e-9)
 
 
-def test_every_coordinate_of_a_joint_has_its_axis(tmp_path: Path) -> None:
-    """In a pose: MuJoCo turns the second axis of a universal joint with the first, too."""
+def test_every_joint_coordinate_has_an_axis_mark(tmp_path: Path) -> None:
+    """In a pose: MuJoCo also rotates the second axis of a universal joint with the first."""
     gantry = compiled(tmp_path, GANTRY)
     robot, model = gantry.robot("stand"), gantry.model("stand")
     (frame,) = (frame for frame in robot.keyframes if frame.name == "home")
-    data = posed(model, "home")
-    drawn = {mark.label: placed(mark, data, 0.1)[0] for mark in render_overlay.joints(robot, frame.q)}
+    data = pose_model(model, "home")
+    drawn = {mark.label: arrows_of(mark, data, 0.1)[0] for mark in render_overlay.joints(robot, frame.q)}
     assert list(drawn) == ["table[0]", "table[1]", "table[2]", "wrist[0]", "wrist[1]", "ram[0]", "ram[1]"]
     for label, line in drawn.items():
         joint = data.joint(label.replace("[", "_").removesuffix("]"))
@@ -343,7 +344,7 @@ def test_every_coordinate_of_a_joint_has_its_axis(tmp_path: Path) -> None:
             np.testing.assert_allclose(np.cross(line[0] - joint.xanchor, joint.xaxis), 0.0, atol=1e-9)
 
 
-def test_all_mounts_of_a_component(posed_arm: Any) -> None:
+def test_all_mounts_of_a_component_are_marked(posed_arm: Any) -> None:
     robot, _, _ = posed_arm
     cap = [mark.label for mark in render_overlay.mounts_of(robot, {}, ["hand.cap"])]
     assert cap == [f"hand.cap.{name}" for name in next(o for o in robot.assembly.occurrences if o.path == "hand/cap").mounts]
@@ -351,13 +352,13 @@ def test_all_mounts_of_a_component(posed_arm: Any) -> None:
     assert set(cap) < whole and all(label.startswith("hand.") for label in whole)
 
 
-def test_arrows_end_where_the_camera_sees_their_ends(posed_arm: Any) -> None:
-    """On white paper: red, green and blue at the projected tips of a frame, and its name on a free place near it, in ink."""
+def test_arrows_end_at_their_projected_points(posed_arm: Any) -> None:
+    """On a white image: red, green and blue at the projected tips of a frame, and its name in a free place nearby."""
     _, model, data = posed_arm
     camera = camera_of(points_of(model, data), FLOOR, Shot(size=(640, 480)))
     frame = frame_mark(label="a name", body="world", pose=NO_POSE)
     axis = joint_mark(label="turns", body="base_link", pose=NO_POSE, slides=False)
-    lines = [*placed(frame, data, 0.05), *placed(axis, data, 0.05)]
+    lines = [*arrows_of(frame, data, 0.05), *arrows_of(axis, data, 0.05)]
     image = painted(np.full((480, 640, 3), 255, np.uint8), [frame, axis], data, camera, 0.05)
     assert image.shape == (480, 640, 3) and image.dtype == np.uint8
     for line, colour in zip(lines, (RED, GREEN, BLUE, JOINT)):

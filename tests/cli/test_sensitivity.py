@@ -1,4 +1,4 @@
-"""`thingc sensitivity`: derivatives that differences of `thingc info` and `thingc test` confirm, in the units of the document."""
+"""`thingc sensitivity`: derivatives that match finite differences of `thingc info` and `thingc test`, in the units of the document."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def measured_by_tests(robot: str, capsys: pytest.CaptureFixture[str], name: str,
     return found
 
 
-def test_derivatives_are_those_of_compilations(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_derivatives_match_finite_differences(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
     found = listed(capsys, robot, "--of", "mass,com,inertia.yy")
     assert {name for _, name in found} == {"reach", "left", "load", "tilt", "pull"}  # `half` follows `reach`
     assert ("centre.z", "tilt") in found and ("inertia.xx", "load") not in found
@@ -106,7 +106,7 @@ def test_derivatives_are_those_of_compilations(robot: str, capsys: pytest.Captur
             assert one["derivative"] == pytest.approx((after[result] - low) / (2.0 * step), rel=1e-5, abs=1e-9)
 
 
-def test_tests_are_results(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_test_measurements_are_results(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
     found = listed(capsys, robot, "--of", "tests.*", "--by", "reach,load,pull")
     names = {"tests.light", *(f"tests.balance.{axis}" for axis in "xyz"), "tests.holds.level", "tests.holds.low"}
     assert {result for result, _ in found} == names
@@ -119,7 +119,7 @@ def test_tests_are_results(robot: str, capsys: pytest.CaptureFixture[str]) -> No
             assert one["derivative"] == pytest.approx((after[result] - before[result]) / step, rel=1e-4, abs=1e-9)
 
 
-def test_the_table_has_the_units_of_the_document_and_the_greatest_effect_first(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_table_has_document_units_and_is_sorted_by_effect(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
     out, _ = printed(capsys, robot, "--of", "mass,site:hook.z,box.y,tests.holds.low", "-p", "left=19 mm")
     rows = [line.split() for line in out.splitlines()[1:]]
     assert rows[0] == ["mass", "2.59", "kg", "load", "0.5", "kg", "1", "kg/kg", "exact", "+5", "g", "+0.19", "%"]
@@ -129,7 +129,7 @@ def test_the_table_has_the_units_of_the_document_and_the_greatest_effect_first(r
     assert [row[-5:-4] for row in rows if "N*m" in row] == [["1/(N*m)"]] and out.endswith("no parameter changes box.y\n")
 
 
-def test_settings_move_the_point(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_settings_change_the_evaluation_point(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
     found = listed(capsys, robot, "--of", "centre.x", "-p", "reach=200 mm", "--set", "components.post.mass=1 kg")
     one = found["centre.x", "reach"]
     before, after = (
@@ -141,7 +141,7 @@ def test_settings_move_the_point(robot: str, capsys: pytest.CaptureFixture[str])
     assert list(held) == [("torque_margin", "joints.lift.limit.effort")]
 
 
-def test_a_missing_derivative_is_an_error_at_the_parameter(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_derivative_is_an_error_at_the_parameter(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
     out, err = printed(capsys, robot, "--of", "box.x,mass", code=1)
     assert "does not exist" in out and "1 kg/kg" in out
     assert "error[TC906]: `box.x` is not differentiable at left = 0.02 m" in err and "crane.yaml:5:17" in err and "help: choose" in err
@@ -162,12 +162,12 @@ def test_a_missing_derivative_is_an_error_at_the_parameter(robot: str, capsys: p
     (["--mode", "walking"], "`crane` has no mode `walking`"),
     (["-p", "reach=2 m"], "parameter `reach` must be at most 600 mm, found `2000 mm`"),
 ])
-def test_wrong_words_are_explained(robot: str, capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:
+def test_invalid_command_lines_are_explained(robot: str, capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:
     out, err = printed(capsys, robot, *words, code=2)
     assert message in err and "Traceback" not in err and not out
 
 
-def test_a_document_with_errors_shows_them(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_document_errors_are_shown(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
     wrong = Path(robot).with_name("wrong.yaml")
     wrong.write_text(ROBOT.replace("child: jib.origin", "child: jb.origin"))
     out, err = printed(capsys, str(wrong), code=1)

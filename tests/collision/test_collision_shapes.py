@@ -1,4 +1,4 @@
-"""Collision shapes of one's own, in every format; the oracles are MuJoCo, trimesh and formulas."""
+"""Collision shapes declared in documents, in every format, compared with MuJoCo, trimesh and formulas."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def model_of(made: Artifacts, name: str) -> mujoco.MjModel:
 
 
 def inside(shape: str, points: np.ndarray) -> np.ndarray:
-    """Which points [mm, in the frame of the bracket] are inside a shape of `SHAPES`, by its definition."""
+    """Return which points [mm, in the frame of the bracket] are inside a shape of `SHAPES`, by its definition."""
     def local(xyz: tuple[float, float, float], rpy: tuple[float, float, float]) -> np.ndarray:
         rotation = trimesh.transformations.euler_matrix(*np.radians(rpy), "sxyz")[:3, :3]
         return (points - np.array(xyz)) @ rotation
@@ -109,8 +109,8 @@ def inside(shape: str, points: np.ndarray) -> np.ndarray:
     return (p[:, 0] >= 0) & (p[:, 1] >= 0) & (p[:, 0] / 12 + p[:, 1] / 8 <= 1) & (p[:, 2] >= 0) & (p[:, 2] <= 10)
 
 
-def test_a_probe_touches_the_shapes_of_the_definition_and_nothing_else(tmp_path: Path, shared_store: str) -> None:
-    """A small sphere of MuJoCo at random points touches exactly the shapes that contain the point."""
+def test_probe_touches_only_the_declared_shapes(tmp_path: Path, shared_store: str) -> None:
+    """At random points, a small sphere in MuJoCo touches exactly the shapes that contain the point."""
     workspace(tmp_path)
     _, made = built(tmp_path, ROBOT, shared_store)
     spec = mujoco.MjSpec.from_string(
@@ -143,7 +143,7 @@ def test_a_probe_touches_the_shapes_of_the_definition_and_nothing_else(tmp_path:
         assert (hits[:, column] != expected).sum() <= 3, shape  # the probe has a radius of 0.01 mm
 
 
-def test_every_format_has_the_shapes(tmp_path: Path, shared_store: str) -> None:
+def test_every_format_contains_the_shapes(tmp_path: Path, shared_store: str) -> None:
     workspace(tmp_path)
     _, made = built(tmp_path, ROBOT, shared_store, ("mjcf", "urdf", "sdf", "usd"))
     urdf = made["urdf"].files["urdf/robot_free.urdf"].decode()  # type: ignore[union-attr]
@@ -161,7 +161,7 @@ def test_every_format_has_the_shapes(tmp_path: Path, shared_store: str) -> None:
     assert model_of(made["mjcf"], "robot_free").geom("bracket:collision_3").friction[0] == 0.3
 
 
-def test_a_mirrored_part_has_mirrored_shapes(tmp_path: Path, shared_store: str) -> None:
+def test_mirrored_part_has_mirrored_shapes(tmp_path: Path, shared_store: str) -> None:
     workspace(tmp_path)
     two = ROBOT.replace("modes:", """\
   image:
@@ -193,7 +193,7 @@ def pieces_of(made: Artifacts) -> list[trimesh.Trimesh]:
 
 @pytest.mark.parametrize("form", ["part", "link", "shapes"])
 @pytest.mark.parametrize("most", [2, 3])
-def test_pieces_are_convex_few_and_cover_the_shape(tmp_path: Path, shared_store: str, form: str, most: int) -> None:
+def test_pieces_are_convex_and_cover_the_shape(tmp_path: Path, shared_store: str, form: str, most: int) -> None:
     workspace(tmp_path)
     mesh = f"{{mesh: meshes/cross.stl, decompose: {{pieces: {most}}}}}"
     component = {
@@ -425,8 +425,8 @@ def test_shapes_survive_a_round_trip_through_urdf_and_mjcf(tmp_path: Path, share
         assert np.array(shapes[0]) == pytest.approx(np.array(shapes[1]), abs=2e-5)
 
 
-def test_the_deviations_of_a_box_around_an_l(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The box around the L of two plates reaches 36 mm / sqrt(2) ... beyond it, and has a known volume."""
+def test_deviations_of_a_box_around_an_l_shape(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The bounding box of an L of two plates extends up to 36 mm / sqrt(2) beyond the part, and has a known volume."""
     workspace(tmp_path)
     for collision, outside, beyond, ratio in (
         ("box", 0.0, 0.036, 40 * 20 * 40 / (40 * 20 * 4 + 4 * 20 * 36)), ("mesh", 0.0, 0.0, 1.0),
@@ -440,7 +440,7 @@ def test_the_deviations_of_a_box_around_an_l(tmp_path: Path, shared_store: str, 
         assert found["ratio"] == pytest.approx(ratio, rel=1e-4) and found["paths"] == ["b"]
 
 
-def test_formats_may_have_shapes_of_their_own(tmp_path: Path, shared_store: str) -> None:
+def test_formats_can_have_different_shapes(tmp_path: Path, shared_store: str) -> None:
     workspace(tmp_path)
     text = """\
 thingc: assembly/1
@@ -470,10 +470,10 @@ modes: {free: {root: b, base: free}}
     ("{}", False), ("{groups: {g: {components: [a, b], collide: [others]}}}", True),
     ("{groups: {g: {components: [a, b], collide: [others]}}, pairs: [{between: [a, b]}]}", False),
 ])
-def test_the_check_for_mjx_knows_groups_and_pairs(
+def test_mjx_check_uses_groups_and_pairs(
     tmp_path: Path, shared_store: str, contacts: str, loads: bool,
 ) -> None:
-    """MJX has no contacts between a cylinder and a box: thingc replaces the cylinder exactly if `mjx.put_model` refuses the model."""
+    """MJX has no contacts between a cylinder and a box. thingc replaces the cylinder exactly if `mjx.put_model` rejects the model."""
     from mujoco import mjx
 
     workspace(tmp_path)
@@ -500,7 +500,7 @@ def test_the_check_for_mjx_knows_groups_and_pairs(
     assert replaced is not loads  # a cylinder becomes a prism only if MJX needs it
 
 
-def test_the_picture_shows_transparent_collision_shapes_over_the_parts(tmp_path: Path, shared_store: str) -> None:
+def test_picture_shows_transparent_collision_shapes(tmp_path: Path, shared_store: str) -> None:
     workspace(tmp_path)
     _, made = built(tmp_path, ROBOT, shared_store)
     files = made["mjcf"].files
@@ -510,7 +510,7 @@ def test_the_picture_shows_transparent_collision_shapes_over_the_parts(tmp_path:
     assert shown == {"bracket": (2, 1.0), "bracket:collision": (1, 0.4), **{f"bracket:collision_{k}": (1, 0.4) for k in range(1, 5)}}
 
 
-def test_shapes_are_measured_in_the_format_that_is_asked_for(
+def test_shapes_are_measured_in_the_given_format(
     tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str],
 ) -> None:
     workspace(tmp_path)

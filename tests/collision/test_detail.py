@@ -1,4 +1,4 @@
-"""Levels of detail: simulation models omit shapes, and nothing else changes."""
+"""Levels of detail: simulation models omit shapes, and other properties do not change."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ALL = {"foot", "cover", "left/palm", "left/bolt", "right/palm", "right/bolt"}
 
 
 def drawn(made: dict[str, Artifacts], file: str) -> set[str]:
-    """The components with shapes, visual or for collision, in an XML file."""
+    """Return the components with visual or collision shapes in an XML file."""
     text = made[file.partition("/")[0]].files[file]
     assert isinstance(text, bytes)
     names = {one.get("name", "") for tag in ("geom", "visual", "collision") for one in ET.fromstring(text).iter(tag)}
@@ -50,7 +50,7 @@ def drawn(made: dict[str, Artifacts], file: str) -> set[str]:
     ("sim: [-cosmetic, -hands]", {"cover", "left/palm", "left/bolt"}),
     ("sim: -cosmetic, mjcf: [-fasteners], urdf: []", {"left/bolt", "right/bolt"}),
 ])
-def test_omitted_shapes_leave_masses_as_they_are(tmp_path: Path, shared_store: str, detail: str, omitted: set[str]) -> None:
+def test_omitted_shapes_do_not_change_masses(tmp_path: Path, shared_store: str, detail: str, omitted: set[str]) -> None:
     workspace(tmp_path)
     tmp_path.joinpath("hand.yaml").write_text(HAND)
     _, full = built(tmp_path, ROBOT, shared_store, ("mjcf", "urdf", "stl"))
@@ -65,7 +65,7 @@ def test_omitted_shapes_leave_masses_as_they_are(tmp_path: Path, shared_store: s
             np.testing.assert_allclose(getattr(a, field), getattr(b, field), rtol=1e-12, atol=1e-15, err_msg=field)
 
 
-def test_a_single_build_omits_a_level(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_single_build_can_omit_a_level(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     workspace(tmp_path)
     tmp_path.joinpath("hand.yaml").write_text(HAND)
     document = tmp_path / "robot.yaml"

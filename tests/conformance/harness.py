@@ -1,4 +1,4 @@
-"""thingc as people use it: a process of its own, and the files that it leaves."""
+"""Run thingc like a user, in a separate process, and read the files that it writes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TIMEOUT = 300.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ran:
-    """How a command ended."""
+    """The result of a command."""
 
     code: int
     out: str
@@ -32,18 +32,18 @@ class Ran:
 
     @property
     def answer(self) -> dict[str, Any]:
-        """Its standard output as JSON."""
+        """The standard output, parsed as JSON."""
         found: dict[str, Any] = json.loads(self.out)
         return found
 
 
 def environment(store: str | Path, **more: str) -> dict[str, str]:
-    """This process's environment with the store of the test."""
+    """Return the environment of this process with the store of the test."""
     return {**os.environ, "THINGC_STORE": str(store), **more}
 
 
 def thingc(*words: str | Path, store: str | Path, cwd: str | Path = ROOT, more: Mapping[str, str] | None = None) -> Ran:
-    """Run one command to its end."""
+    """Run a command, and wait for its end."""
     done = subprocess.run(
         [*COMMAND, *map(str, words)], cwd=cwd, env=environment(store, **(more or {})), capture_output=True, text=True,
         timeout=TIMEOUT, check=False,
@@ -52,16 +52,16 @@ def thingc(*words: str | Path, store: str | Path, cwd: str | Path = ROOT, more: 
 
 
 MEANT = ("TC517", "TC518", "TC519", "TC610")
-"""Warnings that small robots of tests deserve: far offsets, magnets and servos that are there for their weight, links in the floor."""
+"""Expected warnings of small robots in tests: far offsets, magnets and servos that only add weight, links in the floor."""
 
 
 def build(document: str | Path, *words: str | Path, store: str | Path, cwd: str | Path = ROOT, **options: Any) -> dict[str, Any]:
-    """`thingc build`, which must succeed and have nothing to say: its JSON answer."""
+    """Run `thingc build`, which must succeed without diagnostics, and return its JSON output."""
     return _silent(thingc("build", document, "--format", "json", *words, store=store, cwd=cwd, **options))
 
 
 def thingc_here(*words: str | Path, cwd: str | Path, store: str | Path | None = None) -> Ran:
-    """`thingc` by the command's function in this process, for tests that ask what is said or made and not what a process does."""
+    """Run `thingc` in this process, for tests of messages and files that do not depend on processes."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.chdir(cwd), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main([*map(str, words), *([] if store is None else ["--store", str(store)])])
@@ -69,12 +69,12 @@ def thingc_here(*words: str | Path, cwd: str | Path, store: str | Path | None = 
 
 
 def build_here(document: str | Path, *words: str | Path, store: str | Path, cwd: str | Path) -> dict[str, Any]:
-    """`build`, with the kernel that this process has."""
+    """Run `build` with the CAD kernel of this process."""
     return _silent(thingc_here("build", document, "--format", "json", *words, store=store, cwd=cwd))
 
 
 def once(folder: Path, make: Callable[[], object]) -> Path:
-    """Fill a folder once per run: one of several test processes does, and the others wait."""
+    """Fill a folder once per run: one of several test processes fills it, and the others wait."""
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -85,7 +85,7 @@ def once(folder: Path, make: Callable[[], object]) -> Path:
 
 
 def built(document: str, store: str, *targets: str) -> Path:
-    """The folder of a build of these targets (without any, of what a build writes if none is stated), which all tests read."""
+    """Return the folder of a build with these targets (by default those of a build without `--emit`), which all tests read."""
     name = Path(document).stem
     folder = Path(store).parent / "-".join(("built", name, *targets))
     emit = [word for target in targets for word in ("--emit", target)]
@@ -99,13 +99,13 @@ def _silent(ran: Ran) -> dict[str, Any]:
 
 
 def tree(folder: str | Path) -> dict[str, bytes]:
-    """Every file below a folder, by its path with `/`."""
+    """Return all files below a folder, by path with `/`."""
     base = Path(folder)
     return {path.relative_to(base).as_posix(): path.read_bytes() for path in sorted(base.rglob("*")) if path.is_file()}
 
 
 def write(folder: str | Path, files: Mapping[str, str | bytes]) -> Path:
-    """A workspace in `folder`: texts have their common indentation taken off; a `thingc.toml` where none is given."""
+    """Write a workspace to `folder`. The common indentation of texts is removed, and a `thingc.toml` is added if there is none."""
     base = Path(folder)
     settings = {"thingc.toml": 'thingc = "workspace/1"\nparts = ["parts"]\n'}
     for name, content in {**settings, **files}.items():
@@ -119,14 +119,14 @@ def write(folder: str | Path, files: Mapping[str, str | bytes]) -> Path:
 
 
 def replace(path: Path, old: str, new: str) -> None:
-    """Edit a file: `old` must be there once."""
+    """Edit a file, in which `old` must occur once."""
     text = path.read_text()
     assert text.count(old) == 1, (path, old, text.count(old))
     path.write_text(text.replace(old, new))
 
 
 def processes(mark: str) -> list[str]:
-    """Command lines of living processes (not this one) with `mark` in their command line or environment."""
+    """Return the command lines of other running processes with `mark` in their command line or environment."""
     found = []
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit() or int(entry.name) == os.getpid():

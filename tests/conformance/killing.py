@@ -1,4 +1,4 @@
-"""Builds that are killed at a given moment, and what must hold of all that they leave."""
+"""Builds that are killed at a given moment, and the conditions that must hold for the remaining files."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from conformance.harness import COMMAND, build, build_here, environment, process
 
 SPANS = (60, 95)
 FAREWELL = 60.0
-"""How long the system may take to end processes whose parent was killed [s], however busy it is."""
+"""The longest time [s] in which the system ends the child processes of a killed process, even if it is busy."""
 
 Tree = dict[str, bytes]
 
 
 @dataclass(frozen=True)
 class Scene:
-    """The workspace of the rig, a store with all of its parts, what builds of it must be, and how long a cold and a warm one take [s]."""
+    """The workspace of the rig, a store with all of its parts, the expected builds, and the times [s] of a cold and a warm build."""
 
     root: Path
     store: Path
@@ -33,25 +33,25 @@ class Scene:
     warm: float
 
     def start(self, span: int, output: Path, store: Path, *words: str) -> subprocess.Popen[bytes]:
-        """A build in a process of its own."""
+        """Start a build in a separate process."""
         return self.run(["build", "rig.yaml", "-p", f"span={span} mm", "-o", str(output), *words], output, store)
 
     def run(self, words: list[str], output: Path, store: Path) -> subprocess.Popen[bytes]:
-        """A command in a process of its own. The folder for temporary files marks all of its processes."""
+        """Start a command in a separate process. Its folder for temporary files identifies all of its processes."""
         return subprocess.Popen(
             [*COMMAND, *words], cwd=self.root, env=environment(store, TMPDIR=self.mark(output)), stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
         )
 
     def mark(self, output: Path) -> str:
-        """The folder for temporary files of what writes to `output`."""
+        """Return the folder for temporary files of the command that writes to `output`."""
         folder = output.parent / f"tmp-{output.name}"
         folder.mkdir(parents=True, exist_ok=True)
         return str(folder)
 
 
 def made_scene(base: Path) -> Scene:
-    """The rig in a folder, with each of its two sizes built to the end."""
+    """Create the rig in a folder, and build both of its sizes."""
     root = write(base / "ws", rig.DOCUMENTS)
     expected, seconds = {}, []
     for run, span in ((build, SPANS[0]), (build_here, SPANS[1]), (build, SPANS[0])):
@@ -64,7 +64,7 @@ def made_scene(base: Path) -> Scene:
 
 
 def ended(process: subprocess.Popen[bytes], mark: str) -> None:
-    """Waits until nothing of a build is alive; fails when something stays."""
+    """Wait until no process of a build is running. Fail if a process remains."""
     process.wait(timeout=FAREWELL)
     last = time.monotonic() + FAREWELL
     while (alive := processes(mark)) and time.monotonic() < last:
@@ -73,7 +73,7 @@ def ended(process: subprocess.Popen[bytes], mark: str) -> None:
 
 
 def whole(folder: Path) -> Tree | None:
-    """The files of a build folder, None where there is none. What the manifest lists is there to the byte, and nothing else."""
+    """Return the files of a build folder, or None if it does not exist. Check that it contains exactly the files of the manifest."""
     if not folder.exists():
         return None
     files = tree(folder)
@@ -83,8 +83,8 @@ def whole(folder: Path) -> Tree | None:
 
 
 def sound(store: Path) -> Iterator[str]:
-    """Every finished file of a store, each checked against its place: a blob's name is the hash of its bytes, and the first line of a
-    document that of its kind, its name and the rest."""
+    """Check every finished file of a store. The name of a blob is the hash of its content, and the first line of a document is the hash
+    of its kind, its name and the rest."""
     for path in store.rglob("*"):
         if not path.is_file() or "." in path.name or path.name == "build_locks":
             continue  # being written when it was killed: a name nobody looks for; or the file whose bytes are locked, which is empty
@@ -101,13 +101,13 @@ def sound(store: Path) -> Iterator[str]:
 
 @dataclass
 class Killer:
-    """Kills builds at a given part of their time. How long they take is nine tenths of what the last one took that got away: the machine
-    may have less and less to do beside them."""
+    """Kills builds at a given fraction of their time. The estimated time is nine tenths of the last build that finished, because the
+    load of the machine may decrease."""
 
     seconds: float
 
     def kill(self, moment: float, process: subprocess.Popen[bytes]) -> bool:
-        """Kill with SIGKILL; whether the build was still running."""
+        """Kill a process with SIGKILL. Return whether the build was still running."""
         began = time.monotonic()
         try:
             process.wait(timeout=moment * self.seconds)

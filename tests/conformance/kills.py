@@ -1,14 +1,10 @@
-"""`make kills KILLS=60 SEED=1`: builds and batches killed at random instants, and what they left.
-
-Each kill is of one of five kinds, in turn: a build from an empty store; one over a standing build of another size; a batch from an empty
-store; one that is packed; two builds at once, one of which is killed. The victim is the command itself, or (one time in three) one of
-the processes under it. Afterwards nothing of it is alive, every finished file of the store is what its name says, the build folder is
-absent, the old one or the new one, whole; and the next build, or the batch that is gone on with (a variant whose runner was killed is
-built again), writes what an undisturbed one did, byte for byte.
-
-The first that is not so ends the campaign with exit code 1, and its folder stays. The same seed gives the same instants, as
-far as the machine is as fast.
-"""
+"""`make kills KILLS=60 SEED=1`: kill builds and batches at random moments, and check the remaining files. Five kinds of kills alternate:
+a build with an empty store; a build over an existing build of another size; a batch with an empty store; a packed batch; and one of
+two simultaneous builds. The killed process is the command itself or, in one of three cases, one of its child processes. Afterwards,
+no process is running, the name of every finished file of the store matches its content, and the build folder is missing or equals the
+old or the new build. The next build, or the resumed batch (which builds a variant again if its runner was killed), writes the same
+bytes as without a kill. The first failure ends the campaign with exit code 1, and its folder is kept. The same seed gives the same
+moments on a machine of the same speed."""
 
 from __future__ import annotations
 
@@ -43,7 +39,7 @@ KINDS = ("cold build", "warm build", "batch", "packed batch", "two builds")
 
 @dataclass
 class Campaign:
-    """The scene, what an undisturbed batch writes, by layout, and takes [s], and what has been counted."""
+    """The scene, the expected files and the time [s] of a batch by layout, and the counters."""
 
     scene: Scene
     base: Path
@@ -53,7 +49,7 @@ class Campaign:
     counted: Counter[str] = field(default_factory=Counter)
 
     def prepare(self) -> None:
-        """Run the batch of each layout once to its end, the first from an empty store."""
+        """Build the batch of each layout once, the first one with an empty store."""
         write(self.scene.root, {"spans.yaml": VARIANTS})
         for layout in LAYOUTS:
             began = time.monotonic()
@@ -62,7 +58,7 @@ class Campaign:
             self.variants[layout] = self._of_batch(self.base / layout)
 
     def once(self, number: int) -> None:
-        """One kill and what follows. Raises `AssertionError` where something is left that must not be."""
+        """Kill once, and check the result. Raises `AssertionError` if a file is wrong."""
         kind = KINDS[number % len(KINDS)]
         folder = self.base / str(number)
         folder.mkdir()
@@ -114,7 +110,7 @@ class Campaign:
         assert ran.code == 0, ran.err
 
     def _of_batch(self, output: Path) -> Tree:
-        """What a batch has built: its variants and what they share. (Its table and its journal say how long each took.)"""
+        """Return the variants of a batch and their shared files. The table and the journal are omitted, because they contain times."""
         found = tree(output / "spans")
         assert not any(path.endswith(".jsonl") and path.startswith("chunks/") for path in found), "a journal is left beside its chunk"
         return {
@@ -123,7 +119,7 @@ class Campaign:
         }
 
     def _kill(self, process: subprocess.Popen[bytes], seconds: float) -> None:
-        """Kill it, or something under it, with SIGKILL at a random part of the time that it takes."""
+        """Kill the process or one of its child processes with SIGKILL after a random fraction of its time."""
         inner = self.source.random() < 1 / 3
         moment = self.source.random() * seconds
         try:
@@ -141,7 +137,7 @@ class Campaign:
 
 
 def main() -> int:
-    """See above; the exit code."""
+    """Run the campaign, and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--number", type=int, default=60, help="number of kills")
     parser.add_argument("--seed", type=int, default=1)

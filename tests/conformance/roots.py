@@ -1,7 +1,5 @@
-"""What does not depend on the root, looked for in the models of all modes of one robot.
-
-Every function returns what it finds wrong, in words: an empty list where the modes agree.
-"""
+"""Properties that do not depend on the root, checked in the models of all modes of a robot. Every function returns descriptions of the
+differences, which is an empty list if the modes agree."""
 
 from __future__ import annotations
 
@@ -15,31 +13,31 @@ from conformance import simulation as sim
 
 Array = sim.Array
 Models = Mapping[str, mujoco.MjModel]
-"""Mode to model."""
+"""The model of each mode."""
 
 POSE = 1e-9
-"""How far [m], and in its directions, a pose may be from that in another mode."""
+"""Largest difference [m], also between directions, of a pose in two modes."""
 
 DYNAMICS = 1e-9
-"""How much mass matrix and gravity torque with one link held may differ, relative to their largest entry."""
+"""Largest difference of the mass matrix and the gravity torques with one link held, relative to their largest entry."""
 
 WHOLE = 1e-12
-"""The same for mass, centre and inertia of everything."""
+"""Largest relative difference of the total mass, centre and inertia."""
 
 
 def root_of(model: mujoco.MjModel) -> str:
-    """The link that this model is rooted at."""
+    """Return the root link of a model."""
     (found,) = (name for name in sim.links(model) if int(model.body(name).parentid[0]) == 0)
     return found
 
 
 def angles(model: mujoco.MjModel, source: np.random.Generator) -> dict[str, float]:
-    """Every joint somewhere within its limits [rad]."""
+    """Return random positions of all joints within their limits [rad]."""
     return {name: float(source.uniform(*model.joint(name).range)) for name in sim.joints(model)}
 
 
 def excluded(model: mujoco.MjModel) -> set[frozenset[str]]:
-    """The pairs of links that never touch; holds to the world excepted."""
+    """Return the pairs of links whose contacts are excluded, without anchors of holds."""
     pairs = (
         frozenset((model.body(int(signature) >> 16).name, model.body(int(signature) & 0xFFFF).name))
         for signature in model.exclude_signature
@@ -48,12 +46,13 @@ def excluded(model: mujoco.MjModel) -> set[frozenset[str]]:
 
 
 def relative(one: Array, other: Array) -> float:
-    """The largest difference over the largest entry."""
+    """Return the largest difference divided by the largest entry."""
     return float(np.abs(one - other).max() / max(np.abs(one).max(), np.abs(other).max()))
 
 
 def links(models: Models) -> list[str]:
-    """Links, joints and excluded pairs are the same; mass, centre, inertia and geometry of a link are, to the bit."""
+    """Check that links, joints and excluded pairs are equal, and that the mass, centre, inertia and geometry of each link are equal bit
+    by bit."""
     said: list[str] = []
     (first, one), *others = models.items()
     for mode, other in others:
@@ -75,14 +74,14 @@ def links(models: Models) -> list[str]:
 
 
 def pairwise(found: Mapping[str, Array], names: Sequence[str]) -> Array:
-    """The pose of each in the frame of each."""
+    """Return the pose of each frame in each other frame."""
     stack = np.array([found[name] for name in names])
     seen: Array = np.einsum("iab,jbc->ijac", np.linalg.inv(stack), stack)
     return seen
 
 
 def poses(models: Models, q: Mapping[str, float], source: np.random.Generator) -> list[str]:
-    """For equal q, every part and site stands as every other sees it in the first mode, wherever the bases are."""
+    """Check that for equal q, the relative poses of all parts and sites equal those in the first mode, for any pose of the base."""
     said: list[str] = []
     expected: Array | None = None
     names: list[str] = []
@@ -103,7 +102,7 @@ def poses(models: Models, q: Mapping[str, float], source: np.random.Generator) -
 
 
 def whole(models: Models, q: Mapping[str, float], part: str, source: np.random.Generator) -> list[str]:
-    """Mass, centre and inertia of everything, in the frame of that part, are those of the first mode."""
+    """Check that the total mass, centre and inertia in the frame of a part equal those of the first mode."""
     said: list[str] = []
     seen: dict[str, tuple[float, Array, Array]] = {}
     for mode, model in models.items():
@@ -118,7 +117,7 @@ def whole(models: Models, q: Mapping[str, float], part: str, source: np.random.G
 
 
 def said_of_all(models: Models, part: str, said: Mapping[str, tuple[float, Any, Any]]) -> list[str]:
-    """Mass, centre and inertia of everything at q = 0, in the frame of that part, are what each of `said` says."""
+    """Check that the total mass, centre and inertia at q = 0 in the frame of a part equal each of the given values."""
     wrong: list[str] = []
     for mode, model in models.items():
         data = sim.at(model, {})
@@ -131,7 +130,7 @@ def said_of_all(models: Models, part: str, said: Mapping[str, tuple[float, Any, 
 
 
 def said_of_links(models: Models, occurrences: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The mass of each link is the sum of what its occurrences weigh by themselves."""
+    """Check that the mass of each link is the sum of the masses of its occurrences."""
     wrong: list[str] = []
     for mode, model in models.items():
         for link in sim.links(model):
@@ -142,7 +141,7 @@ def said_of_links(models: Models, occurrences: Sequence[Mapping[str, Any]]) -> l
 
 
 def at_rest(models: Models, part: str, rest: Mapping[str, Array]) -> list[str]:
-    """With all joints at 0, exactly the parts of `rest` are drawn, and stand as it says that `part` sees them."""
+    """Check that at q = 0, exactly the given parts are visible, with the given poses in the frame of a part."""
     said: list[str] = []
     for mode, model in models.items():
         found = sim.parts(model, sim.at(model, {}))
@@ -156,8 +155,8 @@ def at_rest(models: Models, part: str, rest: Mapping[str, Array]) -> list[str]:
 
 
 def described(tree: Mapping[str, Any], model: mujoco.MjModel, q: Mapping[str, float]) -> list[str]:
-    """X_PC(q) = X_PJ motion(q + offset) inv(X_CJ), as `modes.json` says of joints that turn about one axis, gives MuJoCo's poses of
-    links."""
+    """Check that the formula of `modes.json` for joints with one axis, X_PC(q) = X_PJ motion(q + offset) inv(X_CJ), gives the link poses
+    of MuJoCo."""
     said: list[str] = []
     root = tree["links"][0]["name"]
     data = sim.at(model, q)
@@ -181,15 +180,15 @@ def described(tree: Mapping[str, Any], model: mujoco.MjModel, q: Mapping[str, fl
 
 
 def gravity_seen_from(model: mujoco.MjModel, q: Mapping[str, float], link: str, base: Array) -> Array:
-    """The model's gravity in the axes of a link."""
+    """Return the gravity of the model in the axes of a link."""
     data = sim.at(model, q, base)
     found: Array = data.body(link).xmat.reshape(3, 3).T @ model.opt.gravity
     return found
 
 
 def dynamics_of_modes(models: Models, q: Mapping[str, float], source: np.random.Generator) -> list[str]:
-    """MuJoCo's own mass matrix and gravity torque of each mode are those worked out from every mode's bodies with the same
-    link held still."""
+    """Check that MuJoCo's mass matrix and gravity torques of each mode equal those computed from the bodies of every mode with the same
+    link held."""
     said: list[str] = []
     for mode, model in models.items():
         link, base = root_of(model), sim.random_pose(source)
@@ -201,7 +200,7 @@ def dynamics_of_modes(models: Models, q: Mapping[str, float], source: np.random.
 
 
 def dynamics_held(models: Models, q: Mapping[str, float], link: str, gravity: Array, source: np.random.Generator) -> list[str]:
-    """Mass matrix and gravity torque with that link held are the same from every mode; `gravity` in the link's axes."""
+    """Check that the mass matrix and the gravity torques with a link held are equal in all modes. `gravity` is in the axes of the link."""
     found = {mode: sim.held(model, q, link, gravity, sim.random_pose(source)) for mode, model in models.items()}
     first = next(iter(found.values()))
     return [words for mode, one in found.items() for words in _same(first, one, f"{mode}, {link} held")]

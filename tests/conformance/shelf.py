@@ -1,4 +1,4 @@
-"""A workspace whose parts read every kind of file, and what is built of it. `from build123d import *`, as people write."""
+"""A workspace whose parts read every kind of file, with the files that are built. It uses `from build123d import *`, like many users."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ for folder, height in zip(sys.argv[1::2], map(float, sys.argv[2::2])):
 
 
 def document() -> str:
-    """Everything in a row, and a hinge."""
+    """Return a document with all parts in a row, and a hinge."""
     lines = [
         "thingc: assembly/1", "name: shelf", "materials: {pine: {density: 500 kg/m^3, color: burlywood}}",
         "defaults: {component: {material: pine}}", "components:", "  first: {part: 'shelf:Plain'}",
@@ -195,7 +195,7 @@ def document() -> str:
 
 
 def make_files(heights: dict[Path, float]) -> None:
-    """Into each folder a motor of a height [mm] as STEP, BREP and STL, written by build123d in a process of its own."""
+    """Write STEP, BREP and STL files of a motor with the given height [mm] to each folder, in a separate process."""
     for folder in heights:
         folder.mkdir(parents=True, exist_ok=True)
     words = [word for folder, height in heights.items() for word in (str(folder), str(height))]
@@ -203,7 +203,7 @@ def make_files(heights: dict[Path, float]) -> None:
 
 
 def workspace(folder: Path) -> Path:
-    """The workspace `ws` in a folder, and beside it in `other` the files of another motor."""
+    """Create the workspace `ws` in a folder, and beside it the folder `other` with the files of another motor."""
     root = write(folder / "ws", {
         "parts/shelf.py": PARTS, "parts/helpers.py": HELPERS, "parts/knobs.py": KNOBS, "shelf.yaml": document(),
         "sizes.json": "[7, 8, 9]", "unread.json": "1",

@@ -1,4 +1,4 @@
-"""What MuJoCo makes of a model, in numpy: poses of parts, mass properties, and dynamics with any link held still."""
+"""Evaluate MuJoCo models with numpy: poses of parts, mass properties, and dynamics with any link held."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @contextlib.contextmanager
 def no_warning(folder: Path) -> Iterator[None]:
-    """Fails when MuJoCo warns, by whatever way: its handler, Python's, or a log in the working folder."""
+    """Fail if MuJoCo warns by its handler, by Python's warnings, or by a log file in the working folder."""
     said: list[str] = []
     before = os.getcwd()
     os.chdir(folder)
@@ -34,7 +34,7 @@ def no_warning(folder: Path) -> Iterator[None]:
 
 
 def pose(position: Array, rotation: Array) -> Array:
-    """A homogeneous matrix."""
+    """Return a homogeneous matrix."""
     found = np.eye(4)
     found[:3, :3] = np.asarray(rotation).reshape(3, 3)
     found[:3, 3] = position
@@ -42,7 +42,7 @@ def pose(position: Array, rotation: Array) -> Array:
 
 
 def turned(quaternion: Array) -> Array:
-    """The rotation matrix of a quaternion (w, x, y, z)."""
+    """Return the rotation matrix of a quaternion (w, x, y, z)."""
     w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
     return np.array([
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -52,13 +52,13 @@ def turned(quaternion: Array) -> Array:
 
 
 def joints(model: mujoco.MjModel) -> list[str]:
-    """The names of hinges and slides, sorted: an order that no mode chooses."""
+    """Return the sorted names of hinges and slides, so that the order does not depend on the mode."""
     free = int(mujoco.mjtJoint.mjJNT_FREE)
     return sorted(model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) != free)
 
 
 def at(model: mujoco.MjModel, q: Mapping[str, float], base: Array | None = None) -> mujoco.MjData:
-    """The state with joints at `q`; a free or held base at the pose `base`, if one is given. Everything is at rest."""
+    """Return the state at rest with the joint positions `q`. A free or held base is at the pose `base`, if one is given."""
     data = mujoco.MjData(model)
     for name, value in q.items():
         data.joint(name).qpos = value
@@ -77,8 +77,8 @@ def at(model: mujoco.MjModel, q: Mapping[str, float], base: Array | None = None)
 
 
 def parts(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Array]:
-    """The pose in the world of every part that is drawn, in the part's own frame: MuJoCo moves the frame of a mesh to its
-    centre and principal axes, which is taken back."""
+    """Return the pose in the world of every visible part in the frame of the part. MuJoCo moves the frame of a mesh to its centre and
+    principal axes, which is reverted."""
     found = {}
     for i in range(model.ngeom):
         name = model.geom(i).name
@@ -91,7 +91,7 @@ def parts(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Array]:
 
 
 def frames(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Array]:
-    """The pose in the world of every part that is drawn and of every site of a link."""
+    """Return the pose in the world of every visible part and of every site of a link."""
     sites = {
         f"site {model.site(i).name}": pose(data.site_xpos[i], data.site_xmat[i])
         for i in range(model.nsite) if not is_anchor(model, int(model.site_bodyid[i]))
@@ -100,12 +100,13 @@ def frames(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Array]:
 
 
 def links(model: mujoco.MjModel) -> list[str]:
-    """The names of the bodies but the world's and the anchors of holds, sorted."""
+    """Return the sorted names of all bodies except the world and the anchors of holds."""
     return sorted(model.body(i).name for i in range(1, model.nbody) if not is_anchor(model, i))
 
 
 def is_anchor(model: mujoco.MjModel, body: int) -> bool:
-    """Whether a body is no link but a place where a hold holds one: it is called so, and is mocap, without mass, geometry or children."""
+    """Return whether a body is the anchor of a hold: it has the name of an anchor, is a mocap body, and has no mass, geometry or
+    children."""
     if not model.body(body).name.endswith(":held"):
         return False
     assert model.body_mocapid[body] >= 0 and model.body_mass[body] == 0.0, model.body(body).name
@@ -114,20 +115,20 @@ def is_anchor(model: mujoco.MjModel, body: int) -> bool:
 
 
 def inertia_of(model: mujoco.MjModel, link: str) -> tuple[float, Array, Array]:
-    """Mass, centre and inertia about the centre of a link, in the link's axes."""
+    """Return the mass, the centre and the inertia about the centre of a link, in the axes of the link."""
     body = model.body(link).id
     r = turned(model.body_iquat[body])
     return float(model.body_mass[body]), model.body_ipos[body].copy(), r @ np.diag(model.body_inertia[body]) @ r.T
 
 
 def about(mass: float, centre: Array, inertia: Array, point: Array) -> Array:
-    """The parallel-axis theorem: an inertia about its centre, about another point."""
+    """Move an inertia from its centre to another point by the parallel-axis theorem."""
     d = np.asarray(centre) - point
     return inertia + mass * (d @ d * np.eye(3) - np.outer(d, d))
 
 
 def whole(model: mujoco.MjModel, data: mujoco.MjData, frame: Array) -> tuple[float, Array, Array]:
-    """Mass, centre, and inertia about the centre of everything, seen from `frame` (a pose in the world)."""
+    """Return the total mass, centre and inertia about the centre, in `frame` (a pose in the world)."""
     back = np.linalg.inv(frame)
     bodies = []
     for i in range(1, model.nbody):
@@ -139,11 +140,10 @@ def whole(model: mujoco.MjModel, data: mujoco.MjData, frame: Array) -> tuple[flo
 
 
 def held(model: mujoco.MjModel, q: Mapping[str, float], link: str, gravity: Array, base: Array) -> tuple[Array, Array]:
-    """Joint-space mass matrix and gravity torque with `link` held still, from the bodies of this model, whatever it holds.
-
-    `gravity` is in the frame of the link. From MuJoCo come only each body's mass, inertia and Jacobian: motions are taken
-    relative to the link's, and with (v, w) those of a body's centre M = sum m v'v + w'Iw + armature, tau = sum m v'g.
-    """
+    """Return the joint-space mass matrix and the gravity torques with `link` held, from the bodies of this model, regardless of the link
+    that it holds. `gravity` is in the frame of the link. Only the mass, the inertia and the Jacobian of each body come from MuJoCo.
+    Motions are relative to the motion of the link. With the velocities (v, w) of the centre of a body, M = sum m v'v + w'Iw +
+    armature, and tau = sum m v'g."""
     data = at(model, q, base)
     names = joints(model)
     columns = [int(model.joint(name).dofadr[0]) for name in names]
@@ -169,7 +169,7 @@ def held(model: mujoco.MjModel, q: Mapping[str, float], link: str, gravity: Arra
 
 
 def own_dynamics(model: mujoco.MjModel, q: Mapping[str, float], base: Array) -> tuple[Array, Array]:
-    """MuJoCo's own joint-space mass matrix and gravity torque, joints sorted by name, base at rest at `base`."""
+    """Return MuJoCo's joint-space mass matrix and gravity torques, with joints sorted by name, and the base at rest at `base`."""
     data = at(model, q, base)
     full = np.zeros((model.nv, model.nv))
     for unit, column in zip(np.eye(model.nv), full, strict=True):  # M is symmetric: rows are columns
@@ -179,5 +179,5 @@ def own_dynamics(model: mujoco.MjModel, q: Mapping[str, float], base: Array) -> 
 
 
 def random_pose(source: np.random.Generator) -> Array:
-    """Anywhere within a metre, turned anyhow."""
+    """Return a random pose within a metre, with a random rotation."""
     return pose(source.uniform(-1, 1, 3), turned(source.normal(size=4)))

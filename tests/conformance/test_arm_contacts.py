@@ -1,5 +1,5 @@
-"""Contacts that MuJoCo reports within the arm, against the meshes of the exact surfaces (manifold3d): at the poses of the
-documents none is false, and wherever parts are in each other MuJoCo notices."""
+"""Contacts in the arm that MuJoCo reports, compared with meshes of the exact surfaces (manifold3d). In the poses of the documents, no
+contact is false. In all poses, MuJoCo detects parts that overlap."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from conformance import simulation as sim
 
 MODES = ("bench", "drawing", "adrift")
 TOUCH = 1e-9
-"""Volume [m^3], 1 mm^3: what two parts must share at least to be in each other, the meshes being good to 0.1 mm."""
+"""The smallest volume [m^3] of an overlap of two parts, 1 mm^3. The meshes are accurate to 0.1 mm."""
 
 Solids = dict[str, manifold3d.Manifold]
 
@@ -28,7 +28,7 @@ def models(arm: Path) -> dict[str, mujoco.MjModel]:
 
 @pytest.fixture(scope="module")
 def solids(arm: Path, models: dict[str, mujoco.MjModel]) -> Solids:
-    """The exact mesh of every part by its path, in its own frame [m], holes and all, from the file that is drawn."""
+    """Return the mesh of every part by path, in the frame of the part [m], from the file for display, with all holes."""
     by_name, found = {}, {}
     model = models["bench"]
     for part in sim.parts(model, sim.at(model, {})):
@@ -44,7 +44,7 @@ def solids(arm: Path, models: dict[str, mujoco.MjModel]) -> Solids:
 
 
 def reported(model: mujoco.MjModel, data: mujoco.MjData) -> set[frozenset[str]]:
-    """The pairs of parts between which MuJoCo has a contact, without the floor."""
+    """Return the pairs of parts between which MuJoCo reports a contact, without the floor."""
     found = set()
     for contact in data.contact:
         names = [model.geom(int(geom)).name.partition(":")[0] for geom in contact.geom]
@@ -54,7 +54,7 @@ def reported(model: mujoco.MjModel, data: mujoco.MjData) -> set[frozenset[str]]:
 
 
 def shared(model: mujoco.MjModel, data: mujoco.MjData, solids: Solids, pair: frozenset[str]) -> float:
-    """The volume [m^3] that two parts have in common where they stand."""
+    """Return the volume [m^3] of the overlap of two parts in a state."""
     placed = sim.parts(model, data)
     one, other = (solids[part].transform(placed[part][:3]) for part in sorted(pair))
     return float((one ^ other).volume())
@@ -65,7 +65,7 @@ def linked(model: mujoco.MjModel) -> dict[str, str]:
 
 
 def inside(model: mujoco.MjModel, data: mujoco.MjData, solids: Solids) -> set[frozenset[str]]:
-    """The pairs of parts that share volume though no joint joins their links and they may touch."""
+    """Return the pairs of parts that overlap although no joint connects their links and contacts are not excluded."""
     link = linked(model)
     excluded = {
         frozenset((model.body(int(s) >> 16).name, model.body(int(s) & 0xFFFF).name)) for s in model.exclude_signature
@@ -81,7 +81,7 @@ def inside(model: mujoco.MjModel, data: mujoco.MjData, solids: Solids) -> set[fr
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_at_the_poses_of_the_document_no_contact_is_false(models: dict[str, mujoco.MjModel], solids: Solids, mode: str) -> None:
+def test_no_contact_in_document_poses_is_false(models: dict[str, mujoco.MjModel], solids: Solids, mode: str) -> None:
     model = models[mode]
     assert model.nkey == 4
     for key in range(model.nkey):
@@ -93,8 +93,8 @@ def test_at_the_poses_of_the_document_no_contact_is_false(models: dict[str, mujo
         assert inside(model, data, solids) <= reported(model, data)
 
 
-def test_where_the_arm_runs_into_itself_both_see_it(models: dict[str, mujoco.MjModel], solids: Solids) -> None:
-    """The arm folded down onto its own base: a pose within the limits of every joint."""
+def test_self_collision_is_detected_by_both(models: dict[str, mujoco.MjModel], solids: Solids) -> None:
+    """The arm is folded down onto its own base, within the limits of all joints."""
     q = {"yaw": np.radians(53), "shoulder": np.radians(-8), "elbow": np.radians(113), "wrist": np.radians(39)}
     for model in models.values():
         data = sim.at(model, q)
@@ -104,8 +104,8 @@ def test_where_the_arm_runs_into_itself_both_see_it(models: dict[str, mujoco.MjM
             assert shared(model, data, solids, pair) > TOUCH, pair
 
 
-def test_wherever_parts_are_in_each_other_mujoco_has_a_contact(models: dict[str, mujoco.MjModel], solids: Solids) -> None:
-    """With the arm bent down, where many poses collide and many do not: nothing collides unseen, and every mode sees the same."""
+def test_mujoco_reports_every_overlap(models: dict[str, mujoco.MjModel], solids: Solids) -> None:
+    """In poses in which the arm is bent down, where overlaps are frequent. The contacts are equal in all modes."""
     source = np.random.default_rng(5)
     model = models["bench"]
     collisions = 0

@@ -1,4 +1,4 @@
-"""The arm's models as MuJoCo reads them from disk: poses, masses and dynamics do not depend on the root."""
+"""The MuJoCo models of the arm, loaded from files: poses, masses and dynamics do not depend on the root."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from thingc.base.one_line_repr import LONGEST, OneLineRepr
 from thingc.modes import Modes
 
 MODES = {"bench": "base_link", "drawing": "hand_link", "adrift": "bracket"}
-"""Mode to the link that it holds."""
+"""The root link of each mode."""
 
 LIMITS = {"yaw": (-150, 150), "shoulder": (-170, 10), "elbow": (-130, 130), "wrist": (-90, 90)}
 HOME = {"yaw": 30, "shoulder": -60, "elbow": 120, "wrist": -30}
@@ -34,10 +34,10 @@ POSES = {
     "folded": {"yaw": 0, "shoulder": -150, "elbow": 125, "wrist": 0},
     "writing": {"yaw": 0, "shoulder": -40, "elbow": 98.8, "wrist": -58.8},
 }
-"""As in assemblies/arm.yaml [deg]."""
+"""The poses in assemblies/arm.yaml [deg]."""
 
 FIRST = {"bench": "home", "drawing": "writing", "adrift": "home"}
-"""Where a mode starts: its own pose, else the document's first."""
+"""The start pose of each mode: its own pose, or else the first pose of the document."""
 
 Array = sim.Array
 
@@ -56,7 +56,7 @@ READERS: dict[str, Callable[[Path, str], mujoco.MjModel]] = {
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("file", READERS)
-def test_every_file_loads_and_steps_without_a_warning(arm: Path, tmp_path: Path, file: str, mode: str) -> None:
+def test_files_load_and_step_without_warnings(arm: Path, tmp_path: Path, file: str, mode: str) -> None:
     with sim.no_warning(tmp_path):
         model = READERS[file](arm / "mjcf", mode)
         assert (model.nkey, model.njnt, model.nu) == (len(POSES), 4 + (mode == "adrift"), 4)
@@ -70,7 +70,7 @@ def test_every_file_loads_and_steps_without_a_warning(arm: Path, tmp_path: Path,
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_scene_and_archive_hold_the_same_robot(arm: Path, mode: str) -> None:
+def test_scene_and_archive_contain_the_same_robot(arm: Path, mode: str) -> None:
     xml, scene, mjz = (READERS[file](arm / "mjcf", mode) for file in READERS)
     assert (scene.nbody, scene.nq, scene.ngeom) == (xml.nbody, xml.nq, xml.ngeom + 1)
     assert mjz.nbody == xml.nbody and mjz.ngeom == xml.ngeom
@@ -93,7 +93,7 @@ def compiled(arm: Path, shared_store: str) -> thingc.Compiled:
     return thingc.compile(str(ROOT / ARM), store=shared_store)
 
 
-def test_mass_and_inertia_are_those_of_info_and_of_the_api(
+def test_mass_and_inertia_equal_those_of_info_and_api(
     models: dict[str, mujoco.MjModel], info: dict[str, Any], compiled: thingc.Compiled
 ) -> None:
     found = compiled.properties
@@ -103,24 +103,24 @@ def test_mass_and_inertia_are_those_of_info_and_of_the_api(
     assert found.mass == pytest.approx(sum(o["mass"] for o in info["occurrences"]), rel=1e-12)
 
 
-def test_a_link_is_the_same_body_in_every_mode(models: dict[str, mujoco.MjModel]) -> None:
-    """To the bit: mass, centre, inertia and geometry are in the link's own frame."""
+def test_links_are_equal_in_all_modes(models: dict[str, mujoco.MjModel]) -> None:
+    """The mass, centre, inertia and geometry in the frame of the link are equal bit by bit."""
     bench = models["bench"]
     assert sim.joints(bench) == sorted(HOME)
     assert sim.links(bench) == ["base_link", "bracket", "forearm", "hand_link", "humerus"]
     assert roots.links(models) == []
 
 
-def test_at_rest_every_part_stands_where_the_api_says(models: dict[str, mujoco.MjModel], compiled: thingc.Compiled) -> None:
+def test_part_poses_at_rest_equal_those_of_the_api(models: dict[str, mujoco.MjModel], compiled: thingc.Compiled) -> None:
     assembly = compiled.assembly
     rest = {o.path: np.array(assembly.rest[o.index].rows()) for o in assembly.occurrences if o.path != "bus_board"}
     assert roots.at_rest(models, "plate", rest) == []
 
 
-def test_collision_pieces_that_are_boxes_and_cylinders_are_such_geoms(
+def test_collision_primitives_become_geoms(
     models: dict[str, mujoco.MjModel], compiled: thingc.Compiled
 ) -> None:
-    """Of the bodies that the part files give: the same volume to 1e-9, and the same centre and inertia in the world to 1e-9."""
+    """The pieces come from the part files. Their volume, and their centre and inertia in the world, are equal to 1e-9."""
     from build123d import Solid
 
     import arm as arm_parts
@@ -157,8 +157,8 @@ def test_collision_pieces_that_are_boxes_and_cylinders_are_such_geoms(
             np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
-def test_poses_of_all_occurrences_agree_in_all_modes(models: dict[str, mujoco.MjModel]) -> None:
-    """Of every part and every site, seen from every other, for joints and bases anywhere."""
+def test_poses_agree_in_all_modes(models: dict[str, mujoco.MjModel]) -> None:
+    """The relative poses of all parts and sites, for random positions of joints and bases."""
     source = np.random.default_rng(20)
     assert len(sim.frames(models["bench"], sim.at(models["bench"], {}))) > 25
     for _ in range(20):
@@ -177,21 +177,21 @@ def test_kinematics_of_modes_json(arm: Path, models: dict[str, mujoco.MjModel]) 
         assert roots.described(trees[mode], model, roots.angles(model, source)) == []
 
 
-def test_dynamics_with_a_link_held_still_are_those_of_its_mode(models: dict[str, mujoco.MjModel]) -> None:
+def test_dynamics_with_a_held_link_equal_those_of_its_mode(models: dict[str, mujoco.MjModel]) -> None:
     source = np.random.default_rng(9)
     for _ in range(5):
         assert roots.dynamics_of_modes(models, roots.angles(models["bench"], source), source) == []
 
 
-def test_dynamics_with_any_link_held_still_are_the_same_from_every_mode(models: dict[str, mujoco.MjModel]) -> None:
+def test_dynamics_with_any_held_link_agree_in_all_modes(models: dict[str, mujoco.MjModel]) -> None:
     source = np.random.default_rng(10)
     for link in sim.links(models["bench"]):
         q, gravity = roots.angles(models["bench"], source), source.normal(size=3)
         assert roots.dynamics_held(models, q, link, gravity, source) == []
 
 
-def test_modes_that_hold_different_links_have_other_dynamics(models: dict[str, mujoco.MjModel]) -> None:
-    """With gravity askew: straight down the yaw axis it pulls at no yaw, whatever is held."""
+def test_modes_with_different_roots_have_different_dynamics(models: dict[str, mujoco.MjModel]) -> None:
+    """Gravity is inclined, because gravity along the yaw axis causes no yaw torque in any mode."""
     q, gravity = {name: float(np.radians(angle)) for name, angle in HOME.items()}, np.array([3.0, 5.0, -8.0])
     placed = sim.at(models["bench"], q)
     for one, other in permutations(MODES, 2):
@@ -216,7 +216,7 @@ def test_bench_stands_upright(models: dict[str, mujoco.MjModel]) -> None:
 
 
 def vertices(model: mujoco.MjModel, part: str) -> Array:
-    """The points of a part's mesh in its own frame."""
+    """Return the vertices of the mesh of a part in the frame of the part."""
     mesh = model.geom(part).dataid[0]
     start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     found: Array = model.mesh_vert[start : start + count] @ sim.turned(model.mesh_quat[mesh]).T + model.mesh_pos[mesh]
@@ -224,7 +224,7 @@ def vertices(model: mujoco.MjModel, part: str) -> Array:
 
 
 def test_drawing_holds_the_pen_upright_on_the_paper(models: dict[str, mujoco.MjModel]) -> None:
-    """A mount root is mated to the world: the tip's outward z points down, its origin is the world's."""
+    """A mount at the root is mated to the world: the z axis of the tip points down, and its origin is that of the world."""
     model = models["drawing"]
     for key in range(model.nkey):
         data = mujoco.MjData(model)
@@ -240,7 +240,7 @@ def test_drawing_holds_the_pen_upright_on_the_paper(models: dict[str, mujoco.MjM
     assert abs(plate[2, 3]) < 1e-3, "the plate lies on the paper that the pen writes on"
 
 
-def test_adrift_floats_where_its_mode_puts_it(models: dict[str, mujoco.MjModel]) -> None:
+def test_adrift_floats_at_the_pose_of_its_mode(models: dict[str, mujoco.MjModel]) -> None:
     model = models["adrift"]
     assert model.joint("root").type == mujoco.mjtJoint.mjJNT_FREE
     for key in range(model.nkey):
@@ -250,7 +250,7 @@ def test_adrift_floats_where_its_mode_puts_it(models: dict[str, mujoco.MjModel])
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_keyframes_are_the_poses_of_the_document(models: dict[str, mujoco.MjModel], mode: str) -> None:
+def test_keyframes_equal_the_poses_of_the_document(models: dict[str, mujoco.MjModel], mode: str) -> None:
     model = models[mode]
     names = [model.key(i).name for i in range(model.nkey)]
     assert names == [FIRST[mode], *(name for name in POSES if name != FIRST[mode])]
@@ -282,12 +282,12 @@ FAULTS: dict[str, tuple[str, float, set[str]]] = {
     "an armature": ("dof_armature", 1e-7, {"dynamics_held", "dynamics_of_modes"}),
     "an excluded pair": ("exclude_signature", -1, {"links"}),
 }
-"""A field of a model, what is added to its last entry, and the comparisons that must see it."""
+"""A field of a model, the change of its last entry, and the comparisons that must detect it."""
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_is_looked_for_is_found(models: dict[str, mujoco.MjModel], fault: str) -> None:
-    """One number of one mode changed by little: what it matters to says so, and nothing else."""
+def test_comparisons_detect_faults(models: dict[str, mujoco.MjModel], fault: str) -> None:
+    """One number of one mode changes slightly. Exactly the comparisons that depend on it must fail."""
     field, by, expected = FAULTS[fault]
     spoilt = {**models, "adrift": copy.copy(models["adrift"])}
     getattr(spoilt["adrift"], field).reshape(-1)[-1] += by
@@ -306,7 +306,7 @@ def test_what_is_looked_for_is_found(models: dict[str, mujoco.MjModel], fault: s
     assert expected == {check for check, said in found.items() if said}
 
 
-def test_whatever_hangs_on_a_compiled_robot_prints_as_one_line(compiled: thingc.Compiled) -> None:
+def test_objects_of_a_compiled_robot_print_as_one_line(compiled: thingc.Compiled) -> None:
     bench = compiled.modes["bench"]
     assert repr(compiled).startswith("Compiled('arm', assembly=Assembly('arm'), modes=[bench, drawing, adrift]")
     assert repr(bench).startswith("CompiledMode('bench', robot=Robot('arm')")

@@ -1,4 +1,4 @@
-"""What other programs make of the files of the arm: slicers, CAD, spreadsheets, graph readers. All through files on disk."""
+"""Files of the arm, read by other programs: slicers, CAD programs, spreadsheets and graph readers."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def compiled(arm: Path, shared_store: str) -> thingc.Compiled:
 
 
 def stem(text: str) -> str:
-    """`arm:RotorBrace` to `arm.RotorBrace`; with parameters, 8 hex of the text behind it."""
+    """Convert `arm:RotorBrace` to `arm.RotorBrace`. With parameters, 8 hexadecimal digits of the text follow."""
     suffix = f"-{hashlib.sha256(text.encode()).hexdigest()[:8]}" if "(" in text else ""
     return text.partition("(")[0].replace(":", ".") + suffix
 
@@ -62,7 +62,7 @@ def manifest(arm: Path) -> dict[str, Any]:
 
 
 def test_print_files_are_closed_solids_in_millimetres(arm: Path, compiled: thingc.Compiled) -> None:
-    """One per definition that is made rather than bought, of the exact volume within what the tessellation leaves."""
+    """There is one file per definition of a manufactured part. Its volume is exact within the error of the tessellation."""
     records = {o.definition.text: o.record for o in compiled.assembly.occurrences if o.record is not None}
     made = {text: record for text, record in records.items() if record.bom.get("make") != "buy"}
     files = {path.stem: path for path in (arm / "stl").iterdir()}
@@ -77,7 +77,7 @@ def test_print_files_are_closed_solids_in_millimetres(arm: Path, compiled: thing
         assert solid.status() == manifold3d.Error.NoError and len(solid.decompose()) == 1
 
 
-def test_meshes_of_simulation_are_the_same_solids_in_metres(arm: Path, compiled: thingc.Compiled) -> None:
+def test_simulation_meshes_are_the_same_solids_in_metres(arm: Path, compiled: thingc.Compiled) -> None:
     for occurrence in compiled.assembly.occurrences:
         if occurrence.record is not None:
             mesh = trimesh.load(arm / "mjcf" / "assets" / f"{stem(occurrence.definition.text)}.obj", force="mesh")
@@ -95,7 +95,7 @@ def step(arm: Path) -> dict[str, Any]:
     return found
 
 
-def test_a_cad_program_finds_every_part_by_name_place_and_colour(step: dict[str, Any], compiled: thingc.Compiled) -> None:
+def test_step_file_has_names_poses_and_colours(step: dict[str, Any], compiled: thingc.Compiled) -> None:
     assembly = compiled.assembly
     solid = {o.path: o for o in assembly.occurrences if o.record is not None}
     assert step["name"] == "arm" and set(step["leaves"]) == set(solid)
@@ -116,8 +116,8 @@ def test_equal_parts_share_one_shape(arm: Path, compiled: thingc.Compiled) -> No
     assert (arm / "step" / "arm.step").read_bytes().count(b"MANIFOLD_SOLID_BREP(") == len(definitions) == 9
 
 
-def test_the_whole_robot_has_its_size(arm: Path, compiled: thingc.Compiled) -> None:
-    """The box around the STEP file is that around the drawn meshes, placed."""
+def test_step_file_has_the_size_of_the_robot(arm: Path, compiled: thingc.Compiled) -> None:
+    """The bounding box of the STEP file equals that of all placed meshes."""
     done = subprocess.run([sys.executable, "-c", BOUNDS, arm / "step" / "arm.step"], capture_output=True, text=True, check=True)
     points = []
     for occurrence in compiled.assembly.occurrences:
@@ -132,7 +132,7 @@ def test_the_whole_robot_has_its_size(arm: Path, compiled: thingc.Compiled) -> N
 # --- lists ------------------------------------------------------------------------------------------------------------
 
 
-def test_the_bill_of_materials_weighs_what_the_robot_weighs(arm: Path, compiled: thingc.Compiled) -> None:
+def test_bill_of_materials_has_the_mass_of_the_robot(arm: Path, compiled: thingc.Compiled) -> None:
     rows = list(csv.DictReader(io.StringIO((arm / "bom.csv").read_text())))
     assert ",".join(rows[0]) == "number,name,definition,quantity,make,material,mass,mass_source,supplier,cost,total,link,picture"
     assert sum(int(row["quantity"]) * float(row["mass"]) for row in rows) == pytest.approx(compiled.properties.mass, rel=1e-12)
@@ -145,7 +145,7 @@ def test_the_bill_of_materials_weighs_what_the_robot_weighs(arm: Path, compiled:
     assert {row["mass_source"] for row in rows} <= {"measured", "vendor", "stated", "derived", "estimated"}
 
 
-def test_the_manifest_knows_every_file(arm: Path, manifest: dict[str, Any], compiled: thingc.Compiled) -> None:
+def test_manifest_lists_every_file(arm: Path, manifest: dict[str, Any], compiled: thingc.Compiled) -> None:
     files = tree(arm)
     del files["manifest.json"]
     assert manifest["files"] == {path: hashlib.sha256(data).hexdigest() for path, data in files.items()}
@@ -165,8 +165,8 @@ def test_the_manifest_knows_every_file(arm: Path, manifest: dict[str, Any], comp
     assert {"thingc", "python", "build123d", "mujoco"} <= set(manifest["versions"])
 
 
-def test_what_a_target_cannot_say_is_in_the_manifest(arm: Path, manifest: dict[str, Any]) -> None:
-    """The speed limits of the four joints, each at its line of the document, and carried in the model all the same."""
+def test_manifest_contains_export_losses(arm: Path, manifest: dict[str, Any]) -> None:
+    """The speed limits of the four joints, with their lines in the document. The model contains them as custom data."""
     lines = (ROOT / ARM).read_text().splitlines()
     assert {loss["path"] for loss in manifest["losses"]} == {"yaw", "shoulder", "elbow", "wrist"}
     for loss in manifest["losses"]:
@@ -176,8 +176,8 @@ def test_what_a_target_cannot_say_is_in_the_manifest(arm: Path, manifest: dict[s
         assert f'name="{loss["path"]}:velocity"' in (arm / "mjcf" / "arm_bench.xml").read_text()
 
 
-def test_no_file_knows_where_when_or_by_whom_it_was_made(arm: Path, shared_store: str) -> None:
-    """Texts, geometry and archives: no folder of this machine, no user, no host, no date."""
+def test_files_do_not_depend_on_place_time_or_user(arm: Path, shared_store: str) -> None:
+    """Texts, geometry and archives contain no folder of this machine, no user, no host and no date."""
     texts = tree(arm)
     for path in [path for path in texts if path.endswith(".mjz")]:
         with zipfile.ZipFile(io.BytesIO(texts.pop(path))) as archive:
@@ -208,7 +208,7 @@ USES = Counter({
     ("end_effector", "thingc_stock.fasteners:Screw(size='M3')"): 2,
     ("end_effector", "arm:PenDummy"): 1,
 })
-"""How often a definition is used directly in another, as the documents have it."""
+"""The number of direct uses of a definition in another one, as in the documents."""
 
 
 def test_dot_has_every_use(arm: Path) -> None:
@@ -228,7 +228,7 @@ def test_mermaid_has_every_pair(arm: Path) -> None:
     assert {(nodes[a], nodes[b]) for a, b in re.findall(r'^  (\w+) -->\|"[^|]*"\| (\w+)$', text, re.MULTILINE)} == set(USES)
 
 
-def test_the_picture_is_svg_and_says_it_all(arm: Path) -> None:
+def test_svg_contains_every_label(arm: Path) -> None:
     picture = ElementTree.parse(arm / "hag.svg").getroot()
     assert picture.tag == "{http://www.w3.org/2000/svg}svg"
     words = " ".join(picture.itertext())

@@ -1,4 +1,4 @@
-"""The command line as scripts use it: JSON alone on standard output, exit codes, what is loaded, and the same from Python."""
+"""The command line for scripts: only JSON on standard output, exit codes, imported modules, and equal results from Python."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ print(json.dumps([code, [name for name in {HEAVY!r} if name in sys.modules]]), f
 
 @pytest.fixture
 def copy(arm: Path, tmp_path: Path) -> Path:
-    """A workspace like the repository's in another folder; its parts are in the store already."""
+    """A copy of the workspace in another folder. Its parts are in the store."""
     for name in ("assemblies", "parts"):
         shutil.copytree(ROOT / name, tmp_path / "ws" / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "thingc.toml", tmp_path / "ws")
@@ -40,7 +40,7 @@ def copy(arm: Path, tmp_path: Path) -> Path:
 
 
 def loaded(words: Sequence[str], store: str, cwd: Path, also: tuple[str, ...] = ()) -> tuple[str, list[str]]:
-    """What a successful command said on standard error, and the heavy modules that were loaded when it had ended."""
+    """Return the standard error of a successful command, and the heavy modules that were imported at its end."""
     program = LOADED.replace(repr(HEAVY), repr(HEAVY + also))
     done = subprocess.run(
         [sys.executable, "-c", program, json.dumps(words)], cwd=cwd, env=environment(store), capture_output=True, text=True,
@@ -56,18 +56,19 @@ def loaded(words: Sequence[str], store: str, cwd: Path, also: tuple[str, ...] = 
     ("check", ARM), ("check", ARM, "--format", "json"), ("info", ARM), ("hag", ARM), ("hag", ARM, "--format", "svg"),
     ("why", ARM, "hand/cap"), ("build", ARM, "--emit", "bom,hag,stl"), ("--help",), ("build", "--help"),
 ], ids=" ".join)
-def test_nothing_heavy_is_loaded_where_nothing_is_modelled(copy: Path, shared_store: str, words: tuple[str, ...]) -> None:
-    """All passes run (no stamp is of this folder), records come from the store. With `check` it must be so; the others gain."""
+def test_no_heavy_modules_without_geometry(copy: Path, shared_store: str, words: tuple[str, ...]) -> None:
+    """All compiler passes run, because no build of this folder is recorded. Records come from the store. This is required for `check`;
+    other commands benefit."""
     assert loaded(words, shared_store, copy)[1] == []
 
 
-def test_a_build_that_changes_nothing_loads_next_to_nothing(arm: Path, shared_store: str) -> None:
+def test_unchanged_build_imports_few_modules(arm: Path, shared_store: str) -> None:
     build(ARM, "-o", arm.parent, store=shared_store)
     said, found = loaded(["build", ARM, "-o", str(arm.parent)], shared_store, ROOT, ("pydantic", "yaml", "asyncio", "ctypes"))
     assert "is up to date" in said and found == []
 
 
-def test_check_says_nothing_of_a_good_document(arm: Path, shared_store: str) -> None:
+def test_check_of_a_valid_document_has_no_diagnostics(arm: Path, shared_store: str) -> None:
     documents = (ARM, "assemblies/end_effector.yaml")
     ran = thingc("check", *documents, store=shared_store)
     assert (ran.code, ran.out) == (0, "".join(f"{document}: ok\n" for document in documents))
@@ -147,7 +148,7 @@ def test_exit_codes(arm: Path, shared_store: str, tmp_path: Path, case: str) -> 
     assert ran.err + ran.out and "Traceback" not in ran.err and list(tmp_path.iterdir()) == []
 
 
-def test_all_errors_of_a_document_at_once_and_no_output(copy: Path, shared_store: str) -> None:
+def test_all_errors_are_reported_at_once_without_output(copy: Path, shared_store: str) -> None:
     arm = copy / "assemblies" / "arm.yaml"
     wrong = {
         "drive: yaw_servo": "drive: yaw_srevo",
@@ -175,8 +176,8 @@ def test_all_errors_of_a_document_at_once_and_no_output(copy: Path, shared_store
     assert not (copy / "build").exists()
 
 
-def test_warnings_are_errors_where_that_is_asked(copy: Path, shared_store: str) -> None:
-    """An effort above what the servo has."""
+def test_strict_turns_warnings_into_errors(copy: Path, shared_store: str) -> None:
+    """The effort limit is above that of the servo."""
     replace(copy / "assemblies" / "arm.yaml", "upper: 150 deg}", "upper: 150 deg, effort: 9 N*m}")
     ran = thingc_here("check", ARM, "--format", "json", store=shared_store, cwd=copy)
     assert ran.code == 0 and [entry["severity"] for entry in ran.answer["diagnostics"]] == ["warning"]
@@ -186,7 +187,7 @@ def test_warnings_are_errors_where_that_is_asked(copy: Path, shared_store: str) 
     assert strict.answer["artifacts"] == [] and not (copy / "build").exists()
 
 
-def test_a_folder_with_files_of_somebody_else_is_left_alone(copy: Path, shared_store: str) -> None:
+def test_folder_with_other_files_is_not_changed(copy: Path, shared_store: str) -> None:
     mine = copy / "out" / "arm"
     mine.mkdir(parents=True)
     (mine / "thesis.tex").write_text("everything")
@@ -195,8 +196,9 @@ def test_a_folder_with_files_of_somebody_else_is_left_alone(copy: Path, shared_s
     assert tree(copy / "out") == {"arm/thesis.tex": b"everything"}
 
 
-def test_outputs_that_are_current_stay_and_outdated_ones_go(tmp_path: Path) -> None:
-    """Targets built one after another give the bytes of one build of all; after a change, only what was asked for is left."""
+def test_current_outputs_stay_and_outdated_ones_are_removed(tmp_path: Path) -> None:
+    """Targets that are built one after another give the same bytes as one build of all. After a change, only the requested targets
+    remain."""
     point = """\
         thingc: assembly/1
         name: point
@@ -221,7 +223,7 @@ def test_outputs_that_are_current_stay_and_outdated_ones_go(tmp_path: Path) -> N
     assert {*tree(tmp_path / "build")} == left, "a damaged build is not current"
 
 
-def test_a_raw_attribute_that_mujoco_refuses_is_shown_at_its_line(copy: Path, shared_store: str) -> None:
+def test_raw_attribute_rejected_by_mujoco_has_its_line(copy: Path, shared_store: str) -> None:
     arm = copy / "assemblies" / "arm.yaml"
     replace(arm, "solreflimit: 0.01 1", "solreflimmit: 0.01 1")
     ran = thingc_here("build", ARM, "--format", "json", store=shared_store, cwd=copy)
@@ -231,7 +233,7 @@ def test_a_raw_attribute_that_mujoco_refuses_is_shown_at_its_line(copy: Path, sh
     assert not (copy / "build").exists()
 
 
-def test_the_module_and_the_script_are_the_same_program(tmp_path: Path) -> None:
+def test_module_and_script_are_the_same_program(tmp_path: Path) -> None:
     script = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]["thingc"]
     module, _, function = script.partition(":")
     program = f"import sys; sys.argv[0] = 'thingc'; from {module} import {function}; sys.exit({function}())"
@@ -244,7 +246,7 @@ def test_the_module_and_the_script_are_the_same_program(tmp_path: Path) -> None:
         assert one.stdout
 
 
-def test_python_gives_what_the_command_line_writes(arm: Path, shared_store: str) -> None:
+def test_python_api_gives_the_same_files(arm: Path, shared_store: str) -> None:
     compiled = package.compile(str(ROOT / ARM), store=shared_store)
     assert list(compiled.modes) == ["bench", "drawing", "adrift"] and compiled.diagnostics == () and compiled.modelled == ()
     for name, mode in compiled.modes.items():

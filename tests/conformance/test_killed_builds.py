@@ -1,7 +1,5 @@
-"""Builds that are killed, interrupted, or run at the same time: what stands is whole, and the next build makes it right.
-
-`make kills` does the same with many more, and with batches (`kills.py`).
-"""
+"""Builds that are killed, interrupted or run at the same time. The existing files are complete, and the next build is correct. `make
+kills` tests many more moments, and batches (`kills.py`)."""
 
 from __future__ import annotations
 
@@ -27,14 +25,14 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 
 def moments(count: int, seed: int) -> list[float]:
-    """Random moments, one in each part of the whole time."""
+    """Return random moments, one in each interval of the total time."""
     source = np.random.default_rng(seed)
     return [float((k + source.random()) / count) for k in range(count)]
 
 
 def test_cold_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> None:
-    """From an empty store. Nothing is there afterwards, or all; the next build, from what is left of the store, is as good
-    as any."""
+    """With an empty store. Afterwards, the build folder is missing or complete. The next build, with the remaining store, gives the same
+    files."""
     killer = Killer(scene.cold)
     for moment in moments(1, seed=1):
         for attempt in range(5):
@@ -54,7 +52,7 @@ def test_cold_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> N
 
 
 def test_warm_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> None:
-    """Over a standing build, to and fro between two sizes: the folder holds the one or the other, whole."""
+    """Over an existing build, alternating between two sizes. The folder contains one of both builds, complete."""
     output, store, killer = tmp_path / "out", tmp_path / "store", Killer(scene.warm)
     shutil.copytree(scene.store, store)
     for span in SPANS:
@@ -79,8 +77,8 @@ def test_warm_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> N
     assert sorted(path.name for path in output.iterdir()) == ["rig"]
 
 
-def test_what_was_left_is_swept_also_where_nothing_changed(scene: Scene, tmp_path: Path) -> None:
-    """A build that was killed after the exchange: what stands is what the next one would write."""
+def test_remains_of_a_killed_build_are_removed(scene: Scene, tmp_path: Path) -> None:
+    """The build was killed after the exchange of the folders, so the existing files equal those of the next build."""
     output = tmp_path / "out"
     words = ("rig.yaml", "-p", "span=60 mm", "-o", output)
     build_here(*words, store=scene.store, cwd=scene.root)
@@ -92,8 +90,8 @@ def test_what_was_left_is_swept_also_where_nothing_changed(scene: Scene, tmp_pat
     assert whole(output / "rig") == scene.expected[60]
 
 
-def test_an_interrupted_build_leaves_nothing(scene: Scene, tmp_path: Path) -> None:
-    """Ctrl-C while parts are modelled, which takes ten minutes here: no folder, no process, no traceback."""
+def test_interrupted_build_leaves_no_files(scene: Scene, tmp_path: Path) -> None:
+    """Ctrl-C while parts are built, which would take ten minutes. There is no folder, no process and no traceback."""
     slow = rig.SOLIDS.replace("self.body = Pos(x / 2", "__import__('time').sleep(600)\n            self.body = Pos(x / 2")
     assert slow != rig.SOLIDS
     scene = replace(scene, root=write(tmp_path / "ws", rig.DOCUMENTS | {"parts/solids.py": slow}))
@@ -113,7 +111,7 @@ def test_an_interrupted_build_leaves_nothing(scene: Scene, tmp_path: Path) -> No
 
 
 def test_two_builds_at_once(scene: Scene, tmp_path: Path) -> None:
-    """From an empty store that they share, each into its own folder; then both into one folder; nothing of them stays."""
+    """With an empty shared store, first into two folders, and then into one folder. No temporary files remain."""
     store, mine, yours = tmp_path / "store", tmp_path / "mine", tmp_path / "yours"
     for outputs in ((mine, yours), (mine, mine)):
         spans = SPANS if outputs[0] is not outputs[1] else (SPANS[1], SPANS[1])

@@ -1,4 +1,4 @@
-"""Documents of boxes and cylinders through the command line, against the matrices of `rig.py`."""
+"""Documents of boxes and cylinders, built by the command line, compared with the matrices of `rig.py`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from conformance import simulation as sim
 from conformance.harness import build_here, thingc_here, tree, write
 
 MODES = {"table": "base", "gripped": "grip/finger", "loose": "boom", "pegged": "base"}
-"""Mode to the link that it holds."""
+"""The root link of each mode."""
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def models(built: tuple[float, Path]) -> dict[str, mujoco.MjModel]:
 
 
 def somewhere(source: np.random.Generator) -> dict[str, float]:
-    """Joints anywhere; the one that mimics where the other leaves it."""
+    """Return random joint positions. The mimic joint follows the other joint."""
     q = {
         "swing": source.uniform(-2, 1.7), "slide": source.uniform(-0.01, 0.03), "wrist": source.uniform(-6, 6),
         "grip/open": source.uniform(-1.5, 1.5),
@@ -49,10 +49,10 @@ def somewhere(source: np.random.Generator) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_every_part_stands_where_the_chain_puts_it(
+def test_part_poses_equal_those_of_the_chain(
     built: tuple[float, Path], models: dict[str, mujoco.MjModel], mode: str
 ) -> None:
-    """In the world, so that the root is tested, too."""
+    """The poses are in the world, so the pose of the root is tested, too."""
     span, model = built[0], models[mode]
     assert sim.joints(model) == list(rig.JOINTS) and sim.links(model) == sorted(rig.LINKS)
     source = np.random.default_rng(1)
@@ -87,7 +87,7 @@ def test_masses_centres_and_inertias_of_links(built: tuple[float, Path], models:
             np.testing.assert_allclose(found[2], inertia, rtol=0, atol=1e-9 * np.abs(inertia).max())
 
 
-def test_info_says_the_same(built: tuple[float, Path], workspace: Path, shared_store: str) -> None:
+def test_info_agrees(built: tuple[float, Path], workspace: Path, shared_store: str) -> None:
     span = built[0]
     ran = thingc_here("info", "rig.yaml", "-p", f"span={1000 * span:g} mm", "--format", "json", store=shared_store, cwd=workspace)
     assert ran.code == 0
@@ -105,8 +105,8 @@ def test_info_says_the_same(built: tuple[float, Path], workspace: Path, shared_s
     }
 
 
-def test_the_pose_of_the_document(models: dict[str, mujoco.MjModel]) -> None:
-    """A nested pose by its name, and a joint that mimics, which no pose sets."""
+def test_pose_of_the_document(models: dict[str, mujoco.MjModel]) -> None:
+    """A nested pose by its name, and a mimic joint, which no pose sets."""
     q = {"swing": 30 * rig.DEG, "slide": 0.012, "wrist": 200 * rig.DEG, "grip/open": 20 * rig.DEG}
     q["grip/extend"] = rig.extension(q["grip/open"])
     for model in models.values():
@@ -116,9 +116,9 @@ def test_the_pose_of_the_document(models: dict[str, mujoco.MjModel]) -> None:
     np.testing.assert_array_equal(models["pegged"].opt.gravity, [-9.81, 0, 0])
 
 
-def test_a_joint_that_mimics_follows(models: dict[str, mujoco.MjModel]) -> None:
-    """Let go with the finger elsewhere, it is within half a second where the jaw's angle wants it. Nothing else pulls or
-    touches; the jaw weighs grams, so that a constraint of MuJoCo's usual softness would take far longer."""
+def test_mimic_joint_follows(models: dict[str, mujoco.MjModel]) -> None:
+    """Released with the finger at another angle, the joint reaches the position for the angle of the jaw within half a second. No other
+    force or contact acts. The jaw weighs grams, so a constraint of MuJoCo's default softness would take far longer."""
     model = copy.copy(models["table"])
     model.opt.gravity[:] = 0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -129,8 +129,8 @@ def test_a_joint_that_mimics_follows(models: dict[str, mujoco.MjModel]) -> None:
     assert found == pytest.approx(rig.extension(opening), abs=1e-5)
 
 
-def test_dynamics_with_a_link_held_still(models: dict[str, mujoco.MjModel]) -> None:
-    """Slides, offsets and a nested robot among the joints: every mode gives the same, and what its own mode gives."""
+def test_dynamics_with_a_held_link(models: dict[str, mujoco.MjModel]) -> None:
+    """With slides, offsets and a nested robot. All modes give the same dynamics, which equal those of the mode that holds the link."""
     source = np.random.default_rng(4)
     for mode, link in MODES.items():
         q, base = somewhere(source), sim.random_pose(source) if mode in ("gripped", "loose") else None
@@ -277,8 +277,8 @@ TOML = {
 }
 
 
-def test_the_same_documents_in_toml_give_the_same_bytes(workspace: Path, shared_store: str) -> None:
-    """But for the names of the documents, where artifacts say them, and for what the manifest says of the documents."""
+def test_toml_documents_give_the_same_bytes(workspace: Path, shared_store: str) -> None:
+    """Except for names of documents in outputs, and the properties of documents in the manifest."""
     write(workspace, TOML)
     seen = {}
     for kind in ("yaml", "toml"):

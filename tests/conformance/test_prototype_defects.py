@@ -1,4 +1,4 @@
-"""What was wrong with the prototype, kept out end to end: from a document to the numbers in MuJoCo."""
+"""Defects of the research prototype must not return: tests from documents to the numbers in MuJoCo."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ EMPTY = """
 
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A workspace whose meshes are as coarse as meshes can be."""
+    """A workspace with the coarsest possible meshes."""
     return write(tmp_path_factory.mktemp("defects"), {
         "thingc.toml": 'thingc = "workspace/1"\nparts = ["parts"]\nmesh = {linear = "5 mm", angular = "60 deg"}\n',
         "parts/limbs.py": PARTS, "leg.yaml": LEG, "walker.yaml": WALKER, "far.yaml": FAR, "empty.yaml": EMPTY,
@@ -136,7 +136,7 @@ def far(workspace: Path, shared_store: str) -> Path:
 
 
 def test_no_inertia_is_a_placeholder(far: Path, workspace: Path, shared_store: str) -> None:
-    """It is that of the solid, to every digit; where nothing has mass there is an error, and no file with an invented number."""
+    """The inertia is that of the solid in full precision. If nothing has mass, there is an error, and no file with an invented number."""
     model = mujoco.MjModel.from_xml_path(str(far / "mjcf" / "far_default.xml"))
     mass = LEAD * 4 / 3 * np.pi * 0.01**3
     found = sim.inertia_of(model, "ball")
@@ -149,8 +149,8 @@ def test_no_inertia_is_a_placeholder(far: Path, workspace: Path, shared_store: s
     assert (said["file"], said["line"]) == ("empty.yaml", 6)
 
 
-def test_the_centre_of_mass_is_scaled_once(far: Path) -> None:
-    """Millimetres become metres on the way, and metres stay metres."""
+def test_centre_of_mass_is_scaled_once(far: Path) -> None:
+    """Millimetres are converted to metres once, and metres are not converted."""
     model = mujoco.MjModel.from_xml_path(str(far / "mjcf" / "far_default.xml"))
     np.testing.assert_allclose(sim.inertia_of(model, "ball")[1], [0.4, -0.2, 0], rtol=0, atol=1e-12)
     data = sim.at(model, {"turn": 0.0})
@@ -160,8 +160,8 @@ def test_the_centre_of_mass_is_scaled_once(far: Path) -> None:
     np.testing.assert_allclose(data.body("ball").xipos, middle[:3], atol=1e-3, err_msg="where it is drawn")
 
 
-def test_inertia_is_not_of_the_mesh_and_not_rounded(far: Path) -> None:
-    """The mesh of this ball is a crude polyhedron of less volume; the numbers are those of the ball, in full."""
+def test_inertia_does_not_come_from_the_mesh(far: Path) -> None:
+    """The mesh of this ball is a coarse polyhedron of less volume. The numbers are those of the ball, not rounded."""
     mesh = trimesh.load(far / "stl" / "limbs.Ball.stl")
     assert mesh.is_watertight and 0.0 < mesh.volume < 0.9 * 4 / 3 * np.pi * 10**3
     tree = ElementTree.parse(far / "mjcf" / "far_default.xml")
@@ -175,8 +175,8 @@ def test_inertia_is_not_of_the_mesh_and_not_rounded(far: Path) -> None:
     assert any(len(word.strip("-0.").replace(".", "")) > 14 for word in inertial.get("fullinertia", "").split())
 
 
-def test_two_uses_of_one_definition_have_joints_of_their_own(workspace: Path, shared_store: str) -> None:
-    """One document, two legs: each knee has its own name, angle and keyframe, and moves nothing of the other leg."""
+def test_two_uses_of_a_definition_have_separate_joints(workspace: Path, shared_store: str) -> None:
+    """One document is used for two legs. Each knee has its own name, angle and keyframe, and does not move the other leg."""
     build_here("walker.yaml", store=shared_store, cwd=workspace)
     for mode in ("stand", "walk"):
         model = mujoco.MjModel.from_xml_path(str(workspace / "build" / "walker" / "mjcf" / f"walker_{mode}.xml"))

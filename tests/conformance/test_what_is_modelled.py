@@ -1,4 +1,4 @@
-"""What a build models anew after an edit, counted: the parts of a module that changed and of its users, and nothing else."""
+"""The parts that a build creates again after an edit: the parts of a changed module and of its users, and no others."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from conformance.harness import ROOT, build, build_here, replace, thingc, thingc
 
 @pytest.fixture(scope="module")
 def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the workspace `ws`, its `store`, in which everything has been modelled, and `other` files."""
+    """A folder with the workspace `ws`, its `store` with all parts, and `other` files."""
     folder = tmp_path_factory.mktemp("shelf")
     shelf.workspace(folder)
     answer = build_here("shelf.yaml", "--emit", "bom", store=folder / "store", cwd=folder / "ws")
@@ -23,7 +23,7 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def rebuilt(base: Path, folder: Path, edit: Callable[[Path], None]) -> set[str]:
-    """What is modelled when an edit has been made to a copy of the workspace in another folder."""
+    """Return the parts that are built after an edit of a copy of the workspace in another folder."""
     shutil.copytree(base / "ws", folder / "ws", ignore=shutil.ignore_patterns("build"))
     edit(folder / "ws")
     answer = build_here("shelf.yaml", "--emit", "bom", store=base / "store", cwd=folder / "ws")
@@ -63,20 +63,20 @@ CODE = {
 
 
 @pytest.mark.parametrize("case", CODE)
-def test_an_edit(base: Path, tmp_path: Path, case: str) -> None:
+def test_edit(base: Path, tmp_path: Path, case: str) -> None:
     edit, expected = CODE[case]
     assert rebuilt(base, tmp_path, edit) == expected
 
 
 @pytest.mark.parametrize(("file", "reader"), [("motor.step", "FromStep"), ("motor.brep", "FromBrep"), ("motor.stl", "FromStl")])
-def test_a_file_of_geometry(base: Path, tmp_path: Path, file: str, reader: str) -> None:
-    """It rebuilds the class that imports it, and the part that it is by itself."""
+def test_geometry_file(base: Path, tmp_path: Path, file: str, reader: str) -> None:
+    """The class that imports the file is built again, and the part that is the file itself."""
     changed = rebuilt(base, tmp_path, lambda root: None if shutil.copy(base / "other" / file, root / "files" / file) else None)
     assert changed == {f"shelf:{reader}", f"files/{file}"}
 
 
-def test_what_goes_away_again_was_modelled_already(base: Path, tmp_path: Path) -> None:
-    """`wish.json` comes and goes: the part without it is still in the store."""
+def test_reverted_change_builds_nothing(base: Path, tmp_path: Path) -> None:
+    """`wish.json` is created and deleted again. The part without it is still in the store."""
     rebuilt(base, tmp_path, written("parts/wish.json", "13"))
     (tmp_path / "ws" / "parts" / "wish.json").unlink()
     assert build_here("shelf.yaml", "--emit", "bom", store=base / "store", cwd=tmp_path / "ws")["modelled"] == []
@@ -92,7 +92,7 @@ DOCUMENT = {
 }
 
 
-def test_an_edit_of_the_document_alone_models_nothing(base: Path, tmp_path: Path) -> None:
+def test_edit_of_the_document_builds_no_part(base: Path, tmp_path: Path) -> None:
     shutil.copytree(base / "ws", tmp_path / "ws", ignore=shutil.ignore_patterns("build"))
     output = tmp_path / "ws" / "build" / "shelf"
     build_here("shelf.yaml", "--emit", "bom,mjcf", store=base / "store", cwd=tmp_path / "ws")
@@ -105,8 +105,8 @@ def test_an_edit_of_the_document_alone_models_nothing(base: Path, tmp_path: Path
         assert {path for path in after if after[path] != before[path]} >= {"manifest.json", "mjcf/shelf_default.xml"}, (old, new)
 
 
-def test_a_build_without_a_change_touches_nothing(base: Path, tmp_path: Path) -> None:
-    """Straight after a cold build, and again: it says so, and every file is the very same."""
+def test_unchanged_build_writes_nothing(base: Path, tmp_path: Path) -> None:
+    """The build is repeated directly after a cold build, and once more. The output says so, and no file is replaced."""
     def stats() -> dict[str, tuple[int, int]]:
         return {path.name: (path.stat().st_mtime_ns, path.stat().st_ino) for path in (tmp_path / "out").rglob("*")}
 
@@ -127,8 +127,8 @@ def test_a_build_without_a_change_touches_nothing(base: Path, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_elsewhere_with_other_seeds_and_fewer_jobs_the_arm_has_the_same_bytes(arm: Path, tmp_path: Path) -> None:
-    """Another absolute folder, another store, another order of sets and dicts, one process. Then one dimension of one class."""
+def test_arm_has_the_same_bytes_in_other_environments(arm: Path, tmp_path: Path) -> None:
+    """Another absolute folder, another store, another order of sets and dicts, and one process. Then one dimension of one class changes."""
     home = tmp_path / "some where" / "else"
     for name in ("assemblies", "parts"):
         shutil.copytree(ROOT / name, home / name, ignore=shutil.ignore_patterns("__pycache__"))

@@ -1,4 +1,4 @@
-"""A crane without CAD: what takes no time to compile, and has one of everything."""
+"""A crane without CAD geometry, which compiles quickly and contains one of every kind of element."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ mounts: {floor: box.under}
 
 
 def write(folder: Path, *edits: tuple[str, str], cabin: tuple[tuple[str, str], ...] = ()) -> Path:
-    """The crane in a folder, after edits, each of which fits once; the path of its document."""
+    """Write the crane into a folder after edits, each of which must match exactly once. Returns the path of its document."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, text, made in (("crane.yaml", CRANE, edits), ("cabin.yaml", CABIN, cabin)):
         for old, new in made:
@@ -85,7 +85,7 @@ def write(folder: Path, *edits: tuple[str, str], cabin: tuple[tuple[str, str], .
 
 
 def drawn(document: Path, store: str) -> Snapshot:
-    """The snapshot of a document that compiles."""
+    """Snapshot of a document that compiles."""
     with Environment(str(document), Options(store=store)) as environment:
         compilation = compile(environment)
         assert compilation.assembly is not None and not compilation.report.failed, compilation.report.diagnostics
@@ -93,12 +93,12 @@ def drawn(document: Path, store: str) -> Snapshot:
 
 
 def made(comparison: Comparison) -> set[tuple[str, str, str, str | None]]:
-    """What somebody changed."""
+    """Changes that were made directly, not consequences."""
     return {(c.what, c.change, c.path, c.field) for c in comparison.changes if not c.caused}
 
 
 def content(change: Change) -> tuple[str, ...]:
-    """What a change says besides its causes and its place."""
+    """Content of a change without its causes and position."""
     return tuple(map(repr, (change.what, change.change, change.path, change.new_path, change.field, change.old, change.new)))
 
 
@@ -112,7 +112,7 @@ def mirrored(change: Change) -> Change:
 
 
 def sound(old: Snapshot, new: Snapshot) -> Comparison:
-    """What changed, after looking that the way back is the mirror image, and that every cause is a change that somebody made."""
+    """Compare two snapshots, and assert that the reverse comparison is the mirror image and that every cause is a direct change."""
     there, back = compare(old, new), compare(new, old)
     assert sorted(content(mirrored(c)) for c in there.changes) == sorted(map(content, back.changes))
     assert {content(mirrored(c)) for c in there.changes if not c.caused} == {content(c) for c in back.changes if not c.caused}

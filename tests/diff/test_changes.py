@@ -1,4 +1,4 @@
-"""What somebody changed is named, nothing else is, and what follows has its cause: in both directions."""
+"""Direct changes are reported exactly, and consequences are reported with their causes, in both directions."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ EDITS: dict[str, tuple[list[tuple[str, str]], Made]] = {
 
 
 @pytest.mark.parametrize("name", EDITS)
-def test_an_edit_is_named_and_nothing_else(name: str, crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
+def test_edit_is_reported_exactly(name: str, crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     edits, expected = EDITS[name]
     assert made(sound(crane, drawn(write(tmp_path, *edits), shared_store))) == expected
 
 
-def test_an_edit_of_a_nested_document_is_named_where_it_stands(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
+def test_edit_of_a_nested_document_has_its_path(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     new = drawn(write(tmp_path, cabin=(("value: 200 mm", "value: 220 mm"),)), shared_store)
     comparison = sound(crane, new)
     assert made(comparison) == {("parameter", "changed", "cabin/width", "value")}
@@ -74,7 +74,7 @@ def test_an_edit_of_a_nested_document_is_named_where_it_stands(crane: Snapshot, 
     }
 
 
-def test_what_follows_has_its_cause(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
+def test_consequences_have_their_cause(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     comparison = sound(crane, drawn(write(tmp_path, ("value: 120 g", "value: 150 g"), ("value: 400 mm", "value: 450 mm")), shared_store))
     follows = {(c.what, c.path, c.field): c for c in comparison.changes if c.caused}
     assert set(follows[("mass", "", "robot.mass")].because) == {"hook", "reach"}
@@ -87,8 +87,8 @@ def test_what_follows_has_its_cause(crane: Snapshot, tmp_path: Path, shared_stor
     assert follows[("mount", "boom/tip", "xyz")].because == ("reach",)
 
 
-def test_how_far_the_robot_reaches(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
-    """The head of the mast is farthest, for the boom hangs at q = 0."""
+def test_changed_reach_has_its_cause(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
+    """The head of the mast is the farthest point, because the boom hangs down at q = 0."""
     comparison = sound(crane, drawn(write(tmp_path, ("0 0 500 mm", "0 0 560 mm")), shared_store))
     (reach,) = [c for c in comparison.changes if c.field == "robot.reach"]
     assert (reach.old, reach.new, reach.because) == (pytest.approx(0.5), pytest.approx(0.56), ("mast/head",))
@@ -98,7 +98,7 @@ def test_how_far_the_robot_reaches(crane: Snapshot, tmp_path: Path, shared_store
     ("cylindrical", "[=1 rad * lean, 0]", ("30 deg", "45 deg")), ("cylindrical", "[0, =9 mm * lean]", ("4.71239 mm", "7.06858 mm")),
     ("planar", "[=9 mm * lean, 0, 0]", ("4.71239 mm", "7.06858 mm")), ("screw, lead: 9 mm", "=1 rad * lean", ("30 deg", "45 deg")),
 ])
-def test_a_value_that_is_worked_out_is_told_in_the_units_of_its_coordinate(
+def test_computed_values_use_the_unit_of_the_coordinate(
     tmp_path: Path, shared_store: str, kind: str, at: str, words: tuple[str, str],
 ) -> None:
     text = """\
@@ -120,8 +120,9 @@ poses: {out: {fit: AT}}
     assert [change.words for change in compare(*robots).changes if change.what == "pose"] == [words]
 
 
-def test_a_quaternion_is_told_as_it_is_written(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
-    """Beside another quaternion; beside angles, or nothing, in angles. The same turn in other words is no change."""
+def test_quaternions_are_shown_as_written(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
+    """Compared with another quaternion, both are shown; compared with angles or no value, angles are shown. The same rotation in another
+    notation is not a change."""
     yard = "stand: {root: mast, base: fixed, pose: up"
     turns = ("", ", at: {rpy: 0 0 90 deg}", ", at: {quat: [0.5, 0.5, 0.5, 0.5]}", ", at: {quat: [0.6, 0, 0.8, 0]}")
     none, angles, one, other = (drawn(write(tmp_path / str(k), (yard, yard + at)), shared_store) for k, at in enumerate(turns))
@@ -134,7 +135,8 @@ def test_a_quaternion_is_told_as_it_is_written(crane: Snapshot, tmp_path: Path, 
     assert compare(angles, same).changes == ()
 
 
-def test_what_is_renamed_says_by_what_it_is_known(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
+def test_renamed_components_have_a_reason(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
+    """A unique match has a reason. Three similar lamps are matched by position and marked as uncertain."""
     comparison = compare(crane, drawn(write(tmp_path, ("  hook: {", "  grab: {"), ("  lamp:\n", "  light:\n")), shared_store))
     assert {(c.path, c.new_path, c.reason, c.because) for c in comparison.changes if c.path == "hook"} == {
         ("hook", "grab", "the same definition, and it is attached to `boom` as before", ()),
@@ -163,7 +165,7 @@ REWRITES = {
 
 
 @pytest.mark.parametrize("name", REWRITES)
-def test_what_means_the_same_is_no_change(name: str, crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
+def test_equivalent_documents_have_no_changes(name: str, crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
     text = REWRITES[name](CRANE)
     assert text != CRANE
     document = write(tmp_path)
@@ -171,8 +173,8 @@ def test_what_means_the_same_is_no_change(name: str, crane: Snapshot, tmp_path: 
     assert compare(crane, drawn(document, shared_store)).changes == ()
 
 
-def test_what_tests_measure_has_units_and_is_told_once() -> None:
-    """Equal numbers of several poses are one line; an outcome is told of each, and before all else."""
+def test_test_measurements_have_units_and_are_merged() -> None:
+    """Equal values of several poses are one line. Outcomes are listed for each pose, before everything else."""
     def change(field: str, old: object, new: object) -> Change:
         return Change(what="test", change="changed", path="stays", field=field, old=old, new=new, because=("boom",))  # type: ignore[arg-type]
 
@@ -189,8 +191,8 @@ def test_what_tests_measure_has_units_and_is_told_once() -> None:
     ]
 
 
-def test_what_turns_in_its_place_has_turned(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
-    """The head of the mast turned by 52 deg: the boom turns about its heel, and the hook, 400 mm from there, moves as well."""
+def test_rotation_in_place_is_reported_as_a_turn(crane: Snapshot, tmp_path: Path, shared_store: str) -> None:
+    """The head of the mast is rotated by 52 deg. The boom rotates about its heel, and the hook, 400 mm away, also moves."""
     comparison = sound(crane, drawn(write(tmp_path, ("xyz: 0 0 500 mm, rpy: 90", "xyz: 0 0 500 mm, rpy: 142")), shared_store))
     moved = {(c.path, c.field) for c in comparison.changes if c.what == "component" and c.change == "moved"}
     assert {("boom", "turn"), ("hook", "turn"), ("hook", "place")} <= moved and ("boom", "place") not in moved

@@ -1,4 +1,4 @@
-"""`thingc diff` at the command line: sides, forms, exit codes, and what is said of bad words."""
+"""`thingc diff` at the command line: arguments, output formats, exit codes and usage errors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def git(folder: Path, *words: str) -> str:
 
 @pytest.fixture
 def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str) -> Path:
-    """The crane in a folder of a repository, with a branch on which its boom is longer."""
+    """A repository with the crane in a folder, and a branch with a longer boom."""
     folder = tmp_path / "repository"
     write(folder / "robots")
     git(folder, "init", "-q", "-b", "main")
@@ -45,15 +45,15 @@ def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
     return captured.out if code != 2 else captured.err
 
 
-def answer(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> dict[str, Any]:
+def run_diff_json(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(said(capsys, "--format", "json", *words, code=code))
     return found
 
 
-def test_two_revisions(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing is checked out; without documents those that the change concerns are compared."""
+def test_revisions_are_compared(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No revision is checked out. Without document arguments, the documents affected by the change are compared."""
     before = git(repository, "status", "--porcelain=v2", "--branch")
-    found = answer(capsys, "main..longer")
+    found = run_diff_json(capsys, "main..longer")
     assert (found["old"], found["new"]) == ("main", "longer")
     changes = {(c["what"], c["change"], c["path"], c["field"]): c for c in found["changes"]}
     reach = changes["parameter", "changed", "reach", "value"]
@@ -66,7 +66,7 @@ def test_two_revisions(repository: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert git(repository, "status", "--porcelain=v2", "--branch") == before
 
 
-def test_the_working_tree_and_one_document(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_working_tree_and_single_document(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert said(capsys, "HEAD", "--", "crane.yaml") == "crane.yaml: no changes in meaning\n"
     assert said(capsys, "HEAD") == "HEAD -> working tree: no changes in meaning\n"
     write(repository / "robots", ("value: 120 g", "value: 150 g"), ("value: 400 mm", "value: 450 mm"))
@@ -75,20 +75,20 @@ def test_the_working_tree_and_one_document(repository: Path, capsys: pytest.Capt
     ]
     assert "parameter reach: value 400 mm -> 450 mm (+12.5 %)" in said(capsys, "main", "--", "crane.yaml")
     assert said(capsys, "main", "--no-tests", "--", "crane.yaml").splitlines()[0] == "crane.yaml: main -> working tree"
-    assert {c["path"] for c in answer(capsys, "HEAD", "crane.yaml")["changes"] if not c["because"]} == {"hook"}
+    assert {c["path"] for c in run_diff_json(capsys, "HEAD", "crane.yaml")["changes"] if not c["because"]} == {"hook"}
 
 
-def test_from_where_a_branch_left(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_three_dots_compare_with_the_merge_base(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
     git(repository, "checkout", "-q", "main")
     write(repository / "robots", ("max: 2.6 kg", "max: 2.7 kg"))
     git(repository, "commit", "-qam", "a test")
-    made = [c["path"] for c in answer(capsys, "main...longer", "--", "crane.yaml")["changes"] if not c["because"]]
+    made = [c["path"] for c in run_diff_json(capsys, "main...longer", "--", "crane.yaml")["changes"] if not c["because"]]
     assert made == ["reach"]
-    made = [c["path"] for c in answer(capsys, "main..longer", "--", "crane.yaml")["changes"] if not c["because"]]
+    made = [c["path"] for c in run_diff_json(capsys, "main..longer", "--", "crane.yaml")["changes"] if not c["because"]]
     assert set(made) == {"reach", "light"}
 
 
-def test_what_must_not_change(tmp_path: Path, capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
+def test_fail_on_selects_kinds_of_changes(tmp_path: Path, capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
     old, new = str(write(tmp_path / "old")), str(write(tmp_path / "new", ("value: 120 g", "value: 320 g")))
     said(capsys, old, new, "--store", shared_store, "--fail-on", "joints,poses")
     out = said(capsys, old, new, "--store", shared_store, "--fail-on", "joints", "--fail-on", "tests", code=1)
@@ -99,7 +99,7 @@ def test_what_must_not_change(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "--fail-on: expected a kind of change, found `jionts`" in err and "did you mean `joints`?" in err
 
 
-def test_a_comment(tmp_path: Path, capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
+def test_markdown_output_for_a_comment(tmp_path: Path, capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
     old, new = str(write(tmp_path / "old")), str(write(tmp_path / "new", ("value: 120 g", "value: 320 g")))
     text = said(capsys, old, new, "--store", shared_store, "--format", "markdown")
     assert "- component `hook` `mass.value 120 g -> 320 g (+167 %)`\n" in text
@@ -108,15 +108,15 @@ def test_a_comment(tmp_path: Path, capsys: pytest.CaptureFixture[str], shared_st
     assert text.count("<details>") == text.count("</details>") >= 2
 
 
-def test_a_side_that_does_not_compile(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What is wrong with it is said, at its place in the revision."""
+def test_errors_of_a_revision_are_reported(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Diagnostics point to the file in the revision."""
     write(repository / "robots", ("parent: mast.head", "parent: mats.head"))
     out = said(capsys, "main", "--", "crane.yaml", code=1)
     assert "this document has no component `mats`" in out and "--> crane.yaml:" in out
     git(repository, "commit", "-qam", "a slip")
     out = said(capsys, "HEAD..main", "--", "crane.yaml", code=1)
     assert "this document has no component `mats`" in out and "--> HEAD:robots/crane.yaml:" in out and "parent: mats.head" in out
-    diagnostics = answer(capsys, "HEAD..main", "--", "crane.yaml", code=1)["diagnostics"]
+    diagnostics = run_diff_json(capsys, "HEAD..main", "--", "crane.yaml", code=1)["diagnostics"]
     assert [d["code"] for d in diagnostics] == ["TC302"] and diagnostics[0]["line"] == CRANE[: CRANE.index("    parent:")].count("\n") + 1
 
 
@@ -130,14 +130,14 @@ def test_a_side_that_does_not_compile(repository: Path, capsys: pytest.CaptureFi
     ([".", "crane.yaml"], "the folder `.` is not a build folder: it has no manifest.json", "use a build folder or a document"),
     (["crane.yaml", "cabin.yaml", "--", "crane.yaml"], "documents after `--` require two revisions", "thingc diff OLD.yaml NEW.yaml"),
 ])
-def test_words_that_are_no_sides(
+def test_invalid_arguments_are_usage_errors(
     repository: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str, hint: str,
 ) -> None:
     err = said(capsys, *words, code=2)
     assert f"error[TC801]: {message}" in err and hint in err
 
 
-def test_without_a_repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_repository_is_a_usage_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
     err = said(capsys, "main", code=2)

@@ -1,4 +1,4 @@
-"""Components of other names are known again: by what they are and whom they meet; with doubt, where others are like them."""
+"""Renamed components are matched by definition and neighbours, and marked as uncertain if others are similar."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ import networkx
 from msgspec.structs import replace
 from networkx.algorithms.isomorphism import MultiDiGraphMatcher
 
-from thingc.base.pose import shifted
+from thingc.base.pose import make_translation
 from thingc.tools.diff.matching import match
 from thingc.tools.diff.snapshot import ComponentNode, Edge, Snapshot
 
 
 def robot(source: random.Random, size: int, kinds: int = 4) -> Snapshot:
-    """A tree of parts of a few kinds, each on a mount of an earlier one; some mounts are met by several."""
-    nodes = [ComponentNode(path="part_0", kind="part", reference="m:P0", text="m:P0", place=shifted(0.0, 0.0, 0.0))]
+    """A random tree of parts of a few kinds, each on a mount of an earlier part. Several parts may use the same mount."""
+    nodes = [ComponentNode(path="part_0", kind="part", reference="m:P0", text="m:P0", place=make_translation(0.0, 0.0, 0.0))]
     edges = []
     for number in range(1, size):
         kind, above = f"m:P{source.randrange(kinds)}", nodes[source.randrange(max(0, number - 6), number)]
-        place = shifted(*(source.uniform(-1.0, 1.0) for _ in range(3)))
+        place = make_translation(*(source.uniform(-1.0, 1.0) for _ in range(3)))
         nodes.append(ComponentNode(path=f"part_{number}", kind="part", reference=kind, text=kind, place=place))
         edges.append(Edge(parent=above.path, child=f"part_{number}", mounts=(f"m{source.randrange(3)}", "seat"), joint=""))
     return Snapshot(name="robot", nodes=tuple(nodes), edges=tuple(edges))
 
 
-def renamed(snapshot: Snapshot, names: dict[str, str], source: random.Random) -> Snapshot:
-    """The same robot with other names, and in another order."""
+def rename_parts(snapshot: Snapshot, names: dict[str, str], source: random.Random) -> Snapshot:
+    """The same robot with other names and in another order."""
     nodes = [replace(node, path=names.get(node.path, node.path)) for node in snapshot.nodes]
     edges = [replace(one, parent=names.get(one.parent, one.parent), child=names.get(one.child, one.child)) for one in snapshot.edges]
     source.shuffle(nodes)
@@ -35,7 +35,7 @@ def renamed(snapshot: Snapshot, names: dict[str, str], source: random.Random) ->
 
 
 def graph(snapshot: Snapshot, marked: str) -> networkx.MultiDiGraph:
-    """The robot with one of its parts marked."""
+    """The robot as a graph, with one part marked."""
     made = networkx.MultiDiGraph()
     for node in snapshot.nodes:
         made.add_node(node.path, colour=(node.text, node.path == marked))
@@ -44,8 +44,8 @@ def graph(snapshot: Snapshot, marked: str) -> networkx.MultiDiGraph:
     return made
 
 
-def exchange(snapshot: Snapshot, one: str, other: str) -> bool:
-    """Whether an automorphism takes one part to another."""
+def are_interchangeable(snapshot: Snapshot, one: str, other: str) -> bool:
+    """Whether an automorphism maps one part to another."""
     matcher = MultiDiGraphMatcher(
         graph(snapshot, one), graph(snapshot, other), node_match=lambda a, b: a["colour"] == b["colour"],
         edge_match=lambda a, b: sorted(x["mounts"] for x in a.values()) == sorted(x["mounts"] for x in b.values()),
@@ -53,48 +53,48 @@ def exchange(snapshot: Snapshot, one: str, other: str) -> bool:
     return bool(matcher.is_isomorphic())
 
 
-def test_200_robots_with_other_names() -> None:
-    """At least 95 % are found; what is said without doubt is right, up to parts that can be exchanged."""
+def test_renamed_parts_of_random_robots_are_matched() -> None:
+    """At least 95 % are matched. Matches without uncertainty are correct, up to interchangeable parts."""
     found = of = 0
     for seed in range(200):
         source = random.Random(seed)
         old = robot(source, 24)
         names = {f"part_{k}": f"piece_{k * 7 % 24}" for k in source.sample(range(24), source.choice((1, 2, 5, 12, 24)))}
-        new = renamed(old, names, source)
+        new = rename_parts(old, names, source)
         matched = match(old, new)
         for path, name in names.items():
             of += 1
             if path in matched:
                 found += 1
                 if matched[path].new != name and not matched[path].perhaps:
-                    assert exchange(new, matched[path].new, name), (seed, path, name, matched[path])
+                    assert are_interchangeable(new, matched[path].new, name), (seed, path, name, matched[path])
         assert all(matched[node.path].new == node.path for node in old.nodes if node.path not in names)
     assert found >= 0.95 * of
 
 
-def test_who_is_old_and_who_is_new_makes_no_difference() -> None:
+def test_matching_is_symmetric() -> None:
     for seed in range(40):
         source = random.Random(seed)
         old = robot(source, 20, kinds=2)
-        new = renamed(old, {f"part_{k}": f"other_{k}" for k in source.sample(range(20), 10)}, source)
+        new = rename_parts(old, {f"part_{k}": f"other_{k}" for k in source.sample(range(20), 10)}, source)
         there, back = match(old, new), match(new, old)
         assert {(m.old, m.new, m.perhaps) for m in there.values()} == {(m.new, m.old, m.perhaps) for m in back.values()}
 
 
-def test_a_thousand_components_that_are_all_called_otherwise() -> None:
+def test_a_thousand_renamed_components_are_matched() -> None:
     source = random.Random(1)
     old = robot(source, 1000, kinds=12)
-    new = renamed(old, {f"part_{k}": f"other_{k}" for k in range(1000)}, source)
+    new = rename_parts(old, {f"part_{k}": f"other_{k}" for k in range(1000)}, source)
     matched = match(old, new)
     assert len(matched) == 1000
     assert sum(m.new == m.old.replace("part", "other") for m in matched.values()) > 900
 
 
-def test_parts_that_are_alike_are_told_apart_by_place_with_doubt() -> None:
+def test_similar_parts_are_matched_by_position() -> None:
     def row(names: list[str], at: list[float]) -> Snapshot:
-        base = ComponentNode(path="base", kind="part", reference="m:B", text="m:B", place=shifted(0.0, 0.0, 0.0))
+        base = ComponentNode(path="base", kind="part", reference="m:B", text="m:B", place=make_translation(0.0, 0.0, 0.0))
         screws = [
-            ComponentNode(path=name, kind="part", reference="m:S", text="m:S", place=shifted(x, 0.0, 0.0))
+            ComponentNode(path=name, kind="part", reference="m:S", text="m:S", place=make_translation(x, 0.0, 0.0))
             for name, x in zip(names, at, strict=True)
         ]
         edges = [Edge(parent="base", child=name, mounts=("face", "seat"), joint="") for name in names]

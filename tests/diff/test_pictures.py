@@ -1,4 +1,4 @@
-"""Pictures of what changed, and the page that shows them."""
+"""Pictures of changes, and the HTML page that shows them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from diff.cranes import write
 from thingc.tools.diff.comparison import Comparison
-from thingc.tools.diff.pictures import GONE, MOVED, NEW, OTHER, SAME, coloured, colours, with_removed
+from thingc.tools.diff.pictures import GONE, MOVED, NEW, OTHER, SAME, colours, set_colours, with_removed
 from thingc.tools.diff.results import DiffResult
 from thingc.tools.diff.snapshot import Change
 from thingc.tools.diff.text_report import as_html, as_markdown
@@ -27,17 +27,17 @@ CHANGES = (
 PICTURES = {"before": b"\x89PNG before", "after": b"\x89PNG after", "overlay": b"\x89PNG overlay"}
 
 
-def test_parts_have_the_colour_of_what_happened_to_them() -> None:
+def test_parts_are_coloured_by_their_change() -> None:
     assert colours(CHANGES) == {"lamp": NEW, "boom": OTHER, "hook": MOVED}
     geoms = [f'<geom class="visual" name="{name}"/>' for name in ("lamp", "boom", "hook", "mast")]
-    xml = coloured(f'<mujoco><worldbody>{"".join(geoms)}<geom name="boom:collision"/></worldbody></mujoco>', colours(CHANGES))
+    xml = set_colours(f'<mujoco><worldbody>{"".join(geoms)}<geom name="boom:collision"/></worldbody></mujoco>', colours(CHANGES))
     assert re.findall(r'name="([\w:]+)"(?: rgba="([^"]+)")?', xml) == [
         ("lamp", NEW), ("boom", OTHER), ("hook", MOVED), ("mast", SAME), ("boom:collision", ""),
     ]
 
 
-def test_what_is_gone_stands_in_the_picture_where_it_was() -> None:
-    """In the pose of the first keyframe, mesh and all, and moves nothing of the new robot."""
+def test_removed_parts_are_shown_at_their_old_pose() -> None:
+    """In the pose of the first keyframe, with its mesh, and without changing the new robot."""
     corners = "0 0 0  .1 0 0  0 .1 0  0 0 .1"
     meshes = f'<mesh name="m" file="m.obj"/><mesh name="n" vertex="{corners}"/>'
     head = f'<mujoco><default><default class="visual"/></default><asset>{meshes}</asset><worldbody>'
@@ -60,7 +60,7 @@ def test_what_is_gone_stands_in_the_picture_where_it_was() -> None:
     assert with_removed((new, assets), (old, assets), CHANGES) == (new, assets)
 
 
-def test_a_page_with_a_slider() -> None:
+def test_html_page_has_pictures_and_a_slider() -> None:
     fails = Change(what="test", change="changed", path="light", field="passed", old=True, new=False, because=("hook",))
     comparison = Comparison(name="crane", changes=(*CHANGES, fails), pictures=PICTURES)
     page = as_html(DiffResult(old="main", new="<HEAD>", documents=(("crane.yaml", comparison),)))
@@ -71,7 +71,7 @@ def test_a_page_with_a_slider() -> None:
     assert "<summary>geometry (1)</summary>" in page and page.count("<details") == page.count("</details>")
 
 
-def test_a_comment_refers_to_pictures() -> None:
+def test_markdown_refers_to_pictures() -> None:
     comparison = Comparison(name="crane", changes=CHANGES, pictures=PICTURES)
     differences = DiffResult(old="main", new="HEAD", documents=(("cr[ane].yaml", comparison),))
     text = as_markdown(differences, lambda name, key: f"pictures/crane_{key}.png")
@@ -79,7 +79,7 @@ def test_a_comment_refers_to_pictures() -> None:
     assert "![" not in as_markdown(differences)
 
 
-def test_a_comment_is_not_too_long() -> None:
+def test_markdown_length_is_limited() -> None:
     changes = tuple(
         Change(what="component", change="renamed", path=f"part_{k}", new_path=f"piece_{k}", reason="`the same` definition" * 3)
         for k in range(3000)
@@ -88,8 +88,8 @@ def test_a_comment_is_not_too_long() -> None:
     assert 5_000 < len(text.encode()) <= 60_000 and "- and 2800 more\n" in text
 
 
-def test_the_page_is_written(tmp_path: Path, shared_store: str) -> None:
-    """In a process of its own: MuJoCo decides how to draw when it is imported. A robot without geometry has no pictures."""
+def test_html_page_is_written(tmp_path: Path, shared_store: str) -> None:
+    """In a separate process, because MuJoCo selects its renderer at import. A robot without geometry has no pictures."""
     words = [str(write(tmp_path / "old")), str(write(tmp_path / "new", ("value: 120 g", "value: 150 g")))]
     done = subprocess.run(
         [sys.executable, "-m", "thingc", "diff", *words, "--no-tests", "--store", shared_store, "--html", "change.html"],

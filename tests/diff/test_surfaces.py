@@ -1,4 +1,4 @@
-"""How far surfaces are apart: of boxes, whose distance is known."""
+"""Distances between surfaces of boxes, for which the distance is known."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FACES = (
 
 
 def box(store: Store, half: tuple[float, float, float], at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> str:
-    """A box in the store, as the worker writes meshes."""
+    """A box in the store, in the format in which the worker writes meshes."""
     corners = [[c + s * h for c, s, h in zip(at, signs, half, strict=True)] for signs in product((-1, 1), repeat=3)]
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in FACES]
     return store.put(("\n".join(lines) + "\n").encode())
@@ -31,13 +31,13 @@ def box(store: Store, half: tuple[float, float, float], at: tuple[float, float, 
     ((0.1, 0.1, 0.1), (0.0, 0.0, 0.0), math.sqrt(3 * 0.9**2)),
     ((1.0, 1.0, 1.0), (10.0, 0.0, 0.0), 10.0),
 ])
-def test_boxes(tmp_path: Path, half: tuple[float, float, float], at: tuple[float, float, float], expected: float) -> None:
+def test_farthest_box_distance(tmp_path: Path, half: tuple[float, float, float], at: tuple[float, float, float], expected: float) -> None:
     store = Store(str(tmp_path))
     old, new = box(store, (1.0, 1.0, 1.0)), box(store, half, at)
     assert SurfaceDistances(store).farthest(old, new) == pytest.approx(expected, abs=1e-12)
     assert SurfaceDistances(store).farthest(new, old) == pytest.approx(expected, abs=1e-12)  # now from the store
 
 
-def test_a_mesh_that_is_not_there(tmp_path: Path) -> None:
+def test_missing_mesh_has_no_distance(tmp_path: Path) -> None:
     store = Store(str(tmp_path))
     assert SurfaceDistances(store).farthest(box(store, (1.0, 1.0, 1.0)), "0" * 64) is None

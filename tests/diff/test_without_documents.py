@@ -1,4 +1,4 @@
-"""Build folders and locks as sides, and what is compared where the geometry service requires permission to run code of the workspace."""
+"""Build folders and lock files as arguments of `thingc diff`, and comparisons without running code of the workspace."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def store(monkeypatch: pytest.MonkeyPatch, shared_store: str) -> None:
 
 @pytest.fixture
 def locked(tmp_path: Path) -> tuple[Path, Path]:
-    """A workspace with a lock and an edited copy of it: parts of twice the length, which the lock knows, and one the less."""
+    """A workspace with a lock file, and an edited copy in which a part has twice the length, which the lock file also contains."""
     old, new = tmp_path / "old", tmp_path / "new"
     for folder in (old, new):
         unpack(LOCKED, "right", folder)
@@ -34,16 +34,16 @@ def locked(tmp_path: Path) -> tuple[Path, Path]:
     return old, new
 
 
-def answer(capsys: pytest.CaptureFixture[str], *words: str | Path, code: int = 0) -> dict[tuple[str, str, str, str | None], Any]:
+def run_diff_json(capsys: pytest.CaptureFixture[str], *words: str | Path, code: int = 0) -> dict[tuple[str, str, str, str | None], Any]:
     assert main(["diff", *map(str, words), "--format", "json"]) == code
     changes = json.loads(capsys.readouterr().out)["changes"]
     return {(c["what"], c["change"], c["path"], c["field"]): c for c in changes}
 
 
-def test_without_code(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    """Numbers come from the lock; part code that would fail is not run."""
+def test_no_code_uses_the_lock_file(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """Numbers come from the lock file. Part code, which would fail, is not run."""
     old, new = locked
-    found = answer(capsys, old / "robot.yaml", new / "robot.yaml", "--no-code")
+    found = run_diff_json(capsys, old / "robot.yaml", new / "robot.yaml", "--no-code")
     assert [key for key, c in found.items() if not c["because"]] == [("parameter", "changed", "block", "params.edge")]
     volume = found["geometry", "changed", "block", "volume"]
     assert (volume["old"], volume["new"], volume["because"]) == (1e-6, 8e-6, ["block"])
@@ -52,21 +52,21 @@ def test_without_code(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[s
     assert found["mount", "moved", "block/top", "pose"]["new"][0] == [0.0, 0.0, 0.01]
 
 
-def test_without_code_in_a_new_process(locked: tuple[Path, Path]) -> None:
-    """The sandbox cannot load libraries, so they are loaded before."""
+def test_no_code_works_in_a_new_process(locked: tuple[Path, Path]) -> None:
+    """The sandbox cannot load libraries, so they are loaded before it starts."""
     sides = [str(side / "robot.yaml") for side in locked]
     done = subprocess.run([sys.executable, "-I", "-m", "thingc", "diff", *sides, "--no-code"], capture_output=True, text=True)
     assert done.returncode == 0 and "parameter block: params.edge 10 mm -> 20 mm" in done.stdout, done
 
 
-def test_without_code_and_lock(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_code_without_lock_file_is_an_error(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
     old, new = locked
     (new / "parts.lock.json").unlink()
     assert main(["diff", str(old / "robot.yaml"), str(new / "robot.yaml"), "--no-code"]) == 1
     assert "error[TC340]" in capsys.readouterr().out
 
 
-def test_two_locks(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_lock_files_are_compared(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
     old, new = locked
     lock = new / "parts.lock.json"
     values = json.loads(lock.read_text())
@@ -75,7 +75,7 @@ def test_two_locks(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
     thing["records"]["blocks:Block"] |= {"volume": 2e-6}
     del thing["records"]["blocks:Block(edge=0.02)"]
     lock.write_text(json.dumps(values))
-    found = answer(capsys, old / "parts.lock.json", lock)
+    found = run_diff_json(capsys, old / "parts.lock.json", lock)
     assert set(found) == {
         ("component", "removed", "blocks:Block(edge=0.02)", None), ("parameter", "changed", "blocks:Block", "params.edge.max"),
         ("geometry", "changed", "blocks:Block", "volume"),
@@ -87,28 +87,28 @@ def test_two_locks(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
     assert "error[TC342]: `parts.lock.json` is invalid" in capsys.readouterr().out
 
 
-def test_a_lock_inside_of_another_workspace_is_the_one_that_is_read(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_given_lock_file_is_read_in_any_workspace(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
     lock = locked[0] / "parts.lock.json"
     values = json.loads(lock.read_text())
     values["things"]["blocks:Block"]["parameters"]["edge"]["maximum"] = 0.06
     copy = locked[0] / "before" / "parts.lock.json"
     copy.parent.mkdir()
     copy.write_text(json.dumps(values))
-    assert set(answer(capsys, copy, lock)) == {("parameter", "changed", "blocks:Block", "params.edge.max")}
+    assert set(run_diff_json(capsys, copy, lock)) == {("parameter", "changed", "blocks:Block", "params.edge.max")}
 
 
-def test_locks_with_another_gear(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_changed_gear_ratio_in_lock_files_is_reported(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
     old, new = (folder / "parts.lock.json" for folder in locked)
     values = json.loads(old.read_text())
     for lock, ratio in ((old, 4.0), (new, 5.0)):
         values["things"]["blocks:Block"]["records"]["blocks:Block"]["actuator"] = {"kind": "motor", "gear_ratio": ratio}
         lock.write_text(json.dumps(values))
-    found = answer(capsys, old, new)
+    found = run_diff_json(capsys, old, new)
     changed = {key: (change["old"], change["new"]) for key, change in found.items()}
     assert changed == {("component", "changed", "blocks:Block", "drive.gear_ratio"): (4.0, 5.0)}
 
 
-def test_build_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_build_folders_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     old = write(tmp_path / "old")
     new = write(tmp_path / "new", ("value: 120 g", "value: 300 g"), ("base: fixed, pose: up", "base: held, pose: up"))
     assert main(["build", str(old)]) == 0
@@ -117,9 +117,9 @@ def test_build_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str], monke
     expected = {
         ("mass", "changed", "hook", "mass"), ("mode", "changed", "stand", "base"),
     }
-    found = answer(capsys, build, new)
+    found = run_diff_json(capsys, build, new)
     assert set(found) == expected and found["mass", "changed", "hook", "mass"]["new"] == 0.3
-    assert answer(capsys, build, old) == {}
+    assert run_diff_json(capsys, build, old) == {}
     assert main(["diff", str(build), str(new)]) == 0
     assert "not compared: parameters, mates, limits" in capsys.readouterr().out
     monkeypatch.chdir(tmp_path / "old")

@@ -1,4 +1,4 @@
-"""The documentation says what the program does: documents check, commands print what is shown, tables equal the code."""
+"""The documentation matches the program: documents are valid, commands print the shown output, and tables match the code."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ IDS = [page.relative_to(ROOT).as_posix().removeprefix("docs/") for page in PAGES
 
 @pytest.fixture
 def here(page: Path, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The page's files in a folder, which is the working folder."""
+    """Unpack the files of the page into a folder and use it as working folder."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.setenv("NO_COLOR", "1")
@@ -55,7 +55,7 @@ def here(page: Path, tmp_path: Path, shared_store: str, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("page", PAGES, ids=IDS)
-def test_documents_of_a_page_are_right_and_commands_print_what_it_shows(page: Path, here: Path) -> None:
+def test_documents_are_valid_and_commands_print_shown_output(page: Path, here: Path) -> None:
     for block in documents(page):
         assert block.file, f"{page.name}:{block.line}: a document needs a name: `# name.yaml`"
         if Path(block.file).name == "thingc.toml":
@@ -78,7 +78,7 @@ def test_documents_of_a_page_are_right_and_commands_print_what_it_shows(page: Pa
 
 
 @pytest.mark.parametrize("page", PAGES, ids=IDS)
-def test_every_part_that_a_page_shows_compiles_and_is_used(page: Path) -> None:
+def test_shown_parts_compile_and_are_used(page: Path) -> None:
     python = [block for block in blocks(page) if block.language == "python"]
     for block in python:
         compile(block.text, f"{page.name}:{block.line}", "exec")
@@ -101,7 +101,7 @@ def test_links_resolve(page: Path) -> None:
         assert not anchor or anchor in anchors(there), f"{page.name}: {target}"
 
 
-def test_the_comparison_of_output_means_something() -> None:
+def test_output_comparison_can_fail() -> None:
     assert shows("a\n...\nd\n", "a\nb\nc\nd\n") and shows("a ... c", "a b c") and shows("...\nd", "a\nd")
     assert not shows("a\n...\nd\n", "a\nb\n") and not shows("a", "ab") and not shows("a ... c", "a\nc")
 
@@ -110,7 +110,7 @@ def test_the_comparison_of_output_means_something() -> None:
 
 
 def _language() -> str:
-    """Return the text of all pages of the language."""
+    """Return the text of all language pages."""
     return "\n".join(page.read_text() for page in sorted(LANGUAGE.glob("*.md")))
 
 
@@ -118,7 +118,7 @@ def _language_paragraphs() -> list[str]:
     return [line for page in sorted(LANGUAGE.glob("*.md")) for line in paragraphs(page)]
 
 
-def test_tables_of_keys_have_every_field_and_no_other() -> None:
+def test_key_tables_match_the_fields_of_the_models() -> None:
     from pydantic import BaseModel
 
     from thingc.documents.checks import kinds
@@ -169,15 +169,15 @@ def test_tables_of_keys_have_every_field_and_no_other() -> None:
 
 
 IN_OTHER_WORDS = {("ModeSpec", "`root`"), ("DriveSpec", "`kp`")}
-"""Required by a rule, not by the field itself (a mode may take its root from the one that it extends)."""
+"""Required by a rule, not by the field itself. For example, a mode may inherit its root from the mode that it extends."""
 
 
 def _field(model: type, key: str) -> str:
     return next(name for name, field in model.model_fields.items() if key in (name, field.alias))  # type: ignore[attr-defined]
 
 
-def test_choices_in_tables_are_those_of_the_models() -> None:
-    """Every word of a `Literal` stands in its row, in backquotes (`mirror` and such: `x`, `y` or `z`)."""
+def test_choices_in_tables_match_the_models() -> None:
+    """Every value of a `Literal` must be in its row, in backquotes (`mirror` and such: `x`, `y` or `z`)."""
     from typing import Literal, get_args, get_origin
 
     from thingc.documents.spec import assembly, drives, interfaces, link_shapes, mass, materials, sensors, variants
@@ -203,7 +203,7 @@ def test_choices_in_tables_are_those_of_the_models() -> None:
                         assert expected <= set(re.findall(r"`([^`]+)`", row[1])), (name, key)
 
 
-def test_sensors() -> None:
+def test_sensor_table_matches_the_code() -> None:
     from thingc.base.sensor_kinds import SENSORS
 
     rows = table(LANGUAGE, "sensors")
@@ -215,7 +215,7 @@ def test_sensors() -> None:
     assert list(said.items()) == list(kinds.items())
 
 
-def test_units() -> None:
+def test_unit_table_matches_the_code() -> None:
     from thingc.base.units import UNITS, parse_quantity
 
     said = {unit: row[0].partition(" (")[0] for row in table(LANGUAGE, "units") for unit in re.findall(r"`([^`]+)`", row[1])}
@@ -227,7 +227,7 @@ def test_units() -> None:
         assert parse_quantity(one).value == parse_quantity(other).value, (one, other)
 
 
-def test_functions_of_expressions() -> None:
+def test_expression_functions_match_the_code() -> None:
     from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 
     line = next(line for line in _language_paragraphs() if line.startswith("- Expressions support the functions"))
@@ -236,7 +236,7 @@ def test_functions_of_expressions() -> None:
     assert re.findall(r"`(\w+)`", constants)[:1] == list(CONSTANTS)
 
 
-def test_what_is_said_of_expressions_and_quantities() -> None:
+def test_statements_about_expressions_and_quantities() -> None:
     from thingc.base.units import ANGLE, ANGULAR_VELOCITY, FREQUENCY, LENGTH, NUMBER, Quantity, fits, parse_quantity
     from thingc.base.vector_text import parse_vector
     from thingc.documents.expressions.evaluation import evaluate
@@ -261,7 +261,7 @@ def test_what_is_said_of_expressions_and_quantities() -> None:
         assert parse_quantity(one) == parse_quantity(other)
 
 
-def test_kinds_of_joints() -> None:
+def test_joint_type_table_matches_the_code() -> None:
     from typing import get_args
 
     from thingc.base.joints.kinds import KINDS, JointType
@@ -274,7 +274,7 @@ def test_kinds_of_joints() -> None:
     assert list(get_args(JointType)) == list(KINDS)
 
 
-def test_gravity_and_raw_kinds_and_bounds() -> None:
+def test_gravity_raw_and_limit_tables_match_the_code() -> None:
     from thingc.base.units import MAX_FACTORS, MAX_TEXT
     from thingc.documents import workspace
     from thingc.documents.expressions.terms import MAX_DEPTH
@@ -306,12 +306,12 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
 
 
 @pytest.mark.parametrize("page", [LANGUAGE / "index.md"], ids=["index.md"])
-def test_yaml_and_toml_of_the_small_example_are_one_document(page: Path, here: Path) -> None:
+def test_yaml_and_toml_examples_are_equal(page: Path, here: Path) -> None:
     assert run("thingc info crane.yaml --format json") == run("thingc info crane.toml --format json")
 
 
 @pytest.mark.parametrize("page", [LANGUAGE / "nested.md"], ids=["nested.md"])
-def test_a_nested_assembly_takes_no_override(page: Path, here: Path) -> None:
+def test_nested_assembly_accepts_no_overrides(page: Path, here: Path) -> None:
     values = {
         "material": "pla", "mass": "1 kg", "com": "0 0 0", "inertia": "{ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}",
         "collision": "box", "visual": "false", "process": "{walls: 3}", "print": "{up: [0, 0, 1]}", "bom": "{number: x}",
@@ -326,7 +326,7 @@ def test_a_nested_assembly_takes_no_override(page: Path, here: Path) -> None:
 # --- things.md -----------------------------------------------------------------------------------------------------
 
 
-def test_annotations_overrides_and_actuators_of_things() -> None:
+def test_things_page_matches_the_code() -> None:
     import inspect
 
     from thingc.geometry.things import parameters
@@ -347,7 +347,7 @@ def test_annotations_overrides_and_actuators_of_things() -> None:
 
 
 def _same_shape(shown: object, real: object, path: str) -> None:
-    """A sample has the keys of the real thing; `"..."` as a key or an item stands for more of it."""
+    """Assert that a JSON sample has the keys of the actual output; `"..."` as a key or an item stands for further entries."""
     if isinstance(shown, dict):
         assert isinstance(real, dict), path
         keys = set(shown) - {"..."}
@@ -367,7 +367,7 @@ def _same_shape(shown: object, real: object, path: str) -> None:
 
 
 @pytest.mark.parametrize("page", [OUTPUTS / "index.md"], ids=["index.md"])
-def test_shapes_of_json(page: Path, here: Path) -> None:
+def test_json_samples_match_the_output(page: Path, here: Path) -> None:
     text = "\n".join(one.read_text() for one in sorted(OUTPUTS.glob("*.md")))
     samples = dict(re.findall(r"<!-- shape: ([\w.]+) -->\n```json\n(.*?)```", text, re.DOTALL))
     two_bases = "  plate: {frame: true}\n  other: {frame: true}\n"
@@ -399,13 +399,13 @@ def test_shapes_of_json(page: Path, here: Path) -> None:
             assert general in link_shapes | {"bom.json"} or name.startswith("mjcf/assets/"), name
 
 
-def test_columns_of_the_bill_of_materials() -> None:
+def test_bom_columns_match_the_code() -> None:
     from thingc.targets.bom.emit import COLUMNS
 
     assert [row[0].strip("`") for row in table(OUTPUTS, "bom")] == list(COLUMNS)
 
 
-def test_every_command_has_a_page_with_all_of_its_options() -> None:
+def test_every_command_page_lists_all_options() -> None:
     from thingc.tools.cli.main import COMMANDS, parser_for
 
     index = (COMMAND_PAGES / "index.md").read_text()
@@ -426,7 +426,7 @@ def test_every_command_has_a_page_with_all_of_its_options() -> None:
 # --- python.md, diagnostics.md, CONTRIBUTING.md ----------------------------------------------------------------------
 
 
-def test_the_python_page_names_every_argument_and_attribute() -> None:
+def test_python_page_lists_all_arguments_and_attributes() -> None:
     import inspect
 
     import thingc
@@ -440,7 +440,7 @@ def test_the_python_page_names_every_argument_and_attribute() -> None:
     assert {re.sub(r"[(].*", "", row[0].strip("`")) for row in table(page, "RobotFamily")} == of_families
 
 
-def test_generated_pictures_are_what_is_committed() -> None:
+def test_generated_pictures_are_up_to_date() -> None:
     import runpy
 
     docs = ROOT / "docs"
@@ -457,7 +457,7 @@ CONTRIBUTING = ROOT / "CONTRIBUTING.md"
 
 
 def _recipe(heading: str) -> dict[str, object]:
-    """What the Python block under a heading defines."""
+    """Return the names that the Python block under a heading defines."""
     section = CONTRIBUTING.read_text().partition(f"## {heading}\n")[2].partition("\n## ")[0]
     (block,) = re.findall(r"^   ```python\n(.*?)^   ```$", section, re.MULTILINE | re.DOTALL)
     names: dict[str, object] = {}
@@ -465,17 +465,17 @@ def _recipe(heading: str) -> dict[str, object]:
     return names
 
 
-def test_the_recipe_of_a_joint_kind_makes_one() -> None:
+def test_joint_type_recipe_works() -> None:
     from thingc.base.joints import kinds
-    from thingc.base.joints.twist import moved
-    from thingc.base.pose import shifted
+    from thingc.base.joints.twist import pose_after
+    from thingc.base.pose import make_translation
 
     text = (ROOT / "CONTRIBUTING.md").read_text().partition("## A new joint kind")[2]
     (kind,) = eval(textwrap.dedent(text.partition("```python\n")[2].partition("```")[0]), vars(kinds))
-    assert isinstance(kind, kinds.JointKind) and moved(kind.twists, (0.5,)) == shifted(0.0, 0.0, 0.5) and kind.moves
+    assert isinstance(kind, kinds.JointKind) and pose_after(kind.twists, (0.5,)) == make_translation(0.0, 0.0, 0.5) and kind.moves
 
 
-def test_the_recipe_of_a_target_writes_a_file(tmp_path: Path) -> None:
+def test_target_recipe_works(tmp_path: Path) -> None:
     from emit.small_robot import assembly, request
     from thingc.geometry.store.local import Store
 
@@ -486,7 +486,7 @@ def test_the_recipe_of_a_target_writes_a_file(tmp_path: Path) -> None:
     assert lines[0] == "link,mass" and len(lines) == len(robot.links) + 2
 
 
-def test_the_recipe_of_a_quick_fix_gives_a_fix() -> None:
+def test_quick_fix_recipe_works() -> None:
     from thingc.base.diagnostics import Code
     from thingc.base.source import Span
     from thingc.base.suggestions import Suggestion
@@ -501,7 +501,7 @@ def test_the_recipe_of_a_quick_fix_gives_a_fix() -> None:
     assert (fix.written, fix.replacement) == ("1,5 mm", "1.5 mm")
 
 
-def test_files_that_contributing_names_are_there() -> None:
+def test_paths_in_contributing_exist() -> None:
     named = re.findall(r"`((?:compiler|tests|docs|parts|schemas)/[\w./]*)", CONTRIBUTING.read_text())
     assert len(named) > 15
     for path in named:
@@ -513,14 +513,14 @@ PACKAGE = ROOT / "compiler" / "thingc"
 
 
 def _missing_paths(page: Path) -> list[str]:
-    """Paths of code that a page names and that do not exist. They begin in the package, or with a folder of the repository."""
+    """Return the code paths on a page that do not exist. Paths start in the package, or with a folder of the repository."""
     drawn = "".join(re.findall(r"```.*?```", page.read_text(), re.DOTALL))
     named = re.findall(r"`([\w./]+)`", without_fences(page)) + re.findall(r"\b(?!parts|build)[a-z]+/[\w./]*\w", drawn)
     paths = {name for name in named if name.endswith((".py", "/")) or "/" in name and (PACKAGE / name.split("/")[0]).exists()}
     return sorted(path for path in paths if not ((ROOT if path.startswith(("compiler/", "tests/", "docs/")) else PACKAGE) / path).exists())
 
 
-def test_architecture_names_existing_files_and_every_entry_of_the_package_and_is_short() -> None:
+def test_architecture_page_is_complete_and_short() -> None:
     page = ROOT / "ARCHITECTURE.md"
     text = page.read_text()
     assert _missing_paths(page) == []
@@ -532,7 +532,7 @@ def test_architecture_names_existing_files_and_every_entry_of_the_package_and_is
 
 
 @pytest.mark.parametrize("page", sorted(DECISIONS.glob("0*.md")), ids=lambda page: page.stem)
-def test_a_decision_is_short_and_listed_and_names_existing_files(page: Path) -> None:
+def test_decision_is_short_listed_and_names_existing_files(page: Path) -> None:
     text = page.read_text()
     assert re.findall(r"^#+ .*", text, re.MULTILINE)[1:] == ["## Context", "## Decision", "## Consequences"]
     assert 60 <= len(text.split()) <= 150 and _missing_paths(page) == []

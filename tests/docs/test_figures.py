@@ -1,9 +1,8 @@
-"""Every measured figure in the prose of the pages written by hand is one that a command prints: of README, of walking.
+"""Measured numbers in the text of README and study pages match the output of a command.
 
-A command writes what it measured into a block, or a whole page (`make walk`, `make bench-weld`, ...). A `Claim` finds the figures of a
-sentence and those that it quotes. What a page gives (sizes that were chosen, bounds, data of a part) is listed with what gives it, so
-that a new figure without a source is found.
-"""
+A command writes its measurements into a block, or a whole page (`make walk`, `make bench-weld`, ...). A `Claim` finds the numbers of a
+sentence and those that it quotes. Numbers that are not measured (chosen sizes, limits, part data) are listed with their source, so a new
+number without a source is detected."""
 
 from __future__ import annotations
 
@@ -17,8 +16,8 @@ from docs.pages import ROOT, table, without_fences
 
 @dataclass(frozen=True)
 class Claim:
-    """`prose` finds a sentence of a page, its groups the figures; `source` finds the same ones, in this order, on the page `printed`,
-    below its comment `<!-- block -->` where there is one."""
+    """`prose` matches a sentence of a page, with the numbers as its groups; `source` matches the same numbers, in the same order, on the
+    page `printed`, below its comment `<!-- block -->`, if any."""
 
     page: str
     prose: str
@@ -58,14 +57,14 @@ GIVEN = {
         "20.4 N": "the weight of 2.08 kg", "25 mm": "POLE of examples/inchworm_physics.py", "4 mm": "STEEL of examples/inchworm_physics.py",
     },
 }
-"""Figures that were chosen, are bounds, or have no block to be compared with, by page, and what says so."""
+"""Numbers that were chosen, are limits, or have no block to compare with, by page, and their source."""
 
 MEASURED = r"(?<![\w.$-])(\d[\d ]*\d|\d+|\d[\d.]*(?:e-?\d+)?) ?(ms|mm|mrad|kg|MB|N|m|steps|variants|s)\b"
-"""A number with a unit of something measured."""
+"""Matches a number with the unit of a measurement."""
 
 
 def prose(page: str) -> str:
-    """A page without its blocks and comments, on one line."""
+    """Return a page without its blocks and comments, on one line."""
     return re.sub(r"\s+", " ", re.sub(r"<!--.*?-->", "", without_fences(ROOT / page)))
 
 
@@ -79,7 +78,7 @@ def printed(claim: Claim) -> str:
 
 
 @pytest.mark.parametrize("claim", CLAIMS, ids=str)
-def test_prose_quotes_what_a_command_printed(claim: Claim) -> None:
+def test_quoted_numbers_match_the_command_output(claim: Claim) -> None:
     said, measured = re.search(claim.prose, prose(claim.page)), re.search(claim.source, printed(claim))
     assert said is not None, f"{claim.page} does not say it so: {claim.prose}"
     assert measured is not None, f"{claim.printed} has no such figures: {claim.source}"
@@ -87,7 +86,7 @@ def test_prose_quotes_what_a_command_printed(claim: Claim) -> None:
 
 
 @pytest.mark.parametrize("page", sorted(GIVEN))
-def test_every_figure_has_a_source(page: str) -> None:
+def test_every_number_has_a_source(page: str) -> None:
     text = prose(page)
     quoted = [match.span() for claim in CLAIMS if claim.page == page for match in [re.search(claim.prose, text)] if match is not None]
     found = [match for match in re.finditer(MEASURED, text) if not any(a <= match.start() and match.end() <= b for a, b in quoted)]
@@ -95,7 +94,7 @@ def test_every_figure_has_a_source(page: str) -> None:
     assert not unknown, f"{page}: no command prints these, and nothing gives them: {unknown}"
 
 
-def test_the_readme_quotes_the_largest_differences_of_the_conformance_study() -> None:
+def test_readme_quotes_the_conformance_study() -> None:
     found: dict[tuple[str, str], list[list[str]]] = {}
     for reader, file_format, _, *row in table(ROOT / "docs/studies/conformance_table.md", "conformance"):
         found.setdefault((reader, file_format), []).append(row)
@@ -108,9 +107,9 @@ def test_the_readme_quotes_the_largest_differences_of_the_conformance_study() ->
 
 
 def largest(rows: list[list[str]], column: int) -> str:
-    """The largest of some numbers, as it is written; `-` without any."""
+    """Return the largest of some numbers as written; `-` if there are none."""
     return max((row[column] for row in rows if row[column] != "-"), key=float, default="-")
 
 
-def test_the_readme_is_short() -> None:
+def test_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text().split()) <= 900

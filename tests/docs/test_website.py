@@ -1,4 +1,4 @@
-"""The documentation as a site: every page in its navigation, every link of it there, and nothing asked of another host."""
+"""The documentation website: every page is in the navigation, all links work, and no other host is contacted."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LISTED_ELSEWHERE = ("codes/", "decisions/0", "source/")
 
 @pytest.fixture(scope="module")
 def website() -> Iterator[ModuleType]:
-    """`docs/website.py`."""
+    """Yield the module `docs/website.py`."""
     sys.path.insert(0, str(ROOT / "docs"))
     import website
 
@@ -36,7 +36,7 @@ def test_every_page_is_in_the_navigation_once(website: ModuleType) -> None:
     assert sorted(named) == pages
 
 
-def test_what_language_models_read_is_all_pages_without_frames(website: ModuleType) -> None:
+def test_llms_files_contain_all_pages(website: ModuleType) -> None:
     texts = website.pages()
     files = website.llms(texts)
     assert files == website.llms(dict(reversed(texts.items()))), "the order in which files are found decides about nothing"
@@ -59,7 +59,7 @@ def test_lists_are_indented_for_python_markdown(website: ModuleType, written: st
     assert website.indented(written) == wanted
 
 
-def test_links_out_of_the_pages_lead_to_pages_of_the_site(website: ModuleType) -> None:
+def test_links_to_source_files_lead_to_site_pages(website: ModuleType) -> None:
     sources: dict[str, Path] = {}
     text = "[`a`](language/joints.md#axis) [b](../README.md) [c\nd](../assemblies/arm.yaml) `[e](../f)` ![g](pictures/mate.svg) " \
         "[h](https://x.y)\n| [![i](pictures/mate.svg)](../thingc.toml) | `k\\|l` |\n```\n[m](../n)\n```\n"
@@ -72,17 +72,17 @@ def test_links_out_of_the_pages_lead_to_pages_of_the_site(website: ModuleType) -
     assert sources == {"source/assemblies/arm.yaml.md": ROOT / "assemblies/arm.yaml", "source/thingc.toml.md": ROOT / "thingc.toml"}
 
 
-def test_a_viewer_is_a_frame_whose_first_page_is_the_picture(website: ModuleType) -> None:
+def test_viewer_is_a_frame_with_a_preview_picture(website: ModuleType) -> None:
     text = "<!-- viewer: arm#m=bench -->\n\n![\"The\" arm](../pictures/arm_modes.png)\n"
     seen = website.linked(text, "howto/x.md", ROOT / "docs" / "howto" / "x.md", {})
     assert seen.count("../viewers/arm.html#m=bench") == 3 and "&lt;img src=&quot;../pictures/arm_modes.png&quot;" in seen
     assert 'title="&quot;The&quot; arm"' in seen and "aspect-ratio: 1" in seen
 
 
-def test_viewers_of_the_tutorial_show_what_its_commands_have_made(
+def test_tutorial_viewers_show_the_document_of_their_step(
     website: ModuleType, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Each step is the document as it stands there: what comes later is not in it yet."""
+    """A later change must not be in the document of an earlier step."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     text = (ROOT / "docs/start.md").read_text()
     found = {name: (document.name, document.read_text()) for name, document in website.made(text, tmp_path)}
@@ -91,7 +91,7 @@ def test_viewers_of_the_tutorial_show_what_its_commands_have_made(
     }
 
 
-def test_faults_of_a_site_are_found(website: ModuleType, tmp_path: Path) -> None:
+def test_broken_links_and_external_requests_are_found(website: ModuleType, tmp_path: Path) -> None:
     (tmp_path / "b.html").write_text('<h1 id="there">b</h1>')
     (tmp_path / "a.css").write_text("@font-face { src: url(https://fonts.example/x.woff2) }")
     (tmp_path / "a.html").write_text(
@@ -107,7 +107,7 @@ def test_faults_of_a_site_are_found(website: ModuleType, tmp_path: Path) -> None
 
 @pytest.fixture(scope="module")
 def site(website: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site, with empty pages for robots. zensical takes its folders from beside its configuration."""
+    """Return the built site, with empty pages for robots. zensical resolves its folders relative to its configuration."""
     folder = tmp_path_factory.mktemp("site")
     (folder / "zensical.toml").write_text(website.CONFIG.read_text().replace('paths = ["compiler"]', f'paths = ["{ROOT / "compiler"}"]'))
     website.lay(folder / "build" / "pages", viewers=False)
@@ -116,14 +116,14 @@ def site(website: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_the_site_is_built_without_a_warning_and_every_link_of_it_is_there(site: Path) -> None:
+def test_site_builds_without_warnings(site: Path) -> None:
     assert {"index.html", "llms.txt", "llms-full.txt", "search.js", "codes", "viewers"} <= {path.name for path in site.iterdir()}
     assert "properties" in (site / "api.html").read_text() and "https://unpkg.com/iframe-worker" not in (site / "index.html").read_text()
 
 
 @pytest.mark.slow
 @needed
-def test_the_site_is_searched_and_shows_robots_from_a_disk_and_asks_nothing_of_a_network(site: Path) -> None:
+def test_site_search_and_viewers_work_offline(site: Path) -> None:
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 400, "height": 800})
         faults: list[str] = []

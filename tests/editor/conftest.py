@@ -1,4 +1,4 @@
-"""The language servers, installed once from the committed lock file, and a workspace whose schemas are written."""
+"""The language servers, installed once from the committed lock file, and a workspace with schemas."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MODULES = HERE / "node_modules"
 
 @pytest.fixture(scope="session")
 def node_modules() -> Path:
-    """`node_modules` as `package-lock.json` has it. Skips on a machine without Node.js."""
+    """Return `node_modules` as specified by `package-lock.json`. Skips on a machine without Node.js."""
     if shutil.which("node") is None or shutil.which("npm") is None:
         pytest.skip("Node.js (node and npm) is not on this machine: the language servers cannot be driven")
     wanted = (HERE / "package-lock.json").read_text()
@@ -35,7 +35,7 @@ def node_modules() -> Path:
 
 @pytest.fixture(scope="session")
 def workspace(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
-    """A copy of the repository's robots with their schemas, as `thingc schema` writes them."""
+    """Return a copy of the repository's robots with their schemas, as written by `thingc schema`."""
     folder = tmp_path_factory.mktemp("robots")
     for name in ("assemblies", "parts"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -46,7 +46,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Pa
 
 @pytest.fixture(scope="session")
 def server(node_modules: Path, workspace: Path) -> Iterator[LanguageServer]:
-    """A server that was started in the workspace as VS Code does it."""
+    """Yield a server that was started in the workspace as VS Code does."""
     program = node_modules / "yaml-language-server" / "bin" / "yaml-language-server"
     server = LanguageServer(program, workspace, schemas_of(workspace))
     yield server

@@ -1,4 +1,4 @@
-"""A real `yaml-language-server`, spoken to over stdio as an editor does: open, complete, hover, diagnostics."""
+"""A client for a real `yaml-language-server` over stdio: open, complete, hover, diagnostics."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 PATIENCE = 300.0
-"""How long [s] an answer may take."""
+"""Timeout for an answer [s]."""
 
 
 class LanguageServer:
-    """One server for one folder. `schemas` is what `yaml.schemas` says in the settings of the folder."""
+    """One server for one folder. `schemas` is the value of `yaml.schemas` in the settings of the folder."""
 
     def __init__(self, program: Path, folder: Path, schemas: dict[str, Any]) -> None:
         self.folder = folder
@@ -49,7 +49,7 @@ class LanguageServer:
         self.tell("workspace/didChangeConfiguration", {"settings": self.settings})
 
     def close(self) -> None:
-        """Say goodbye, and end it if it does not go."""
+        """Shut the server down, and kill it if it does not exit."""
         try:
             self.ask("shutdown", None)
             self.tell("exit", None)
@@ -61,11 +61,11 @@ class LanguageServer:
     # --- what an editor does ------------------------------------------------------------------------------------
 
     def uri(self, name: str) -> str:
-        """Of a document of the folder."""
+        """Return the URI of a document in the folder."""
         return (self.folder / name).as_uri()
 
     def show(self, name: str, text: str) -> list[dict[str, Any]]:
-        """Open a document, or change what is in its window; its diagnostics."""
+        """Open a document or replace its text, and return its diagnostics."""
         uri = self.uri(name)
         said = self._said[uri] = queue.SimpleQueue()
         if uri not in self._versions:
@@ -80,7 +80,7 @@ class LanguageServer:
         return said.get(timeout=PATIENCE)
 
     def complete(self, name: str, text: str) -> dict[str, dict[str, Any]]:
-        """What is offered where `|` stands in the text: items by label."""
+        """Return the completion items at `|` in the text, by label."""
         before, after = text.split("|")
         self.show(name, before + after)
         answer = self.ask("textDocument/completion", {**self._at(name, before), "context": {"triggerKind": 1}})
@@ -88,7 +88,7 @@ class LanguageServer:
         return {item["label"]: item for item in items}
 
     def hover(self, name: str, text: str) -> str:
-        """The text shown over what is right of `|`."""
+        """Return the hover text for the character after `|`."""
         before, after = text.split("|")
         self.show(name, before + after)
         answer = self.ask("textDocument/hover", self._at(name, before))
@@ -98,7 +98,7 @@ class LanguageServer:
         return str(contents["value"] if isinstance(contents, dict) else contents)
 
     def changed(self, schema: str) -> None:
-        """Tell it that a schema on disk is another one now."""
+        """Notify the server that a schema on disk has changed."""
         self.tell("workspace/didChangeWatchedFiles", {"changes": [{"uri": (self.folder / schema).as_uri(), "type": 2}]})
 
     def _at(self, name: str, before: str) -> dict[str, Any]:
@@ -110,7 +110,7 @@ class LanguageServer:
     # --- the protocol -------------------------------------------------------------------------------------------
 
     def ask(self, method: str, params: Any) -> Any:
-        """A request and its result."""
+        """Send a request and return its result."""
         self._number += 1
         mine = self._answers[self._number] = queue.SimpleQueue()
         self._send({"id": self._number, "method": method, "params": params})
@@ -120,7 +120,7 @@ class LanguageServer:
         return answer["result"]
 
     def tell(self, method: str, params: Any) -> None:
-        """A notification."""
+        """Send a notification."""
         self._send({"method": method, "params": params})
 
     def _send(self, message: dict[str, Any]) -> None:
@@ -156,7 +156,7 @@ class LanguageServer:
 
 
 def wait_until(what: Any, seconds: float) -> Any:
-    """The first true answer of `what()` within `seconds`, else its last."""
+    """Return the first true result of `what()` within `seconds`, or else its last one."""
     end = time.monotonic() + seconds
     while not (found := what()) and time.monotonic() < end:
         time.sleep(0.02)

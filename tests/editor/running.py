@@ -1,4 +1,4 @@
-"""Commands of thingc, and what they wrote for editors."""
+"""Run thingc commands in this process, and read the schemas that they write for editors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def thingc(folder: Path, store: str, *words: str) -> str:
-    """What a command prints on standard output, run by its function in this process; it must succeed."""
+    """Return the standard output of a command, run by its function in this process; it must succeed."""
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         patch.chdir(folder)
@@ -26,7 +26,7 @@ def thingc(folder: Path, store: str, *words: str) -> str:
 
 
 def schemas_of(folder: Path) -> dict[str, Any]:
-    """`yaml.schemas`, as a person writes it into the settings of an editor: which document each schema in `.thingc/schema/` is for."""
+    """Return `yaml.schemas` as in the settings of an editor: the document for each schema in `.thingc/schema/`."""
     top = folder / ".thingc" / "schema"
     names = [path.relative_to(top).as_posix().removesuffix(".json") for path in sorted(top.rglob("*.yaml.json"))]
     return {f"./.thingc/schema/{name}.json": name for name in names}

@@ -1,4 +1,4 @@
-"""What a person sees in an editor: a real yaml-language-server with the schemas that `thingc schema` writes."""
+"""Completion, hover and diagnostics of a real yaml-language-server with the schemas that `thingc schema` writes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from editor.running import ROOT, schemas_of, thingc
 
 ARM = "assemblies/arm.yaml"
 HORN = "x430-horn, 8 x M2 on 16 mm, boss 8 mm"
-"""The interface of the horn of an XM430."""
+"""The interface of the horn mount of an XM430."""
 
 
 @pytest.fixture(scope="module")
@@ -21,19 +21,19 @@ def arm(workspace: Path) -> str:
 
 
 def edited(text: str, old: str, new: str) -> str:
-    """The document with one place edited."""
+    """Return the document with one place replaced."""
     assert text.count(old) >= 1, old
     return text.replace(old, new, 1)
 
 
 def said(item: dict[str, Any]) -> str:
-    """The documentation of a completion item."""
+    """Return the documentation of a completion item."""
     documentation = item.get("documentation") or ""
     return str(documentation["value"] if isinstance(documentation, dict) else documentation)
 
 
 def blamed(text: str, diagnostics: list[dict[str, Any]]) -> list[str]:
-    """The text under every diagnostic."""
+    """Return the text under every diagnostic."""
     lines = text.split("\n")
     places = [(d["range"]["start"], d["range"]["end"]) for d in diagnostics]
     assert all(start["line"] == end["line"] for start, end in places), diagnostics
@@ -44,14 +44,14 @@ DOCUMENTS = sorted(path.relative_to(ROOT / "assemblies").as_posix() for path in 
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-def test_good_documents_have_no_diagnostics(server: LanguageServer, workspace: Path, name: str) -> None:
+def test_valid_documents_have_no_diagnostics(server: LanguageServer, workspace: Path, name: str) -> None:
     assert server.show(f"assemblies/{name}", (workspace / "assemblies" / name).read_text()) == []
 
 
 # --- completion ---------------------------------------------------------------------------------------------------
 
 
-def test_part_offers_the_things_in_reach_with_their_docstrings(server: LanguageServer, arm: str) -> None:
+def test_part_completion_shows_docstrings(server: LanguageServer, arm: str) -> None:
     offered = server.complete(ARM, edited(arm, "  bracket: {part: arm:YawPitchBracket}", "  bracket:\n    part: |"))
     assert said(offered["arm:BasePlate"]).startswith("A square plate with two walls that hold the yaw servo by its sides")
     assert "e-Manual (emanual.robotis.com" in said(offered["thingc_stock.dynamixel:XM430"])
@@ -61,21 +61,21 @@ def test_part_offers_the_things_in_reach_with_their_docstrings(server: LanguageS
 
 
 @pytest.mark.parametrize("component", ["bracket", "something_new"])
-def test_params_offers_the_parameters_of_that_thing_alone(server: LanguageServer, arm: str, component: str) -> None:
+def test_params_completion_lists_parameters_of_the_part(server: LanguageServer, arm: str, component: str) -> None:
     old = "  bracket: {part: arm:YawPitchBracket}"
     offered = server.complete(ARM, edited(arm, old, f"  {component}:\n    part: arm:RotorBrace\n    params:\n      |"))
     assert sorted(offered) == ["length", "thickness"]
     assert said(offered["length"]) == "Distance between the axes. A length such as `120 mm`, 60 mm to 200 mm; `100 mm` by default."
 
 
-def test_a_parameter_offers_its_default_and_the_documents_own_parameters(server: LanguageServer, arm: str) -> None:
+def test_parameter_completion_offers_default_and_expressions(server: LanguageServer, arm: str) -> None:
     offered = server.complete(ARM, edited(
         arm, "  bracket: {part: arm:YawPitchBracket}", "  bracket:\n    part: arm:RotorBrace\n    params:\n      length: |",
     ))
     assert {"100 mm", "=reach"} <= offered.keys()
 
 
-def test_a_choice_offers_its_words(server: LanguageServer, arm: str) -> None:
+def test_choice_parameter_completion(server: LanguageServer, arm: str) -> None:
     offered = server.complete(ARM, edited(
         arm, "  bracket: {part: arm:YawPitchBracket}", "  bolt:\n    part: thingc_stock.fasteners:Screw\n    params:\n      size: |",
     ))
@@ -83,7 +83,7 @@ def test_a_choice_offers_its_words(server: LanguageServer, arm: str) -> None:
 
 
 @pytest.mark.parametrize("component", ["yaw_servo", "something_new"])
-def test_attach_offers_the_mounts_of_the_part(server: LanguageServer, arm: str, component: str) -> None:
+def test_attach_completion_offers_mounts_of_the_part(server: LanguageServer, arm: str, component: str) -> None:
     old = "  yaw_servo:\n    part: thingc_stock.dynamixel:XM430\n    attach: {back: plate.servo_seat}"
     offered = server.complete(ARM, edited(arm, old, f"  {component}:\n    part: thingc_stock.dynamixel:XM430\n    attach:\n      |"))
     assert {"back", "bottom", "horn", "idler", "rotor"} <= offered.keys()
@@ -91,23 +91,23 @@ def test_attach_offers_the_mounts_of_the_part(server: LanguageServer, arm: str, 
     assert not {"servo_seat", "rotor_seat"} & offered.keys()
 
 
-def test_attach_offers_the_mounts_of_the_others(server: LanguageServer, arm: str) -> None:
+def test_attach_completion_offers_mounts_of_other_parts(server: LanguageServer, arm: str) -> None:
     offered = server.complete(ARM, edited(arm, "    attach: {back: plate.servo_seat}", "    attach:\n      back: |"))
     assert {"plate.servo_seat", "plate.servo_screw_7", "hand.tip"} <= offered.keys()
 
 
-def test_the_parent_of_a_joint_is_offered(server: LanguageServer, arm: str) -> None:
+def test_joint_parent_completion(server: LanguageServer, arm: str) -> None:
     offered = server.complete(ARM, edited(arm, "    parent: yaw_servo.rotor", "    parent: |"))
     assert {"yaw_servo.rotor", "hand.seat", "hand.cap.pen", "plate_screw_3.seat", "bus_board.origin"} <= offered.keys()
     assert said(offered["yaw_servo.rotor"]) == f"A mount of `thingc_stock.dynamixel:XM430`, interface `{HORN}`."
 
 
-def test_drive_offers_what_has_an_actuator(server: LanguageServer, arm: str) -> None:
+def test_drive_completion_offers_actuators(server: LanguageServer, arm: str) -> None:
     offered = server.complete(ARM, edited(arm, "    drive: yaw_servo", "    drive: |"))
     assert [name for name in offered if "_" in name] == ["yaw_servo", "shoulder_servo", "elbow_servo", "wrist_servo"]
 
 
-def test_poses_offer_the_joints(server: LanguageServer, arm: str) -> None:
+def test_pose_completion_offers_joints(server: LanguageServer, arm: str) -> None:
     old = "  home: {yaw: 30 deg, shoulder: -60 deg, elbow: 120 deg, wrist: -30 deg}"
     offered = server.complete(ARM, edited(arm, old, "  home:\n    |"))
     assert list(offered) == ["yaw", "shoulder", "elbow", "wrist"]
@@ -131,7 +131,7 @@ MODE = "  bench: {root: plate, base: fixed, pose: home}"
         ("contacts:\n      adhesion:\n        |", {"tip", "plate.bottom"}),
     ],
 )
-def test_modes_offer_names(server: LanguageServer, arm: str, key: str, some: set[str]) -> None:
+def test_mode_completion_offers_names(server: LanguageServer, arm: str, key: str, some: set[str]) -> None:
     before = "" if key.startswith("root") else "root: plate\n    "
     offered = server.complete(ARM, edited(arm, MODE, f"  bench:\n    {before}{key}"))
     assert some <= offered.keys()
@@ -150,7 +150,7 @@ def test_modes_offer_names(server: LanguageServer, arm: str, key: str, some: set
         ("    drive: wrist_servo", "    mimic:\n      joint: |", {"yaw", "elbow"}),
     ],
 )
-def test_other_references_offer_names(server: LanguageServer, arm: str, old: str, new: str, some: set[str]) -> None:
+def test_completion_of_other_references(server: LanguageServer, arm: str, old: str, new: str, some: set[str]) -> None:
     assert some <= server.complete(ARM, edited(arm, old, new)).keys()
 
 
@@ -167,11 +167,11 @@ HAND = "  hand: {assembly: end_effector.yaml, parameters: {pen_diameter: =pen_di
         ("torque_margin: {min: 2, drive: sh|}", {"shoulder", "wrist"}),
     ],
 )
-def test_tests_offer_names(server: LanguageServer, arm: str, test: str, some: set[str]) -> None:
+def test_completion_in_tests(server: LanguageServer, arm: str, test: str, some: set[str]) -> None:
     assert some <= server.complete(ARM, edited(arm, "\ntests: ", f"\ntests:\n  fresh:\n    {test}\n#")).keys()
 
 
-def test_a_nested_document_is_offered_and_its_parameters_are(server: LanguageServer, arm: str) -> None:
+def test_completion_of_nested_documents_and_parameters(server: LanguageServer, arm: str) -> None:
     offered = server.complete(ARM, edited(arm, HAND, "  hand:\n    assembly: |"))
     assert said(offered["minchw/leg.yaml"]) == "One leg of MInchW (yaw, pitch, pitch) with its magnet."
     offered = server.complete(ARM, edited(arm, HAND, "  hand:\n    assembly: minchw/leg.yaml\n    parameters:\n      |"))
@@ -179,7 +179,7 @@ def test_a_nested_document_is_offered_and_its_parameters_are(server: LanguageSer
     assert said(offered["leg_length"]) == "Axis of the knee to axis of the ankle. A length, 64 mm to 140 mm; `64 mm` by default."
 
 
-def test_hundreds_of_mounts_are_offered_all_the_same(node_modules: Path, tmp_path: Path, shared_store: str) -> None:
+def test_completion_with_hundreds_of_mounts(node_modules: Path, tmp_path: Path, shared_store: str) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = []\n')
     text = """\
 thingc: assembly/1
@@ -206,7 +206,7 @@ mounts:
 # --- hover --------------------------------------------------------------------------------------------------------
 
 
-def test_a_parameter_shows_unit_range_and_default(server: LanguageServer, arm: str) -> None:
+def test_hover_shows_unit_range_and_default(server: LanguageServer, arm: str) -> None:
     shown = server.hover(ARM, edited(arm, "params: {length: =reach, thickness", "params: {len|gth: =reach, thickness")).replace("\\", "")
     assert "Distance between the axes. A length such as `120 mm`, 60 mm to 200 mm; `100 mm` by default." in shown
 
@@ -221,7 +221,7 @@ def test_a_parameter_shows_unit_range_and_default(server: LanguageServer, arm: s
         ("pose: home}", "pose: ho|me}", "yaw: 30 deg, shoulder: -60 deg"),
     ],
 )
-def test_names_show_what_they_mean(server: LanguageServer, arm: str, old: str, new: str, expected: str) -> None:
+def test_hover_explains_names(server: LanguageServer, arm: str, old: str, new: str, expected: str) -> None:
     assert expected in server.hover(ARM, edited(arm, old, new)).replace("\\", "")
 
 
@@ -244,7 +244,7 @@ def test_names_show_what_they_mean(server: LanguageServer, arm: str, old: str, n
         ("  home: {yaw: 30 deg", "  home: {yaw: 30 mm", "30 mm", "expected an angle"),
     ],
 )
-def test_what_is_wrong_is_blamed_where_it_stands(
+def test_errors_are_underlined_at_their_place(
     server: LanguageServer, arm: str, old: str, new: str, place: str, words: str,
 ) -> None:
     text = edited(arm, old, new)
@@ -275,5 +275,5 @@ def test_what_is_wrong_is_blamed_where_it_stands(
         ("{mount: servo_seat, to: elbow_servo.bottom, turn: 180 deg}", "{mount: servo_seat, to: elbow_servo.bottom, gap: 0}"),
     ],
 )
-def test_what_the_language_allows_is_not_refused(server: LanguageServer, arm: str, old: str, new: str) -> None:
+def test_valid_syntax_is_accepted(server: LanguageServer, arm: str, old: str, new: str) -> None:
     assert server.show(ARM, edited(arm, old, new)) == []

@@ -1,4 +1,5 @@
-"""The files that `thingc schema` writes: who gets one, what stays, and what wrong documents get. Validated with jsonschema."""
+"""The files written by `thingc schema`: which documents get one, which are preserved, and schemas of invalid documents. Validated with
+jsonschema."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ joints: {}
 
 @pytest.fixture
 def small(tmp_path: Path) -> Path:
-    """A workspace with one document."""
+    """Return a workspace with one document."""
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
     (tmp_path / "parts").mkdir()
     shutil.copy(ROOT / "parts" / "arm.py", tmp_path / "parts")
@@ -39,8 +40,8 @@ def small(tmp_path: Path) -> Path:
 
 @cache
 def of_schemas() -> Any:
-    """A validator of schemas that is ten times as fast as `check_schema`. The standard divides its keywords among seven schemas, which are
-    looked up anew at every step of a schema; here they are in one."""
+    """Return a validator of schemas that is ten times as fast as `check_schema`. The standard splits its keywords over seven schemas,
+    which are resolved again at every step; here they are merged."""
     whole = jsonschema.Draft202012Validator.META_SCHEMA
     merged: dict[str, Any] = {"type": whole["type"], "properties": {}, "$defs": {}}
     for part in (whole, *(REGISTRY.contents(whole["$id"].removesuffix("schema") + one["$ref"]) for one in whole["allOf"])):
@@ -51,7 +52,7 @@ def of_schemas() -> Any:
 
 
 CHECKED: set[str] = set()
-"""Definitions that are schemas, as text: most are those of every document."""
+"""Definitions already validated as schemas, as text: most are shared by all documents."""
 
 
 def schema_of(folder: Path, name: str) -> Any:
@@ -72,7 +73,7 @@ def offered(schema: Any, definition: str) -> set[str]:
     return {branch["const"] for branch in schema["$defs"][definition]["anyOf"] if "const" in branch}
 
 
-def test_every_document_has_one_that_it_fits(workspace: Path) -> None:
+def test_every_document_has_a_matching_schema(workspace: Path) -> None:
     documents = sorted(path for folder in ("assemblies", "parts") for path in (workspace / folder).rglob("*.yaml"))
     written = sorted(path.relative_to(workspace / ".thingc/schema").as_posix() for path in (workspace / ".thingc/schema").rglob("*.json"))
     assert written == sorted([*(f"{path.relative_to(workspace).as_posix()}.json" for path in documents), "thingc.toml.json"])
@@ -81,7 +82,7 @@ def test_every_document_has_one_that_it_fits(workspace: Path) -> None:
         assert faults(schema, yaml.safe_load(path.read_text())) == []
 
 
-def test_every_reference_inside_leads_somewhere(workspace: Path) -> None:
+def test_all_internal_references_resolve(workspace: Path) -> None:
     from urllib.parse import unquote
 
     for path in (workspace / ".thingc/schema").rglob("*.json"):
@@ -98,7 +99,7 @@ def test_every_reference_inside_leads_somewhere(workspace: Path) -> None:
                 waiting.extend(one)
 
 
-def test_nothing_changed_nothing_written(small: Path, shared_store: str) -> None:
+def test_unchanged_schemas_are_not_rewritten(small: Path, shared_store: str) -> None:
     first = thingc(small, shared_store, "schema")
     assert first.startswith(".thingc/schema: schemas of 2 documents: 2 written, 0 unchanged\n")
     files = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in small.rglob("*") if path.is_file()}
@@ -110,7 +111,7 @@ def test_nothing_changed_nothing_written(small: Path, shared_store: str) -> None
     assert all(path.read_bytes() == data for path, (data, _) in files.items())
 
 
-def test_documents_of_packages_are_offered(workspace: Path) -> None:
+def test_packaged_documents_are_offered(workspace: Path) -> None:
     branches = schema_of(workspace, "assemblies/arm.yaml")["properties"]["materials"]["anyOf"]
     listed = next(branch["items"]["anyOf"] for branch in branches if branch.get("type") == "array")
     assert {"const": "thingc_stock.materials", "description": "The materials of `thingc_stock`."}.items() <= next(
@@ -118,7 +119,7 @@ def test_documents_of_packages_are_offered(workspace: Path) -> None:
     ).items()
 
 
-def test_the_folder_is_never_in_git_and_stale_schemas_go(small: Path, shared_store: str) -> None:
+def test_folder_is_git_ignored_and_stale_schemas_are_removed(small: Path, shared_store: str) -> None:
     (small / "deep").mkdir()
     (small / "deep" / "other.yaml").write_text(PLAIN.replace("small", "other"))
     thingc(small, shared_store, "schema")
@@ -129,7 +130,7 @@ def test_the_folder_is_never_in_git_and_stale_schemas_go(small: Path, shared_sto
     assert not (small / ".thingc/schema/deep").exists()
 
 
-def test_the_rest_of_a_wrong_document_is_known(small: Path, shared_store: str) -> None:
+def test_schema_of_an_invalid_document_covers_the_rest(small: Path, shared_store: str) -> None:
     (small / "small.yaml").write_text(PLAIN.replace("joints: {}", """\
   half: {par: arm:RotorBrace}
   wrong: {part: arm:RotorBrace, params: {length: 3 kg}}
@@ -153,7 +154,7 @@ modes: {bench: {root: plat, pose: up}}
     assert faults(schema, right) == []
 
 
-def test_joints_of_several_coordinates_and_balls_are_set_as_a_whole(small: Path, shared_store: str) -> None:
+def test_multi_coordinate_joints_are_set_as_a_whole(small: Path, shared_store: str) -> None:
     text = """\
 thingc: assembly/1
 name: several
@@ -172,7 +173,7 @@ modes: {slide: {root: a, base: planar}, turn: {root: a, base: ball, actuators: [
     assert len(faults(schema, wrong)) == 1
 
 
-def test_a_document_that_is_not_well_formed_keeps_its_last_schema(small: Path, shared_store: str) -> None:
+def test_malformed_document_keeps_its_last_schema(small: Path, shared_store: str) -> None:
     thingc(small, shared_store, "schema")
     before = (small / ".thingc/schema/small.yaml.json").read_bytes()
     (small / "small.yaml").write_text(PLAIN + "joints: {turn: [\n")
@@ -181,14 +182,14 @@ def test_a_document_that_is_not_well_formed_keeps_its_last_schema(small: Path, s
     assert (small / ".thingc/schema/small.yaml.json").read_bytes() == before
 
 
-def test_one_that_was_never_well_formed_gets_what_is_known_without_it(small: Path, shared_store: str) -> None:
+def test_malformed_new_document_gets_a_generic_schema(small: Path, shared_store: str) -> None:
     (small / "fresh.yaml").write_text("thingc: assembly/1\nname: [\n")
     thingc(small, shared_store, "schema")
     parts = schema_of(small, "fresh.yaml")["$defs"]["ComponentSpec"]["properties"]["part"]["anyOf"]
     assert "arm:BasePlate" in {branch.get("const") for branch in parts}
 
 
-def test_a_part_with_a_syntax_error_does_not_replace_the_schemas_of_its_documents(small: Path, shared_store: str) -> None:
+def test_syntax_error_in_a_part_keeps_the_schemas(small: Path, shared_store: str) -> None:
     thingc(small, shared_store, "schema")
     before = (small / ".thingc/schema/small.yaml.json").read_bytes()
     part = small / "parts" / "arm.py"
@@ -201,7 +202,7 @@ def test_a_part_with_a_syntax_error_does_not_replace_the_schemas_of_its_document
     assert "1 written" in thingc(small, shared_store, "schema"), "a class that does not exist is an error of the document"
 
 
-def test_no_model_starts_no_kernel(small: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_no_model_option_starts_no_kernel(small: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     store = tmp_path_factory.mktemp("empty-store")
     thingc(small, str(store), "schema", "--no-model")
     schema = schema_of(small, "small.yaml")
@@ -210,14 +211,14 @@ def test_no_model_starts_no_kernel(small: Path, tmp_path_factory: pytest.TempPat
     assert not (store / "blobs").exists() or not any((store / "blobs").iterdir())
 
 
-def test_one_document_alone(small: Path, shared_store: str) -> None:
+def test_schema_of_a_single_document(small: Path, shared_store: str) -> None:
     (small / "other.yaml").write_text(PLAIN.replace("small", "other"))
     assert thingc(small, shared_store, "schema", "other.yaml") == ".thingc/schema: schemas of 1 document: 1 written, 0 unchanged\n"
     assert not (small / ".thingc/schema/small.yaml.json").exists()
 
 
 @pytest.mark.parametrize("option", ["--watch", "--no-wire"])
-def test_removed_options_name_what_to_use(small: Path, option: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_removed_options_name_their_replacement(small: Path, option: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(small)
         assert main(["schema", option]) != 0
@@ -226,7 +227,7 @@ def test_removed_options_name_what_to_use(small: Path, option: str, capsys: pyte
     assert not (small / ".thingc").exists()
 
 
-def test_other_files_are_no_documents(small: Path, shared_store: str) -> None:
+def test_other_files_and_workspaces_are_ignored(small: Path, shared_store: str) -> None:
     (small / "compose.yaml").write_text("services: {}\n")
     (small / "inner").mkdir()
     (small / "inner" / "thingc.toml").write_text('thingc = "workspace/1"\n')
@@ -234,7 +235,7 @@ def test_other_files_are_no_documents(small: Path, shared_store: str) -> None:
     assert "schemas of 2 documents" in thingc(small, shared_store, "schema")
 
 
-def test_repeats_and_nested_documents_keep_their_freedom(small: Path, shared_store: str) -> None:
+def test_repeats_and_nested_documents_are_supported(small: Path, shared_store: str) -> None:
     (small / "big.yaml").write_text("""\
 thingc: assembly/1
 name: big
@@ -259,7 +260,7 @@ components:
         assert len(faults(schema, document)) == 1, wrong
 
 
-def test_variants_know_the_parameters_of_their_assembly(small: Path, shared_store: str) -> None:
+def test_variants_schema_lists_assembly_parameters(small: Path, shared_store: str) -> None:
     (small / "small.yaml").write_text(PLAIN.replace("components:", "parameters: {reach: {value: 90 mm, doc: how far}}\ncomponents:"))
     sweep = {"thingc": "variants/1", "assembly": "small.yaml", "name": "sweep", "parameters": {"reach": ["80 mm", "90 mm"]}}
     (small / "sweep.yaml").write_text(yaml.safe_dump(sweep, sort_keys=False))
@@ -270,7 +271,7 @@ def test_variants_know_the_parameters_of_their_assembly(small: Path, shared_stor
     assert len(faults(schema, {**sweep, "parameters": {"reech": ["80 mm"]}})) == 1
 
 
-def test_the_lock_is_asked_where_the_store_knows_nothing(small: Path, shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_lock_file_is_used_if_the_store_is_empty(small: Path, shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     thingc(small, shared_store, "lock")
     thingc(small, str(tmp_path_factory.mktemp("empty-store")), "schema", "--no-model")
     assert {"plate.servo_seat", "servo.rotor"} <= offered(schema_of(small, "small.yaml"), "mount")

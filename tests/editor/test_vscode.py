@@ -1,4 +1,4 @@
-"""Which program the VS Code extension starts, decided by its own module, run by Node.js."""
+"""The program that the VS Code extension starts, as determined by its own module in Node.js."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ console.log(JSON.stringify(JSON.parse(process.argv[2]).map((state) => findProgra
 
 
 def found(*states: dict[str, Any]) -> list[dict[str, Any] | None]:
-    """What the extension would start in each state."""
+    """Return the program that the extension would start in each state."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("Node.js is not on this machine")
@@ -41,7 +41,7 @@ def state(folder: Path, path: str, *, trusted: bool = False, words: tuple[str, .
     return {"words": words, "trusted": trusted, "folders": [str(folder)], "path": path, "windows": windows}
 
 
-def test_nothing_of_an_untrusted_workspace_is_started(tmp_path: Path) -> None:
+def test_untrusted_workspace_programs_are_not_started(tmp_path: Path) -> None:
     workspace, outside = tmp_path / "robots", tmp_path / "tools"
     executable(workspace / "thingc")
     executable(workspace / "thingc.exe")
@@ -76,13 +76,13 @@ def test_nothing_of_an_untrusted_workspace_is_started(tmp_path: Path) -> None:
     ]
 
 
-def test_a_workspace_folder_that_was_deleted(tmp_path: Path) -> None:
+def test_deleted_workspace_folder(tmp_path: Path) -> None:
     program = executable(tmp_path / "tools/thingc")
     (answer,) = found(state(tmp_path / "gone", str(tmp_path / "tools")))
     assert answer is not None and answer["program"] == program
 
 
-def test_a_trusted_workspace_uses_its_own_environment(tmp_path: Path) -> None:
+def test_trusted_workspace_uses_its_own_environment(tmp_path: Path) -> None:
     workspace = tmp_path / "robots"
     workspace.mkdir()
     assert found(state(workspace, "/usr/bin", trusted=True)) == [{"program": "thingc", "words": [], "cwd": str(workspace)}]

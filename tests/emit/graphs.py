@@ -1,4 +1,4 @@
-"""Assembly graphs by hand: an arm of 12 definitions, a walker of 32, and one with every awkward character."""
+"""Assembly graphs written out for tests: an arm of 12 definitions, a walker of 32, and a graph with characters that need escaping."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ LABELS = {
     CAP: "arm:OmegaCap(diameter=20 mm, length=30 mm)",
     "arm:Brace(length=0.12)": "arm:Brace(length=120 mm)",
 }
-"""What people see of a text, where that is something else."""
+"""Labels of definitions, where they differ from their texts."""
 
 
 def graph(
     root: str, definitions: Iterable[tuple[str, str, str]], edges: Iterable[tuple[str, str, str, str, str | None]],
 ) -> Hag:
-    """`definitions` are (text, reference, kind), `edges` (parent, child, component, mounts, joint)."""
+    """Build a graph. `definitions` are (text, reference, kind), `edges` are (parent, child, component, mounts, joint)."""
     return Hag(
         root=root,
         definitions=tuple(
@@ -36,7 +36,7 @@ def graph(
 
 
 def arm() -> Hag:
-    """11 components of its own and 8 screws; 5 in the hand."""
+    """An arm with 11 components and 8 screws; the hand has 5 components."""
     part_texts = (
         "arm:BasePlate", XM430, "arm:Bracket", "arm:Brace(length=0.12)", "arm:Brace", "arm:LHand", CAP, "arm:Pen", SCREW,
     )
@@ -64,7 +64,7 @@ def arm() -> Hag:
 
 
 def walker() -> Hag:
-    """Two sizes of legs that share most of their parts, down to feet that share the screws."""
+    """Two sizes of legs that share most of their parts, and feet that share the screws."""
     parts = ["Coxa", "Femur", "Tibia", "Sole", "Toe", "Top", "Bottom", "Spine", "Neck", "Skull", "Jaw", "Lens", "Guide", "Board",
              "Ring", "Cell", "Insert", "Screw", "Bolt", "Small", "Large", "Tibia(length=0.12, thickness=0.004, width=0.02)"]
     legs = ("leg", "leg(length=0.12)")
@@ -97,7 +97,7 @@ NASTY = 'w:Label(text=\'<b>&amp; "x" \\n `y` #35; ]]> | ; \x07 \ud800 漢字 -->
 
 
 def awkward() -> Hag:
-    """A text parameter that ends every kind of quotation, and a file with a quotation mark in its name."""
+    """A text parameter that contains the end of every kind of quotation, and a file with a quotation mark in its name."""
     return graph("top", [
         ("top", "top.yaml", "assembly"), (NASTY, "w:Label", "part"), ('cad/a "b" <c>\\.step', 'cad/a "b" <c>\\.step', "file"),
     ], [("top", NASTY, "label", "", None), ("top", 'cad/a "b" <c>\\.step', "thing", "a -> label.b", "turn")])

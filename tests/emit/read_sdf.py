@@ -1,9 +1,8 @@
-"""A reader of SDF models: kinematics by the rules of the format, in numpy. It knows nothing of what wrote them.
+"""An independent reader of SDF models: it computes kinematics by the rules of the format, in numpy, without code of thingc.
 
-The pose of a link is in the model's frame, that of a joint in its child, that of a frame in what it is attached to, unless
-`relative_to` says otherwise. A joint is at 0 where the file has its links, its axes in its own frame, which goes with the child; the first
-of two axes goes with the parent.
-"""
+The pose of a link is in the model's frame, that of a joint in its child, that of a frame in the element it is attached to, unless
+`relative_to` specifies another frame. A joint is at 0 in the poses of the file. Its axes are in its own frame, which moves with the
+child; the first of two axes moves with the parent."""
 
 from __future__ import annotations
 
@@ -17,12 +16,12 @@ from scipy.spatial.transform import Rotation
 
 Array = Any
 Value = Any
-"""Of a joint: an angle [rad] or a length [m], two of a `universal`, a 3 x 3 rotation of a `ball`."""
+"""Position of a joint: an angle [rad] or a length [m], two angles for `universal`, a 3 x 3 rotation for `ball`."""
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint: its unit axes in its own frame, and how far a screw goes in a turn [m]."""
+    """A joint: its unit axes in its own frame, and the pitch of a screw per turn [m]."""
 
     name: str
     type: str
@@ -32,7 +31,7 @@ class Joint:
     pitch: float
 
     def motion(self, value: Value) -> Array:
-        """What the joint's frame does in the parent, from where it is at 0."""
+        """Motion of the joint's frame in the parent, relative to its pose at 0."""
         moved = np.eye(4)
         if self.type in ("revolute", "continuous", "screw"):
             moved[:3, :3] = Rotation.from_rotvec(value * self.axes[0]).as_matrix()
@@ -54,7 +53,7 @@ class Joint:
 
 
 class Model:
-    """The only model of a file."""
+    """The single model of a file."""
 
     def __init__(self, text: str | bytes) -> None:
         self.root = ElementTree.fromstring(text)
@@ -76,11 +75,11 @@ class Model:
         return next(joint for joint in self.joints if joint.name == name)
 
     def element(self, name: str) -> ElementTree.Element:
-        """What has the name."""
+        """The element with this name."""
         return next(element for element in self.model if element.attrib.get("name") == name)
 
     def at_zero(self, name: str) -> Array:
-        """The pose of a link, joint or frame in the model, as the file has it."""
+        """Pose of a link, joint or frame in the model frame, as written in the file."""
         pose = np.eye(4)
         step: str | None = name
         while step is not None:
@@ -89,8 +88,10 @@ class Model:
         return pose
 
     def placed(self, q: Mapping[str, Value], base: Array | None = None) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Poses of links and frames in the world, where the joints of the tree are at `q` (0 where it says nothing), and of joints that
-        close loops the child as the joint has it, in the child as the tree has it. `base` is the pose of a base that floats."""
+        """Compute poses of links and frames in the world at joint positions `q`.
+
+        Joints that `q` does not contain are at 0. The second result has, for each joint that closes a loop, the pose of its child
+        according to the joint, in the pose of the child according to the tree. `base` is the pose of a floating base."""
         world = {"world": np.eye(4)}
         canonical = self.model.attrib["canonical_link"]
         if not {"root", "root_0"} & {joint.name for joint in self.joints}:
@@ -110,7 +111,7 @@ class Model:
         return world, apart
 
     def inertia(self, link: str) -> tuple[float, Array, Array]:
-        """Mass [kg], centre [m] and inertia [kg m^2] about it of a link, both in its axes."""
+        """Mass [kg], centre of mass [m] and inertia about it [kg m^2] of a link, both in the axes of the link."""
         inertial = self.element(link).find("inertial")
         assert inertial is not None
         pose, moments = matrix(inertial.find("pose")), inertial.find("inertia")
@@ -120,7 +121,7 @@ class Model:
         return float(inertial.findtext("mass") or "nan"), pose[:3, 3], pose[:3, :3] @ own @ pose[:3, :3].T
 
     def mimics(self) -> dict[tuple[str, str], tuple[str, str, float, float]]:
-        """What follows what, by joint and axis: leader, its axis, multiplier and offset."""
+        """Mimics by joint and axis: leader, axis of the leader, multiplier and offset."""
         return {
             (joint.attrib["name"], axis.tag): (
                 mimic.attrib["joint"], mimic.attrib["axis"], number(mimic, "multiplier"),
@@ -131,12 +132,12 @@ class Model:
 
 
 def number(element: ElementTree.Element, tag: str) -> float:
-    """What stands in a child."""
+    """The number in a child element."""
     return float(element.findtext(tag) or "nan")
 
 
 def matrix(pose: ElementTree.Element | None) -> Array:
-    """A pose as a matrix: x y z and extrinsic roll, pitch, yaw."""
+    """Convert a pose (x y z and extrinsic roll, pitch, yaw) to a 4 x 4 matrix."""
     placed = np.eye(4)
     if pose is not None:
         values = [float(word) for word in (pose.text or "").split()]

@@ -1,4 +1,4 @@
-"""Reads a STEP assembly with the CAD kernel's own document model; prints what a CAD program would show as JSON."""
+"""Read a STEP assembly with the document model of the CAD kernel and print names, colours and volumes as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A reader of UsdPhysics by its rules, on usd-core, which knows nothing of how files are written: links, joints, masses."""
+"""An independent reader of UsdPhysics, based on usd-core: links, joints and masses by the rules of the schema."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LOCKED = "transX", "transY", "transZ", "rotX", "rotY", "rotZ"
 
 
 def matrix(pose: Any) -> Array:
-    """A pose of USD's, whose vectors are rows, as columns have it."""
+    """Convert a pose of USD, which uses row vectors, to a matrix for column vectors."""
     return np.array(pose).T
 
 
@@ -38,7 +38,8 @@ def shifted(axis: str, length: float) -> Array:
 
 @dataclass
 class Joint:
-    """A joint: its name, the links it connects (`world`), its frame on either, and what may move (None of a ball: anything turns)."""
+    """A joint: its name, the links it connects (or `world`), its frame on each, and its free axes (None for a ball joint, which is free
+    to rotate)."""
 
     prim: Any
     name: str
@@ -49,7 +50,9 @@ class Joint:
     excluded: bool
 
     def motion(self, q: Any) -> Array:
-        """The second frame in the first at q: a number [rad or m], several by what moves, or the turn of a ball in its child's axes."""
+        """Pose of the second frame in the first at `q`.
+
+        `q` is a number [rad or m], a mapping of axes to numbers, or, for a ball joint, a rotation in the axes of the child."""
         if self.free is None:
             pose, axes = np.eye(4), self.frames[1][:3, :3]
             pose[:3, :3] = axes.T @ (np.eye(3) if q is None else q) @ axes
@@ -64,7 +67,7 @@ class Joint:
 
 
 class Model:
-    """A layer as it is read."""
+    """A stage read from the text of a layer."""
 
     def __init__(self, text: str) -> None:
         layer = Sdf.Layer.CreateAnonymous(".usda")
@@ -75,25 +78,25 @@ class Model:
         self.joints = {prim.GetName(): self._joint(prim) for prim in self.stage.Traverse() if prim.IsA(UsdPhysics.Joint)}
 
     def faults(self) -> list[str]:
-        """What USD's own validators say, those of UsdPhysics among them."""
+        """Messages of all validators of USD, including those of UsdPhysics."""
         found = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators()).Validate(self.stage)
         return [fault.GetMessage() for fault in found]
 
     def at(self, path: str) -> Any:
-        """A prim below the default one."""
+        """The prim at a path relative to the default prim."""
         return self.stage.GetPrimAtPath(self.root.GetPath().AppendPath(path))
 
     def at_zero(self, path: str) -> Array:
-        """Where the file has a prim."""
+        """World transform of a prim as written in the file."""
         return matrix(UsdGeom.Xformable(self.at(path)).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
 
     def frames(self, link: str) -> dict[str, Array]:
-        """The frames on a link, in it."""
+        """The frames on a link, in the link's frame."""
         found = [prim for prim in self.links[link].GetChildren() if prim.IsA(UsdGeom.Xform)]
         return {prim.GetName(): matrix(UsdGeom.Xformable(prim).GetLocalTransformation()) for prim in found}
 
     def inertia(self, link: str) -> tuple[float, Array, Array]:
-        """Mass, centre, and inertia about it in the axes of the link."""
+        """Mass, centre of mass, and inertia about it in the axes of the link."""
         mass = UsdPhysics.MassAPI(self.links[link])
         turn = Gf.Quatd(mass.GetPrincipalAxesAttr().Get())
         assert abs(turn.GetLength() - 1.0) < 1e-6
@@ -103,8 +106,10 @@ class Model:
         return mass.GetMassAttr().Get(), np.array(mass.GetCenterOfMassAttr().Get()), inertia
 
     def placed(self, q: Mapping[str, Any]) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Where links are with joints at q (by name, 0 where it says nothing), and how far those are apart that close loops and hold: the
-        frame on the child in that on the parent. The root of a base that floats is where the file has it."""
+        """Compute the world poses of links at joint positions `q` (by name, 0 by default), and the errors of closing joints.
+
+        The error of a joint that closes a loop, or holds a mount, is the pose of its frame on the child in its frame on the parent. The
+        root link of a floating base is at its pose in the file."""
         tree = {joint.child: joint for joint in self.joints.values() if not joint.excluded}
         poses: dict[str, Array] = {"world": matrix(UsdGeom.Xformable(self.root).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))}
 

@@ -1,4 +1,4 @@
-"""What `read_sdf` answers when the study of conformance asks it: Jacobians by differences, everything else from them."""
+"""Answers of `read_sdf` for the conformance benchmark: Jacobians by finite differences, and everything else derived from them."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import numpy as np
 from emit.read_sdf import Array, Model
 
 STEP = 1e-4
-"""How far [rad or m] to either side a difference is taken: what it loses is some 1e-9 of the whole."""
+"""Step of the central differences [rad or m]. The truncation error is about 1e-9 of the value."""
 
 
 def answer(asked: dict[str, Any]) -> dict[str, Any]:
-    """As the readers of `benchmarks/conformance` do: a base that floats is put at the origin."""
+    """Answer like the readers in `benchmarks/conformance`: a floating base is at the origin."""
     model = Model(Path(asked["file"]).read_text())
     bodies = {link: model.inertia(link) for link in model.links}
 
     def frames(values: Array) -> dict[str, Array]:
-        """Links and frames at these values of the coordinates."""
+        """Poses of links and frames at these coordinate values."""
         q: dict[str, Any] = {}
         for name, axis, value in zip(asked["joints"], asked["axes"], values, strict=True):
             q[name] = (q[name], value) if axis else value
@@ -43,8 +43,8 @@ def answer(asked: dict[str, Any]) -> dict[str, Any]:
 def of_chains(
     asked: dict[str, Any], bodies: Mapping[str, tuple[float, Array, Array]], frames: Callable[[Array], Mapping[str, Array]],
 ) -> dict[str, Any]:
-    """Frames, masses and what follows from them, of links with a mass, a centre and an inertia each; `frames` says where everything is at
-    values of the coordinates."""
+    """Compute frames, masses and derived values of links with a mass, a centre and an inertia each. `frames` returns all poses at given
+    coordinate values."""
     masses = np.array([mass for mass, _, _ in bodies.values()])
     total = float(masses.sum())
     found: dict[str, Any] = {"frames": [], "centre": [], "mass_matrix": [], "torque": []}

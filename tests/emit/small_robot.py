@@ -1,7 +1,6 @@
-"""A robot built by hand from the contract types: a plate, two servos, two equal braces, a nested hand, a board, a marker.
+"""A robot assembled from contract types: a plate, two servos, two equal braces, a nested hand, a board and a marker.
 
-    plate -- yaw (revolute) -- bracket = servo -- lift (prismatic) -- hand/palm = hand/cap, board, marker, motor
-"""
+    plate -- yaw (revolute) -- bracket = servo -- lift (prismatic) -- hand/palm = hand/cap, board, marker, motor"""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ from graph.builder import binary_stl, kept, where
 from thingc.base.diagnostics import Report
 from thingc.base.inertia import MassProperties
 from thingc.base.joints.kinds import KINDS
-from thingc.base.pose import NO_POSE, Pose, placed
+from thingc.base.pose import NO_POSE, Pose, make_pose
 from thingc.base.source import Span
 from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 from thingc.geometry.record import PartDefinition, PartRecord, Value, definition_text
@@ -52,12 +51,12 @@ def box_corners(x: float, y: float, z: float) -> list[tuple[float, float, float]
 
 
 def box_stl(x: float, y: float, z: float) -> bytes:
-    """A closed box as binary STL (12 triangles, outward), from the origin."""
+    """A closed box from the origin as binary STL: 12 triangles, facing outwards."""
     return binary_stl(box_corners(x, y, z), TRIANGLES)
 
 
 def box_obj(x: float, y: float, z: float) -> bytes:
-    """The same as OBJ."""
+    """The same box as OBJ."""
     vertices = "".join(f"v {a!r} {b!r} {c!r}\n" for a, b, c in box_corners(x, y, z))
     return (vertices + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in TRIANGLES)).encode()
 
@@ -72,7 +71,7 @@ def part(
 
 
 def record(store: Store, text: str, size: tuple[float, float, float] | None, bom: dict[str, str] | None = None) -> PartRecord:
-    """A box of a size [mm] from the origin, or a Thing without geometry."""
+    """Record of a box of this size [mm] from the origin, or of a Thing without geometry if `size` is None."""
     said: dict[str, Any] = {"material": "petg", "bom": bom or {}, "code": ("parts/arm.py", 3)}
     if size is None:
         return builder.record(text, **said)
@@ -92,7 +91,7 @@ def occurrence(
     source: str = "derived", material: Material | None = None, bom: BomEntry | None = None, overrides: Overrides | None = None,
 ) -> Occurrence:
     stated = {key: value for key, value in made.bom.items() if key != "name"} if made is not None else {}
-    merged = (bom or BomEntry()).over(BomEntry(**stated))
+    merged = (bom or BomEntry()).merge_over(BomEntry(**stated))
     return builder.occurrence(
         index, path, definition, made, material=material, bom=merged, overrides=overrides, origin=where(10 + index, DOCUMENT),
         color="#e6e6fa" if made is not None else None, properties=MassProperties(mass=mass), mass_source=source,
@@ -130,19 +129,20 @@ LIFT = replace(
     limit=Limit(lower=0.0, upper=0.05),
 )
 
-X_PLATE_J = placed((0.01, 0.02, 0.03), (0.2, -0.4, 1.1))
-X_J_BRACKET = placed((-0.02, 0.0, 0.05), (1.4, 0.3, -0.2))
-X_BRACE_J = placed((0.1, -0.03, 0.0), (-0.7, 0.5, 0.1))
-X_J_PALM = placed((0.0, 0.01, 0.02), (0.1, 2.2, 0.6))
-X_SERVO_BRACE = placed((0.0, 0.03, 0.01), (0.0, 0.0, 0.5))
+X_PLATE_J = make_pose((0.01, 0.02, 0.03), (0.2, -0.4, 1.1))
+X_J_BRACKET = make_pose((-0.02, 0.0, 0.05), (1.4, 0.3, -0.2))
+X_BRACE_J = make_pose((0.1, -0.03, 0.0), (-0.7, 0.5, 0.1))
+X_J_PALM = make_pose((0.0, 0.01, 0.02), (0.1, 2.2, 0.6))
+X_SERVO_BRACE = make_pose((0.0, 0.03, 0.01), (0.0, 0.0, 0.5))
 
 
 def motion(kind: str, value: float) -> Pose:
-    return placed((0, 0, 0), (0, 0, value)) if kind == "revolute" else Pose(translation=(0.0, 0.0, value))
+    return make_pose((0, 0, 0), (0, 0, value)) if kind == "revolute" else Pose(translation=(0.0, 0.0, value))
 
 
 def mates() -> tuple[Mate, ...]:
-    """yaw: plate to servo_a; servo_a = brace_a; lift: brace_a to hand/palm; the others rigid, on the palm."""
+    """The mates: yaw connects plate and servo_a; servo_a = brace_a; lift connects brace_a and hand/palm; the others are rigid, on the
+    palm."""
     def mate(parent: int, child: int, X_PJ: Pose, X_JC: Pose, joint: JointEdge | None = None) -> Mate:
         return Mate(
             parent=parent, child=child, parent_mount="a", child_mount="b", X_PJ=X_PJ, X_JC=X_JC, joints=() if joint is None else (joint,),
@@ -153,7 +153,7 @@ def mates() -> tuple[Mate, ...]:
         mate(0, 1, X_PLATE_J, X_J_BRACKET, YAW),
         mate(1, 2, NO_POSE, X_SERVO_BRACE),
         mate(2, 5, X_BRACE_J, X_J_PALM, LIFT),
-        *(mate(5, k, NO_POSE, placed((0.01 * k, 0, 0), (0, 0, 0))) for k in (3, 4, 6, 7, 8, 9)),
+        *(mate(5, k, NO_POSE, make_pose((0.01 * k, 0, 0), (0, 0, 0))) for k in (3, 4, 6, 7, 8, 9)),
     )
 
 
@@ -173,11 +173,11 @@ def links() -> tuple[Link, ...]:
 
 
 def modes() -> tuple[LinkedMode, ...]:
-    """Rooted at each link, with each kind of base."""
+    """Modes rooted at each link, with each kind of base."""
     def mode(name: str, occurrence: int, path: str, base: str) -> LinkedMode:
         return LinkedMode(
             name=name, root=LinkedMount(occurrence=occurrence, mount="origin", path=path), base=base,
-            at=placed((0.1, 0.2, 0.5), (0.3, 0.0, 0.1)), gravity=(0.0, 0.0, -9.81), poses=("start", "home"), actuators=None,
+            at=make_pose((0.1, 0.2, 0.5), (0.3, 0.0, 0.1)), gravity=(0.0, 0.0, -9.81), poses=("start", "home"), actuators=None,
             exclude=(), adhesion={}, simulation={}, origin=(span(60),),
         )
 
@@ -198,13 +198,13 @@ def assembly(store: Store) -> Assembly:
     return Assembly(
         name="arm", definition=definition, base=0, occurrences=things,
         mates=mates(), links=links(), link_of=(0, 1, 1, 2, 2, 2, 2, 2, 2, 2),
-        rest=tuple(placed((0.1 * k, 0, 0), (0, 0, 0.2 * k)) for k in range(len(things))), exported=(), poses=tuple(pose),
+        rest=tuple(make_pose((0.1 * k, 0, 0), (0, 0, 0.2 * k)) for k in range(len(things))), exported=(), poses=tuple(pose),
         modes=modes(), adhesions=(), raw=(),
     )
 
 
 def robots(whole: Assembly) -> tuple[Robot, ...]:
-    """Every mode, by the real pass."""
+    """Compute the robot of every mode with the compiler's own pass."""
     report = Report()
     found = [root(whole, mode, report) for mode in whole.modes]
     assert report.diagnostics == []
@@ -217,7 +217,7 @@ WORKSPACE = Workspace(
 
 
 def request(whole: Assembly, store: Store, geometry: object = None) -> EmitRequest:
-    """What an emitter is asked with; only `step` needs the geometry service."""
+    """The request that an emitter receives. Only `step` needs the geometry service."""
     return EmitRequest(
         assembly=whole, robots=robots(whole), store=store, geometry=geometry, workspace=WORKSPACE,  # type: ignore[arg-type]
         report=Report(),

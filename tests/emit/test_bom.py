@@ -1,4 +1,4 @@
-"""The bill of materials against counts by hand."""
+"""The bill of materials, compared with written-out tables and manual counts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def whole(tmp_path: Path) -> Assembly:
     return assembly(Store(str(tmp_path)))
 
 
-def changed(whole: Assembly, path: str, **more: object) -> Assembly:
+def with_changes(whole: Assembly, path: str, **more: object) -> Assembly:
     return replace(whole, occurrences=tuple(replace(o, **more) if o.path == path else o for o in whole.occurrences))  # type: ignore[arg-type]
 
 
@@ -41,7 +41,8 @@ def written(whole: Assembly, tmp_path: Path) -> tuple[str, list[dict[str, object
     return table.decode(), json.loads(entries)
 
 
-def test_the_whole_table(whole: Assembly, tmp_path: Path) -> None:
+def test_csv_table_matches_expected_text(whole: Assembly, tmp_path: Path) -> None:
+    """`bom.csv` of the small robot equals a written-out table."""
     table, _ = written(whole, tmp_path)
     assert table == """\
 number,name,definition,quantity,make,material,mass,mass_source,supplier,cost,total,link,picture
@@ -55,7 +56,8 @@ number,name,definition,quantity,make,material,mass,mass_source,supplier,cost,tot
 """
 
 
-def test_json_says_the_same(whole: Assembly, tmp_path: Path) -> None:
+def test_json_and_csv_have_equal_rows(whole: Assembly, tmp_path: Path) -> None:
+    """`bom.json` has the rows of `bom.csv`, with numbers as numbers and empty cells as null."""
     table, entries = written(whole, tmp_path)
     rows = list(csv.DictReader(io.StringIO(table)))
     assert [list(entry) for entry in entries] == [list(COLUMNS)] * len(rows)
@@ -64,7 +66,8 @@ def test_json_says_the_same(whole: Assembly, tmp_path: Path) -> None:
     assert entries[0]["supplier"] is None
 
 
-def test_nothing_is_lost_or_counted_twice(whole: Assembly) -> None:
+def test_quantities_and_masses_add_up(whole: Assembly) -> None:
+    """Quantities add up to the number of occurrences, and masses to the mass of the robot. Only the marker has no row."""
     rows = items(whole)
     assert sum(row.quantity for row in rows) == len(whole.occurrences) - 1, "the marker alone is nothing to have in hand"
     mass = sum(row.quantity * row.mass for row in rows)
@@ -79,17 +82,19 @@ def test_nothing_is_lost_or_counted_twice(whole: Assembly) -> None:
     {"bom": BomEntry(make="machine")},
     {"bom": BomEntry(number="B-7")},
 ])
-def test_what_differs_is_another_row(whole: Assembly, more: dict[str, object]) -> None:
+def test_different_attributes_make_separate_rows(whole: Assembly, more: dict[str, object]) -> None:
+    """Two equal braces get separate rows if material, mass, mass source or an entry of `bom` differs."""
     brace = next(o for o in whole.occurrences if o.path == "brace_b")
     if "properties" in more:
         more = {"properties": replace(brace.properties, mass=0.5)}
-    rows = [row for row in items(changed(whole, "brace_b", **more)) if row.name == "Brace"]
+    rows = [row for row in items(with_changes(whole, "brace_b", **more)) if row.name == "Brace"]
     assert [row.quantity for row in rows] == [1, 1]
 
 
-def test_make(whole: Assembly) -> None:
+def test_make_is_derived_from_process_and_overrides(whole: Assembly) -> None:
+    """`make` comes from the `bom` of the document, the Thing, the process of the override or material, and last from the print file."""
     def make(path: str, **more: object) -> str:
-        return make_of(next(o for o in changed(whole, path, **more).occurrences if o.path == path))
+        return make_of(next(o for o in with_changes(whole, path, **more).occurrences if o.path == path))
 
     assert make("plate") == "print"
     assert make("plate", material=None) == "print", "it has a print file, so it can be printed"
@@ -105,45 +110,52 @@ def test_make(whole: Assembly) -> None:
     assert make("board", bom=BomEntry(make="machine")) == "machine"
 
 
-def test_numbers_of_the_document(whole: Assembly) -> None:
-    whole = changed(whole, "hand/cap", bom=BomEntry(number="2"))
-    whole = changed(whole, "board", bom=BomEntry(number="E-100"))
+def test_explicit_numbers_are_kept(whole: Assembly) -> None:
+    """Generated numbers skip the numbers that the document specifies."""
+    whole = with_changes(whole, "hand/cap", bom=BomEntry(number="2"))
+    whole = with_changes(whole, "board", bom=BomEntry(number="E-100"))
     assert [(row.number, row.name) for row in items(whole)] == [
         ("1", "Plate"), ("3", "Brace"), ("4", "Palm"), ("2", "Cap"), ("5", "motor"), ("6", "XM430"), ("E-100", "board"),
     ]
 
 
-def test_a_marker_with_an_entry_is_something(whole: Assembly) -> None:
-    whole = changed(whole, "marker", bom=BomEntry(supplier="sticker shop"))
+def test_marker_with_bom_entry_has_a_row(whole: Assembly) -> None:
+    """A frame without mass gets a row if it has a `bom` entry."""
+    whole = with_changes(whole, "marker", bom=BomEntry(supplier="sticker shop"))
     assert [(row.name, row.make, row.mass) for row in items(whole) if row.name == "marker"] == [("marker", "buy", 0.0)]
 
 
-def test_a_name_that_the_thing_states(whole: Assembly) -> None:
+def test_name_from_thing_is_used(whole: Assembly) -> None:
+    """A name in the `bom` of a Thing is the name of the row."""
     servo = next(o for o in whole.occurrences if o.path == "servo_a")
     assert servo.record is not None
     stated = replace(servo.record, bom={**servo.record.bom, "name": "XM430-W350-R"})
-    assert "XM430-W350-R" in [row.name for row in items(changed(whole, "servo_a", record=stated))]
+    assert "XM430-W350-R" in [row.name for row in items(with_changes(whole, "servo_a", record=stated))]
 
 
-def test_a_mirror_image_is_a_row_of_its_own(whole: Assembly) -> None:
+def test_mirrored_printed_part_has_its_own_row(whole: Assembly) -> None:
+    """A printed part and its mirror image are two rows."""
     brace = next(o for o in whole.occurrences if o.path == "brace_b")
     assert isinstance(brace.component.definition, PartDefinition)
-    image = Definition.of(brace.component.definition.mirrored("y"))
-    rows = [row for row in items(changed(whole, "brace_b", definition=image)) if row.name.startswith("Brace")]
+    image = Definition.of(brace.component.definition.mirror_image("y"))
+    rows = [row for row in items(with_changes(whole, "brace_b", definition=image)) if row.name.startswith("Brace")]
     assert [(row.name, row.definition, row.quantity) for row in rows] == [
         ("Brace", "arm:Brace(length=0.12)", 1), ("Brace (mirror=y)", "arm:Brace(length=0.12, mirror=y)", 1),
     ]
 
 
-def test_the_mirror_image_of_a_bought_part_is_bought_as_the_part(whole: Assembly) -> None:
+def test_mirrored_bought_part_shares_the_row(whole: Assembly) -> None:
+    """A bought part and its mirror image are one row, with the definition of the part."""
     servo = next(o for o in whole.occurrences if o.path == "servo_b")
     assert isinstance(servo.component.definition, PartDefinition)
-    image = Definition.of(servo.component.definition.mirrored("y"))
-    rows = [row for row in items(changed(whole, "servo_b", definition=image)) if row.name == "XM430"]
+    image = Definition.of(servo.component.definition.mirror_image("y"))
+    rows = [row for row in items(with_changes(whole, "servo_b", definition=image)) if row.name == "XM430"]
     assert [(row.name, row.definition, row.quantity) for row in rows] == [("XM430", "stock:XM430", 2)]
 
 
-def test_items_of_a_repeat_are_one_row(whole: Assembly) -> None:
+def test_items_of_a_repeat_share_a_row(whole: Assembly) -> None:
+    """Items of a repeat, and components with the same explicit number, are merged. Similar names such as `fuse` and `fuse_holder` are
+    not."""
     board, indices = next(o for o in whole.occurrences if o.path == "board"), count()
 
     def item(name: str, key: str, number: str | None = None) -> Occurrence:
@@ -157,9 +169,10 @@ def test_items_of_a_repeat_are_one_row(whole: Assembly) -> None:
     ]
 
 
-def test_awkward_words_survive_the_csv(whole: Assembly, tmp_path: Path) -> None:
+def test_special_characters_round_trip_through_csv(whole: Assembly, tmp_path: Path) -> None:
+    """Quotes, umlauts and separators round-trip; a newline is escaped, so each row is one line."""
     awkward = 'Müller, "Söhne"\nGmbH; Köln'
-    table, entries = written(changed(whole, "board", bom=BomEntry(supplier=awkward)), tmp_path)
+    table, entries = written(with_changes(whole, "board", bom=BomEntry(supplier=awkward)), tmp_path)
     assert [row["supplier"] for row in csv.DictReader(io.StringIO(table, newline=""))][-1] == 'Müller, "Söhne"\\nGmbH; Köln'
     assert len(table.splitlines()) == len(entries) + 1, "a row is a line"
     assert entries[-1]["supplier"] == awkward
@@ -172,8 +185,9 @@ FORMULAS = (
 
 
 @pytest.mark.parametrize("text", FORMULAS)
-def test_no_cell_is_a_formula(text: str) -> None:
-    """As OWASP says of CSV injection: a quote before what begins with `=`, `+`, `-`, `@`, a tab or a carriage return."""
+def test_formulas_are_escaped_in_cells(text: str) -> None:
+    """Text that a spreadsheet would evaluate is prefixed with a quote, as OWASP recommends against CSV injection: text that begins with
+    `=`, `+`, `-`, `@`, a tab or a carriage return."""
     written = format_cell(text)
     if text[0].isdigit():
         assert written == text
@@ -186,7 +200,8 @@ def test_no_cell_is_a_formula(text: str) -> None:
     (-0.5, "-0.5"), ("-0.5", "-0.5"), ("+3", "+3"), ("-1e-9", "-1e-9"), (-3, "-3"), (float("-inf"), "-inf"), ("-.5", "-.5"), (0.1, "0.1"),
     (None, ""), (True, "true"), ("a-b", "a-b"), ("", ""), ("M3=M3", "M3=M3"),
 ])
-def test_numbers_stay_numbers(value: object, written: str) -> None:
+def test_numbers_are_not_escaped(value: object, written: str) -> None:
+    """Signed numbers, booleans and harmless text are written without a prefix."""
     assert format_cell(value) == written
 
 
@@ -219,7 +234,7 @@ reel,Wires,4 EUR,100,,\r
 
 
 def bill(folder: Path, catalog: str = CATALOG, robot: str = ROBOT) -> tuple[list[dict[str, str]], list[str]]:
-    """The rows of `bom.csv`, and the errors with their places."""
+    """Write the documents, compile, and return the rows of `bom.csv` and the errors with their positions."""
     (folder / "shop").mkdir(exist_ok=True)
     (folder / "shop" / "rg2.png").write_bytes(b"png")
     for name, text in (
@@ -234,7 +249,9 @@ def bill(folder: Path, catalog: str = CATALOG, robot: str = ROBOT) -> tuple[list
     return list(csv.DictReader(io.StringIO(csv_text(items(built.assembly))))), []
 
 
-def test_prices_by_quantity_come_from_the_catalogue(tmp_path: Path) -> None:
+def test_catalog_price_depends_on_quantity(tmp_path: Path) -> None:
+    """The catalog row with the largest minimum quantity that is reached applies: 12 screws cost 0.07 EUR each. A cost that requires 100
+    pieces is not used."""
     rows, found = bill(tmp_path)
     assert found == []
     by_number = {row["number"]: row for row in rows if row["definition"] != "gripper(mirror=x)"}
@@ -244,7 +261,9 @@ def test_prices_by_quantity_come_from_the_catalogue(tmp_path: Path) -> None:
     assert (by_number["reel"]["cost"], by_number["reel"]["supplier"]) == ("", "a friend")
 
 
-def test_a_bought_assembly_is_one_row_with_the_mass_of_its_parts(tmp_path: Path) -> None:
+def test_bought_assembly_is_one_row(tmp_path: Path) -> None:
+    """A nested assembly with `as: one` is one row with the total mass of its parts, which have no rows. A mirrored one with another cost
+    has its own row."""
     rows, _ = bill(tmp_path)
     left, right = (row for row in rows if row["number"] == "RG2")
     assert (left["definition"], left["quantity"], left["make"], left["mass"]) == ("gripper", "1", "buy", "0.25")
@@ -267,14 +286,18 @@ def test_a_bought_assembly_is_one_row_with_the_mass_of_its_parts(tmp_path: Path)
     ("number,quantity,supplier\nRG2,,a\nRG2,10,b\n", ["TC311 catalog.csv:3:8"]),
     ("supplier\na\n", ["TC202 catalog.csv:2:1"]),
 ])
-def test_errors_of_a_catalogue_have_their_cell(tmp_path: Path, catalog: str, found: list[str]) -> None:
+def test_catalog_errors_point_to_the_cell(tmp_path: Path, catalog: str, found: list[str]) -> None:
+    """Each fault in a catalog is reported with the line and column of its cell."""
     assert bill(tmp_path, catalog)[1] == found
 
 
-def test_only_nested_assemblies_are_one_bought_part(tmp_path: Path) -> None:
+def test_as_one_is_required_and_only_valid_for_assemblies(tmp_path: Path) -> None:
+    """A BOM number of a nested assembly without `as: one` (TC335), and `as: one` on a component that is not an assembly (TC212), are
+    errors."""
     assert bill(tmp_path, robot=ROBOT.replace("{as: one, number: RG2}", "{number: RG2}"))[1] == ["TC335 robot.yaml:6:74"]
     assert bill(tmp_path, robot=ROBOT.replace("bom: {number: B-1,", "bom: {as: one, number: B-1,"))[1] == ["TC212 robot.yaml:5:35"]
 
 
-def test_columns_of_the_reader_are_those_of_the_model() -> None:
+def test_catalog_reader_and_model_have_equal_columns() -> None:
+    """The CSV reader of catalogs accepts exactly the fields of `CatalogRow`."""
     assert tuple(CatalogRow.model_fields) == csv_tree.COLUMNS

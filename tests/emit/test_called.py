@@ -1,4 +1,4 @@
-"""What files call things of a robot: the names that its documents give them, found by those who read the files."""
+"""Names in output files: `names:` of a document renames elements, and the readers of each format find them by these names."""
 
 from __future__ import annotations
 
@@ -108,14 +108,15 @@ def pair(document: Path) -> thingc.Compiled:
 
 @pytest.fixture(scope="module")
 def files(document: Path) -> Path:
-    """All of it as a build folder."""
+    """A build folder with MuJoCo, URDF, SDF, ROS and USD output."""
     folder = document.parent / "built"
     said = thingc.family(document).write({}, folder, emit=["mjcf", "urdf", "sdf", "ros", "usd"])
     assert not [one for one in said if one.severity is Severity.ERROR]
     return folder
 
 
-def test_mujoco_finds_everything_by_the_names_of_the_documents(pair: thingc.Compiled) -> None:
+def test_mujoco_elements_have_document_names(pair: thingc.Compiled) -> None:
+    """Bodies, joints, actuators, sites, sensors and keyframes of the compiled model have the names from `names:`."""
     model = pair.modes["stand"].model()
     assert {model.body(k).name for k in range(1, model.nbody)} == {
         "base-link", "left/forearm-link", "left/pulley", "right/forearm-link", "right/pulley",
@@ -128,7 +129,8 @@ def test_mujoco_finds_everything_by_the_names_of_the_documents(pair: thingc.Comp
     assert model.key("bent: 30").qpos[model.joint("left/2").qposadr[0]] == pytest.approx(0.5235987755982988)
 
 
-def test_raw_attributes_find_things_by_either_name(pair: thingc.Compiled) -> None:
+def test_raw_attributes_accept_path_or_file_name(pair: thingc.Compiled) -> None:
+    """`raw` attributes apply to an element by its path in the document or by its name in the file."""
     model = pair.modes["stand"].model()
     assert model.joint("left/2").margin[0] == 0.01 and model.joint("right/2").margin[0] == 0.0
     assert model.actuator("left/elbow motor").group[0] == 2
@@ -138,8 +140,8 @@ def test_raw_attributes_find_things_by_either_name(pair: thingc.Compiled) -> Non
     assert model.tendon_num[cable] == 1 and model.wrap_objid[model.tendon_adr[cable]] == model.joint("left/2").id
 
 
-def test_tendons_on_paths_go_through_what_files_call_otherwise(pair: thingc.Compiled, document: Path) -> None:
-    """They are as long as those of the documents without names."""
+def test_tendons_wrap_renamed_sites(pair: thingc.Compiled, document: Path) -> None:
+    """Spatial tendons wrap renamed sites and geoms. Their lengths equal those of the same documents without `names:`."""
     for name in ("arm", "pair"):
         whole = (document.parent / f"{name}.yaml").read_text()
         plain = document.parent / "plain" / f"{name}.yaml"
@@ -153,20 +155,20 @@ def test_tendons_on_paths_go_through_what_files_call_otherwise(pair: thingc.Comp
         assert model.wrap_prm[model.tendon_adr[string] + 1] == model.site("left/side").id
         assert model.sensor("pull:length").objid[0] == string
         assert mode == "stand" or model.actuator("puller").trnid[0] == string
-        lengths = [at_bent(one).tendon(k).length[0] for one, k in ((model, string), (other, plainly))]
+        lengths = [data_at_first_key(one).tendon(k).length[0] for one, k in ((model, string), (other, plainly))]
         assert lengths[0] == pytest.approx(lengths[1], abs=1e-12) and lengths[0] > 0.1
         assert model.tendon_lengthspring[string] == pytest.approx(other.tendon_lengthspring[plainly])
 
 
-def at_bent(model: mujoco.MjModel) -> mujoco.MjData:
+def data_at_first_key(model: mujoco.MjModel) -> mujoco.MjData:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     return data
 
 
-def test_a_state_goes_from_one_mode_to_another(files: Path) -> None:
-    """The tool stays where it is as the root changes from the base to it."""
+def test_mode_switch_works_with_renamed_joints(files: Path) -> None:
+    """Switching the root from the base to the tool keeps the joint positions of renamed joints."""
     stand, hang = (mujoco.MjModel.from_xml_path(str(files / f"mjcf/pair_{mode}.xml")) for mode in ("stand", "hang"))
     robot, before, after = modes.Modes.load(files / "modes.json"), mujoco.MjData(stand), mujoco.MjData(hang)
     mujoco.mj_resetDataKeyframe(stand, before, stand.key("bent: 30").id)
@@ -176,8 +178,9 @@ def test_a_state_goes_from_one_mode_to_another(files: Path) -> None:
     )
 
 
-def test_urdf_sdf_and_ros_call_it_so(files: Path) -> None:
-    """With `_` for what parts a path; the parts of a file name one another by the same names."""
+def test_urdf_sdf_and_ros_use_document_names(files: Path) -> None:
+    """URDF, SDF and the ROS controllers use the names from `names:`, with `_` as path separator. References inside a file use the same
+    names."""
     urdf, sdf = (ElementTree.parse(files / path).getroot() for path in ("urdf/pair_stand.urdf", "sdf/pair_stand/model.sdf"))
     links = {link.attrib["name"] for link in urdf.iter("link")}
     assert {"base-link", "left_forearm-link", "right_forearm-link", "left_tool_0"} <= links and "left_lower" not in links
@@ -192,12 +195,14 @@ def test_urdf_sdf_and_ros_call_it_so(files: Path) -> None:
     assert any("left_2" in one["ros__parameters"].get("joints", ()) for one in config.values())
 
 
-def test_the_viewer_and_usd_have_the_words_of_the_document(files: Path) -> None:
+def test_usd_display_names_are_document_paths(files: Path) -> None:
+    """USD prims carry the paths of the document, not the names from `names:`."""
     stage = (files / "usd/pair_stand.usda").read_text()
     assert '"left_lower"' in stage and "forearm" not in stage
 
 
-def test_documents_are_spoken_of_in_their_own_words(pair: thingc.Compiled) -> None:
+def test_python_api_uses_document_names(pair: thingc.Compiled) -> None:
+    """`Compiled.links` and keyframes have the names that the document uses."""
     assert {"left/lower", "right/lower"} <= set(pair.links)
     assert [frame.name for frame in pair.modes["stand"].robot.keyframes] == ["bent"]
 
@@ -210,11 +215,11 @@ PLAIN = {
     "RawAttribute.target", "RawAttribute.value", "RawElement.section", "RawElement.tag",
     "Robot.name", "Span.file",
 }
-"""Texts of records that files have as they are, or that rules of `called` are for."""
+"""Text fields of records that are written to files unchanged, or that the rules of `called` handle."""
 
 
 def records(hint: Any, seen: dict[str, Any]) -> dict[str, Any]:
-    """Every field of records in reach of a type, as `Record.field`, but for those that speak as documents do."""
+    """Collect every field of all records reachable from a type, as `Record.field`. Records in `AS_WRITTEN` are skipped."""
     kind = get_origin(hint) or hint
     if isinstance(kind, type) and issubclass(kind, FrozenStruct):
         if kind not in AS_WRITTEN and not any(one.startswith(f"{kind.__name__}.") for one in seen):
@@ -232,8 +237,8 @@ def has_text(hint: Any) -> bool:
     return hint in (str, Any) or (get_origin(hint) is not Annotated and any(has_text(one) for one in get_args(hint)))
 
 
-def test_whatever_records_call_something_by_is_known() -> None:
-    """A new record, or field, whose path files might call otherwise has a type of `file_names`; another text stands in PLAIN."""
+def test_text_fields_of_records_are_typed_or_listed() -> None:
+    """A field that contains the name of an element must have a type of `file_names`. Any other text field must be listed in PLAIN."""
     fields = records(Robot, {})
     assert {name for name, hint in fields.items() if has_text(hint)} == PLAIN
     assert fields["Mate.name"] == JointPath | None

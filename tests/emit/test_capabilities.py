@@ -1,4 +1,5 @@
-"""What formats can say, and what follows: a robot that uses everything loses everything in a format that can say nothing."""
+"""Capability tables of formats and the export losses derived from them: a robot with every feature loses all of them in a format that
+supports none."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ from thingc.targets.urdf import links as urdf
 from thingc.targets.urdf.capabilities import CAPABILITIES as URDF
 from thingc.targets.usd import stage as usd
 from thingc.targets.usd.capabilities import CAPABILITIES as USD
-from thingc.targets.usd.usda import rendered
+from thingc.targets.usd.usda import format_prim
 from thingc.targets.xml_writer import write
 
 MASS = "mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}"
@@ -82,12 +83,13 @@ modes:
 
 
 def every(cell: Cell[None]) -> Any:
-    """A format of which every cell is this."""
+    """Capabilities of a format in which every cell has this value."""
     return {group: dict.fromkeys(cells, cell) for group, cells in MJCF.items()}
 
 
 @pytest.mark.parametrize("name", [name for name, target in TARGETS.items() if target.capabilities is not None])
-def test_the_table_of_a_target_is_complete(name: str) -> None:
+def test_capability_tables_are_complete(name: str) -> None:
+    """The table of each target has exactly the features of `Capabilities`."""
     table = import_module(str(TARGETS[name].capabilities)).CAPABILITIES
     features = {group: set(get_args(get_args(hint)[0])) for group, hint in get_type_hints(Capabilities).items()}
     assert {group: set(cells) for group, cells in table.items()} == features
@@ -105,7 +107,8 @@ def lost(robot: Any, says: Any) -> list[tuple[str | None, str, str]]:
     return [(loss.mode, loss.path, loss.what) for loss in losses("toy", says, robot.assembly, robot.robots)]
 
 
-def test_a_format_without_words_loses_everything(robot: Any) -> None:
+def test_format_without_features_loses_everything(robot: Any) -> None:
+    """A format that supports nothing reports every feature of the robot as an export loss."""
     drive = "the drive: position, kp 4, kv 0.0005"
     assert lost(robot, every(OMITTED)) == [
         (None, "c1/a", "the adhesion of 300 N"), (None, "tilt", "this sensor"), (None, "push", "this sensor"),
@@ -129,11 +132,13 @@ def test_a_format_without_words_loses_everything(robot: Any) -> None:
     ]
 
 
-def test_what_is_said_or_not_looked_for_is_not_lost(robot: Any) -> None:
+def test_supported_features_are_not_losses(robot: Any) -> None:
+    """A format in which every cell is `SAYS` or `BESIDE` has no export losses."""
     assert lost(robot, every(SAYS)) == lost(robot, every(BESIDE)) == []
 
 
-def test_what_a_robot_touches_and_rubs_with(root: Path, shared_store: str) -> None:
+def test_collision_shapes_and_friction_can_be_lost(root: Path, shared_store: str) -> None:
+    """Export losses include collision shapes and friction of the arm."""
     assembly = thingc.compile(str(root / "assemblies" / "arm.yaml"), store=shared_store).assembly
     said = {(one.path, one.what) for one in losses("toy", every(OMITTED), assembly, ())}
     touched = {("yaw_servo", "the collision cylinder"), ("hand/pen", "the convex collision mesh")}
@@ -153,8 +158,9 @@ joints:
 LINE = POINT.replace("  vane:", "  top: {frame: true, mass: 2 kg, at: {in: post.origin, xyz: 0 0 1 m}}\n  vane:")
 
 
-def test_masses_at_points_are_of_no_solid(tmp_path: Path) -> None:
-    """What never moves may have such: MJCF and URDF say a point as it is, SDF and USD take nothing that has no inertia."""
+def test_point_masses_are_approximated_by_format(tmp_path: Path) -> None:
+    """A link that never moves may have a zero inertia, as for a point mass. MJCF and URDF write it unchanged; SDF and USD require a
+    positive inertia."""
     turn = (None, "turn", "the motion")
     none, least = ": the inertia is 0 in the file, as for a point mass", ": the moments of inertia are 1e-12 kg m^2 in the file"
     for name, document, what, in_xml in (
@@ -178,7 +184,8 @@ tendons:
 """
 
 
-def test_a_loss_of_a_nested_tendon_shows_both_documents(tmp_path: Path) -> None:
+def test_loss_in_nested_document_shows_both_documents(tmp_path: Path) -> None:
+    """The origin of a loss in a nested document includes the nested document and the component that includes it."""
     robot = "thingc: assembly/1\nname: robot\ncomponents:\n  left: {assembly: hand.yaml}\n"
     assembly = compiled(tmp_path, {"robot.yaml": robot, "hand.yaml": HAND}).compilation.assembly
     assert assembly is not None
@@ -187,7 +194,7 @@ def test_a_loss_of_a_nested_tendon_shows_both_documents(tmp_path: Path) -> None:
 
 
 def text_of(robot: Any, target: str) -> str:
-    """What a target writes of the mode `still`."""
+    """Text that a target writes for the mode `still`."""
     still, report = robot.robots[0], Report()
     geometry, _ = collect_geometry(robot.assembly, target, "meshes", report)
     match target:
@@ -198,7 +205,7 @@ def text_of(robot: Any, target: str) -> str:
         case "sdf":
             return write(sdf.model(still, geometry, zero_state(still), report)[0], "").text
         case _:
-            return rendered(usd.model(still, geometry, {}, report))
+            return format_prim(usd.model(still, geometry, {}, report))
 
 
 @pytest.mark.parametrize(("target", "says", "group", "kind", "word"), [
@@ -211,10 +218,10 @@ def text_of(robot: Any, target: str) -> str:
     ("sdf", SDF, "sensors", "force", "force_torque"), ("usd", USD, "drives", "motor", "drive:angular:physics:maxForce = 1"),
     ("usd", USD, "loops", "hinge", '"close"'),
 ])
-def test_what_a_table_leaves_out_is_not_written(
+def test_omitted_features_are_not_written(
     robot: Any, monkeypatch: pytest.MonkeyPatch, target: str, says: Any, group: str, kind: str, word: str,
 ) -> None:
-    """The emitter has no opinion of its own."""
+    """An emitter writes a feature if and only if the capability table of its target includes it."""
     assert word in text_of(robot, target)
     monkeypatch.setitem(says[group], kind, OMITTED)
     assert word not in text_of(robot, target)
@@ -224,9 +231,10 @@ def test_what_a_table_leaves_out_is_not_written(
     ("urdf", URDF, "screw", "each", "j7_slide"), ("sdf", SDF, "universal", "each", 'type="universal"'),
     ("usd", USD, "several", "single", "limit:transX"), ("mjcf", MJCF, "screw", "each", "j7:slide"),
 ])
-def test_a_joint_is_written_as_its_cell_has_it(
+def test_joint_form_follows_the_capability_table(
     robot: Any, monkeypatch: pytest.MonkeyPatch, target: str, says: Any, kind: str, form: str, word: str,
 ) -> None:
+    """Changing the form of a joint kind in the table changes the written elements."""
     before = text_of(robot, target)
     monkeypatch.setitem(says["joints"], kind, Supported(form))
     assert word in before and before.count(word) > text_of(robot, target).count(word)

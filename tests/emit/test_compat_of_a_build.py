@@ -1,4 +1,5 @@
-"""Who besides MuJoCo shall read the models of a build: what the workspace says, what the command line says, and what is remembered."""
+"""`compat`: additional readers (MJX, PyMJCF, Drake) that the models of a build support, from the workspace, the command line and the
+manifest."""
 
 from __future__ import annotations
 
@@ -56,34 +57,38 @@ def document(tmp_path: Path) -> Path:
     return tmp_path / "r.yaml"
 
 
-def built(document: Path, store: str, *words: str) -> Path:
+def build_document(document: Path, store: str, *words: str) -> Path:
     assert main(["build", str(document), "--emit", "mjcf,mjz", "--store", store, *words]) == 0
     return document.parent / "build" / "r"
 
 
-def chosen(folder: Path) -> object:
+def manifest_compat(folder: Path) -> object:
     return json.loads((folder / "manifest.json").read_text())["choice"].get("compat")
 
 
-def test_the_command_line_counts_before_the_workspace(document: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_line_overrides_workspace(document: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--compat` overrides `compat` in `thingc.toml`. The manifest records the choice, and an up-to-date build suggests a matching
+    `thingc why` command."""
     model = document.parent / "build" / "r" / "mjcf" / "r_standing.xml"
-    assert chosen(built(document, shared_store)) is None
+    assert manifest_compat(build_document(document, shared_store)) is None
     assert 'name="left/knee"' in model.read_text()
     (document.parent / "thingc.toml").write_text('thingc = "workspace/1"\ncompat = ["pymjcf"]\n')
-    assert chosen(built(document, shared_store)) == ["pymjcf"]
+    assert manifest_compat(build_document(document, shared_store)) == ["pymjcf"]
     assert 'name="left.knee"' in model.read_text()
-    assert chosen(built(document, shared_store, "--compat", "drake,mjx")) == ["mjx", "drake"]
+    assert manifest_compat(build_document(document, shared_store, "--compat", "drake,mjx")) == ["mjx", "drake"]
     assert 'name="left/knee"' in model.read_text()
     capsys.readouterr()
-    assert chosen(built(document, shared_store, "--compat", "mjx", "--compat", "drake")) == ["mjx", "drake"]
+    assert manifest_compat(build_document(document, shared_store, "--compat", "mjx", "--compat", "drake")) == ["mjx", "drake"]
     said = capsys.readouterr().err
     assert "is up to date" in said
     assert f"thingc why --losses {document} --emit=mjcf,mjz --compat=mjx --compat=drake" in said
 
 
-def test_losses_are_those_of_the_readers_that_are_asked_for(
+def test_losses_depend_on_selected_readers(
     document: Path, shared_store: str, capsys: pytest.CaptureFixture[str],
 ) -> None:
+    """`thingc why --losses` lists losses of the readers selected with `--compat` or in `thingc.toml`. An unknown reader is a usage error
+    with a suggestion."""
     def lost(*words: str) -> set[str]:
         assert main(["why", "--losses", str(document), "--emit", "mjcf", "--store", shared_store, *words]) == 0
         return set(capsys.readouterr().out.splitlines())
@@ -99,9 +104,9 @@ def test_losses_are_those_of_the_readers_that_are_asked_for(
 
 
 def test_modes_switch_between_models_for_pymjcf(document: Path, shared_store: str) -> None:
-    """`modes.json` names links and joints as the models beside it do; joints keep their paths for who asks."""
+    """`modes.json` uses the link and joint names of the PyMJCF models, so states can be switched between them."""
     document.write_text(ROBOT + HOLDING)
-    folder = built(document, shared_store, "--compat", "pymjcf")
+    folder = build_document(document, shared_store, "--compat", "pymjcf")
     modes = Modes.load(folder)
     models = {
         mode: mujoco.MjModel.from_xml_path(str(folder / "mjcf" / f"scene_{mode}.xml")) for mode in ("standing", "floating", "holding")
@@ -123,9 +128,9 @@ def test_modes_switch_between_models_for_pymjcf(document: Path, shared_store: st
 
 
 def test_modes_switch_between_models_for_drake(document: Path, shared_store: str) -> None:
-    """Where a link stands in a body that is turned in its place, it hangs on the link before it all the same."""
+    """A state can be switched between Drake models in which a link has an additional turned body as its parent."""
     document.write_text(UNIVERSAL)
-    folder = built(document, shared_store, "--compat", "drake")
+    folder = build_document(document, shared_store, "--compat", "drake")
     models = {mode: mujoco.MjModel.from_xml_path(str(folder / "mjcf" / f"r_{mode}.xml")) for mode in ("bolted", "floating")}
     data = {mode: mujoco.MjData(model) for mode, model in models.items()}
     assert [models["bolted"].body(number).name for number in range(4)] == ["world", "arm", "hand:turned", "hand"]
@@ -155,12 +160,12 @@ joints:
   lift: {type: prismatic, parent: base.origin, child: box.origin, limit: {lower: -1 mm, upper: 1 mm}}
 modes: {free: {root: base, base: free}}
 """
-"""MJX lacks contacts of a cylinder and a box."""
+"""MJX does not support contacts between a cylinder and a box."""
 
 
 @pytest.mark.parametrize("settings", [{}, {"gap": 0.3}, {"radius": 0.03, "width": 0.08}], ids=["plain", "gap", "size"])
-def test_one_setting_counts_wherever_models_are_made(tmp_path: Path, shared_store: str, settings: dict[str, float]) -> None:
-    """A build, `compile`, a family and a batch write the same model for the reader that the workspace names."""
+def test_compat_setting_applies_to_every_entry_point(tmp_path: Path, shared_store: str, settings: dict[str, float]) -> None:
+    """A build, `compile`, a family and a batch write the same model for the reader that the workspace specifies."""
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\ncompat = ["mjx"]\n')
     (tmp_path / "roller.yaml").write_text(ROLLER)
     document = str(tmp_path / "roller.yaml")
@@ -190,7 +195,8 @@ def test_one_setting_counts_wherever_models_are_made(tmp_path: Path, shared_stor
     assert built_alone.read_text().partition("<mujoco")[2] == text.partition("<mujoco")[2]
 
 
-def test_a_reader_that_does_not_exist_is_refused_by_name(document: Path) -> None:
+def test_unknown_reader_is_rejected_with_suggestion(document: Path) -> None:
+    """`compile` and `family` raise `UnknownChoice` with the closest reader name."""
     for use in (thingc.compile, thingc.family):
         with pytest.raises(UnknownChoice, match="did you mean `mjx`"):
             use(str(document), compat=["mjxx"])

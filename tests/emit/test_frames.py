@@ -1,4 +1,4 @@
-"""The camera of a picture, and frames and names drawn over it, measured in pixels."""
+"""The camera of rendered pictures, and the frames and names drawn over them, measured in pixels."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 from msgspec.structs import replace
 
 from thingc.base.pose import NO_POSE
-from thingc.targets.render.frames import drawn, frame_mark, joint_mark, placed
+from thingc.targets.render.frames import arrows_of, draw_marks, frame_mark, joint_mark
 from thingc.targets.render.picture import MARGIN, Shot, camera_of, extent
-from thingc.targets.render.studio import Array, Camera, directions, fitted, upright
+from thingc.targets.render.studio import Array, Camera, directions, fit_camera, upright
 
 SIZE = (640, 480)
 PAPER = (128, 128, 128)
@@ -31,7 +31,7 @@ MODEL = """\
 
 
 def boxes() -> tuple[Array, mujoco.MjData]:
-    """The corners of all boxes in the world."""
+    """World positions of the corners of all boxes."""
     model = mujoco.MjModel.from_xml_string(MODEL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -45,8 +45,8 @@ def pixels(camera: Camera, points: Array) -> Array:
     return (1.0 + camera.project(points) * (1.0, -1.0)) * SIZE / 2.0
 
 
-def test_the_corners_of_a_model_determine_the_camera() -> None:
-    """All corners of all boxes are in the picture, up to the margin."""
+def test_camera_contains_all_corners() -> None:
+    """The camera computed from the extent of a model shows all corners of all boxes within the margin."""
     points, _ = boxes()
     found, gravity = extent(MODEL, {}, None)
     assert gravity == FLOOR and 4 <= len(found) < len(points)
@@ -54,13 +54,13 @@ def test_the_corners_of_a_model_determine_the_camera() -> None:
     assert 1.0 - 1e-9 < seen.max() < 1.01
 
 
-def test_an_arrow_has_its_widths() -> None:
-    """The shaft is 2.2 px wide and the head 0.9 (4 + 2.2) px; with white, these are 4.2 and 0.9 (4 + 4.2) px."""
+def test_arrow_has_expected_widths() -> None:
+    """The shaft is 2.2 px wide and the head 0.9 (4 + 2.2) px. With the white outline, these are 4.2 and 0.9 (4 + 4.2) px."""
     points, data = boxes()
     axis = joint_mark(label="", body="world", pose=NO_POSE, slides=True)
-    line = placed(axis, data, 0.1)[0]
+    line = arrows_of(axis, data, 0.1)[0]
     camera = camera_of(np.concatenate([points, line]), FLOOR, Shot(size=SIZE, azimuth=90.0, elevation=0.0))
-    image = drawn(np.full((*SIZE[::-1], 3), PAPER, np.uint8), [axis], data, camera, 0.1).astype(int)
+    image = draw_marks(np.full((*SIZE[::-1], 3), PAPER, np.uint8), [axis], data, camera, 0.1).astype(int)
     middle = round(float(pixels(camera, line)[:, 1].mean()))
     orange = (image[..., 0] - image[..., 2] > 107).sum(axis=1)  # at least half of the colour, whose red and blue differ by 214
     inked = (np.abs(image - PAPER).max(axis=2) > 64).sum(axis=1)
@@ -68,14 +68,14 @@ def test_an_arrow_has_its_widths() -> None:
     assert orange.max() == pytest.approx(5.6, abs=1.0) and inked.max() == pytest.approx(7.4, abs=1.0)
 
 
-def test_a_name_is_beside_its_frame() -> None:
-    """It covers nothing of the axes, and is near the origin."""
+def test_name_is_drawn_beside_its_frame() -> None:
+    """A name does not cover the axes of its frame and is within 60 px of the origin."""
     points, data = boxes()
     camera = camera_of(points, FLOOR, Shot(size=SIZE))
     frame = frame_mark(label="shoulder", body="a", pose=NO_POSE)
     paper = np.full((*SIZE[::-1], 3), 255, np.uint8)
-    image, axes = (drawn(paper, [one], data, camera, 0.1) for one in (frame, replace(frame, label="")))
-    origin = pixels(camera, placed(frame, data, 0.1)[0][:1])[0]
+    image, axes = (draw_marks(paper, [one], data, camera, 0.1) for one in (frame, replace(frame, label="")))
+    origin = pixels(camera, arrows_of(frame, data, 0.1)[0][:1])[0]
     axis = np.argwhere(np.ptp(axes.astype(int), axis=2) > 60)
     axis = axis[np.linalg.norm(axis[:, ::-1] - origin, axis=1) > 3.0]  # a thin line from the name ends at the origin
     assert len(axis) > 100 and all((image[row, column] == axes[row, column]).all() for row, column in axis)
@@ -84,8 +84,8 @@ def test_a_name_is_beside_its_frame() -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_nearest_camera_that_sees_all(seed: int) -> None:
-    """Projected by hand, every point is within the margin; it is touched on both sides in one direction."""
+def test_fitted_camera_is_as_near_as_possible(seed: int) -> None:
+    """Every point, projected independently, is within the margin, and the points touch the margin on both sides in one direction."""
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(30, 3)) * rng.uniform(0.01, 2, 3) + rng.normal(size=3)
     azimuth, elevation, aspect = rng.uniform(-7, 7), rng.uniform(-1.5, 1.5), rng.uniform(0.3, 3)
@@ -95,7 +95,7 @@ def test_the_nearest_camera_that_sees_all(seed: int) -> None:
     look = [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
     np.testing.assert_allclose(-axes[2], look, atol=1e-12)
     assert abs(axes[0][2]) < 1e-12, "the horizon is level"
-    camera = fitted(points, axes, 0.4, aspect, 0.1)
+    camera = fit_camera(points, axes, 0.4, aspect, 0.1)
     seen = []
     for point in points:
         x, y, back = axes @ (point - camera.position)
@@ -111,6 +111,7 @@ def test_the_nearest_camera_that_sees_all(seed: int) -> None:
 @pytest.mark.parametrize(("gravity", "down"), [(FLOOR, (0, 0, -1)), (WALL, (-1, 0, 0)), (CEILING, (0, 0, 1)), ((0, 0, 0), (0, 0, -1)), (
     (3.0, -4.0, 0.0), (0.6, -0.8, 0.0))])
 def test_gravity_points_down_in_the_picture(gravity: tuple[float, ...], down: tuple[float, ...]) -> None:
+    """`upright` gives a frame in which gravity points down. Without gravity, down is -z."""
     frame = upright(np.array(gravity))
     np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(frame) == pytest.approx(1.0)

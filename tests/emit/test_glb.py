@@ -1,4 +1,4 @@
-"""GLB files as others read them: trimesh the scene, pygltflib the structure; MuJoCo says where everything is."""
+"""GLB files read by other programs: trimesh reads the scene and pygltflib the structure. MuJoCo and numpy give the expected poses."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from thingc.model.resolve.types import Overrides
 from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Closure
 from thingc.targets.artifact import Artifacts, Loss
-from thingc.targets.glb.emit import _tessellated, emit
+from thingc.targets.glb.emit import _tessellate, emit
 from thingc.targets.mjcf import emit as mjcf
-from thingc.targets.registry import chosen
+from thingc.targets.registry import parse_targets
 from thingc.targets.request import EmitRequest
 
 Array = Any
 Y_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=float)
-"""x stays, what was up is y, and y goes away from who looks."""
+"""Rotation from z-up to y-up: x stays, z becomes y, and y becomes -z."""
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def store(tmp_path: Path) -> Store:
 
 
 def scene_of(made: Artifacts, name: str) -> Any:
-    """A file as trimesh reads it."""
+    """The scene of a file, read by trimesh."""
     data = made.files[f"glb/{name}.glb"]
     assert isinstance(data, bytes)
     return trimesh.load_scene(io.BytesIO(data), file_type="glb")
@@ -57,7 +57,7 @@ def tree_of(made: Artifacts, name: str) -> pygltflib.GLTF2:
 
 
 def at(scene: Any, node: str) -> Array:
-    """The pose of a node in glTF's world."""
+    """World pose of a node in glTF."""
     return np.array(scene.graph.get(node)[0])
 
 
@@ -68,8 +68,8 @@ def rows(pose: Pose) -> Array:
 # --- the small robot, by hand -----------------------------------------------------------------------------------------
 
 
-def test_the_scene_is_the_robot_where_the_mode_starts(store: Store) -> None:
-    """Volume, centre and bounds of the whole against boxes that numpy has put where the documents' joints have them."""
+def test_scene_is_in_the_start_pose_of_the_mode(store: Store) -> None:
+    """Volume, centre and bounds of the scene equal those of boxes placed with numpy according to the joints of the document."""
     whole_robot = assembly(store)
     asked = request(replace(whole_robot, modes=tuple(replace(m, pose="start") for m in whole_robot.modes)), store)
     made = emit(asked)
@@ -96,8 +96,9 @@ def test_the_scene_is_the_robot_where_the_mode_starts(store: Store) -> None:
         np.testing.assert_allclose(scene.bounds, [np.min(corners, axis=0), np.max(corners, axis=0)], atol=1e-7)
 
 
-def test_a_mesh_is_there_once_and_a_node_per_link_coordinate_and_part(store: Store) -> None:
-    """Nine parts that are drawn, of six definitions; one of the two braces in another colour shares all numbers with the other."""
+def test_meshes_are_shared_between_nodes(store: Store) -> None:
+    """Nine drawn parts have six definitions, and each distinct mesh is stored once. Two braces with different colours share their
+    buffers. Each link, coordinate and part has a node."""
     robot = assembly(store)
     things = [replace(one, color="#dc143c80") if one.path == "brace_b" else one for one in robot.occurrences]
     tree = tree_of(emit(request(replace(robot, occurrences=tuple(things)), store)), "arm_bench")
@@ -124,8 +125,9 @@ def test_a_mesh_is_there_once_and_a_node_per_link_coordinate_and_part(store: Sto
     }
 
 
-def test_colours_are_linear_and_named_as_in_mjcf(store: Store) -> None:
-    """The sRGB transfer function by its definition: 0xe6 = 230 is 0.7913 of the light, 0xbc = 188 is 0.5029, 0x0a = 10 is 0.0030."""
+def test_colours_are_linear_with_mjcf_names(store: Store) -> None:
+    """Colours follow the definition of the sRGB transfer function: 0xe6 = 230 becomes 0.7913, 0xbc = 188 becomes 0.5029, 0x0a = 10
+    becomes 0.0030. Materials have the names used in MJCF."""
     robot = assembly(store)
     things = [replace(one, color="#bc0ae680") if one.path == "plate" else one for one in robot.occurrences]
     shell = robot.occurrences[5].record
@@ -144,7 +146,8 @@ def test_colours_are_linear_and_named_as_in_mjcf(store: Store) -> None:
     assert [one.doubleSided for one in (light, materials["petg_e6e6fa:open"])] == [False, True]
 
 
-def test_what_the_document_does_not_draw_is_not_there(store: Store) -> None:
+def test_hidden_parts_have_no_mesh(store: Store) -> None:
+    """Parts with `visual: false` have no node with a mesh."""
     robot = assembly(store)
     hidden = replace(robot, occurrences=tuple(
         replace(one, overrides=Overrides(visual=False)) if one.path != "plate" else one for one in robot.occurrences
@@ -153,7 +156,8 @@ def test_what_the_document_does_not_draw_is_not_there(store: Store) -> None:
     assert [node.name for node in tree.nodes if node.mesh is not None] == ["plate:visual"]
 
 
-def test_a_robot_without_anything_to_see_has_no_file(store: Store) -> None:
+def test_robot_without_visuals_has_no_file(store: Store) -> None:
+    """A robot without visual geometry produces no file and one export loss."""
     robot = assembly(store)
     bare = replace(robot, occurrences=tuple(replace(one, record=None) for one in robot.occurrences))
     whole = Loss(
@@ -162,8 +166,8 @@ def test_a_robot_without_anything_to_see_has_no_file(store: Store) -> None:
     assert emit(request(bare, store)) == Artifacts(files={}, losses=(whole,))
 
 
-def test_the_same_bytes_every_time(store: Store) -> None:
-    """In another process, with another hash seed."""
+def test_output_is_deterministic_across_processes(store: Store) -> None:
+    """Another process with another hash seed writes identical bytes."""
     script = (
         "import hashlib, sys; from thingc.geometry.store.local import Store; from emit.small_robot import assembly, request;"
         "from thingc.targets.glb.emit import emit; s = Store(sys.argv[1]);"
@@ -182,7 +186,8 @@ TURN, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def chain(store: Store) -> EmitRequest:
-    """Boxes on a joint of every kind, askew, with a mode rooted at either end and in the middle, which starts in a pose."""
+    """Boxes connected by a joint of every kind at general orientations, with modes rooted at either end and in the middle that start in
+    a pose."""
     mesh = kept(store, box_obj(0.1, 0.06, 0.04), 8, 12)
     rng = np.random.default_rng(7)
 
@@ -210,8 +215,8 @@ def chain(store: Store) -> EmitRequest:
     )
 
 
-def start_of(asked: EmitRequest, name: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """MuJoCo's model of a mode, in the pose in which the mode starts."""
+def data_at_start(asked: EmitRequest, name: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """The MuJoCo model of a mode, with data in the start pose."""
     files = mjcf.emit(asked).files
     assets = {path.rpartition("/")[2]: asked.store.read(file.sha256) for path, file in files.items() if "/assets/" in path}  # type: ignore[union-attr]
     model = mujoco.MjModel.from_xml_string(files[f"mjcf/chain_{name}.xml"].decode(), assets)  # type: ignore[union-attr]
@@ -222,26 +227,27 @@ def start_of(asked: EmitRequest, name: str) -> tuple[mujoco.MjModel, mujoco.MjDa
 
 
 def pose_of(data: mujoco.MjData, body: str) -> Array:
-    """A body in MuJoCo's world."""
+    """World pose of a body in MuJoCo."""
     found = np.eye(4)
     found[:3, :3], found[:3, 3] = data.body(body).xmat.reshape(3, 3), data.body(body).xpos
     return found
 
 
 @pytest.mark.parametrize("name", ["m0", "m3", "m7"])
-def test_links_are_where_mujoco_has_them(store: Store, name: str) -> None:
+def test_link_poses_match_mujoco(store: Store, name: str) -> None:
+    """Node poses of links equal body poses of the MJCF model in the start pose, in modes with three roots."""
     asked = chain(store)
-    scene, (model, data) = scene_of(emit(asked), f"chain_{name}"), start_of(asked, name)
+    scene, (model, data) = scene_of(emit(asked), f"chain_{name}"), data_at_start(asked, name)
     for number in range(1, model.nbody):
         link = model.body(number).name
         np.testing.assert_allclose(at(scene, link), Y_UP @ pose_of(data, link), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["m0", "m3", "m7"])
-def test_a_node_that_is_turned_about_its_z_moves_what_its_coordinate_moves(store: Store, name: str) -> None:
-    """Or is shifted along it; one of a ball about any axis through it. MuJoCo's joint is moved by as much."""
+def test_moving_a_joint_node_matches_mujoco(store: Store, name: str) -> None:
+    """Rotating a joint node about its z axis, or shifting it along z, moves the same links as MuJoCo's joint by the same amount."""
     asked = chain(store)
-    made, (model, data) = emit(asked), start_of(asked, name)
+    made, (model, data) = emit(asked), data_at_start(asked, name)
     tried = 0
     for number in range(model.njnt):
         path, kind, address = model.joint(number).name, model.jnt_type[number], model.jnt_qposadr[number]
@@ -261,8 +267,8 @@ def test_a_node_that_is_turned_about_its_z_moves_what_its_coordinate_moves(store
     assert tried == 9
 
 
-def test_a_ball_is_one_node_at_its_centre(store: Store) -> None:
-    """Where the mounts meet, and turning the node moves neither the centre nor what carries it."""
+def test_ball_joint_is_one_node_at_its_centre(store: Store) -> None:
+    """A ball joint is one node, and its origin is the anchor of MuJoCo's joint."""
     asked = chain(store)
     tree = tree_of(emit(asked), "chain_m0")
     joints = {node.name: node.extras for node in tree.nodes if node.name.endswith(":joint")}
@@ -271,11 +277,12 @@ def test_a_ball_is_one_node_at_its_centre(store: Store) -> None:
         "j5_2:joint", "j6:joint",
     ]
     assert joints["j3:joint"] == {"kind": "ball", "q": [asked.assembly.poses[0].values[f"j3_{k}"] for k in range(3)]}
-    scene, (_, data) = scene_of(emit(asked), "chain_m0"), start_of(asked, "m0")
+    scene, (_, data) = scene_of(emit(asked), "chain_m0"), data_at_start(asked, "m0")
     np.testing.assert_allclose(at(scene, "j3:joint")[:3, 3], (Y_UP[:3, :3] @ data.joint("j3").xanchor), atol=1e-9)
 
 
-def test_what_does_not_follow_a_turned_joint_is_a_loss(store: Store) -> None:
+def test_couplings_between_joints_are_losses(store: Store) -> None:
+    """Threads of screws, loops, holds and mimics are export losses, because glTF nodes cannot follow other nodes."""
     asked = chain(store)
     screw, closed = asked.robots[0].bodies[-1].joints[0], asked.robots[1]
     loop = Closure(path="close", hold=False, parent=0, child=1, X_PA=Pose(), X_CB=Pose(), joints=(), twists=(), origin=screw.origin)
@@ -298,12 +305,13 @@ def test_what_does_not_follow_a_turned_joint_is_a_loss(store: Store) -> None:
 # --- asked for --------------------------------------------------------------------------------------------------------
 
 
-def test_a_build_writes_it_only_where_it_is_named() -> None:
-    assert "glb" not in chosen([]) and chosen(["glb"]) == ("glb",)
+def test_glb_is_not_a_default_target() -> None:
+    """A build writes GLB only if `--emit` includes it."""
+    assert "glb" not in parse_targets([]) and parse_targets(["glb"]) == ("glb",)
 
 
-def test_primitives_have_their_volume_and_size_and_face_outwards() -> None:
-    """The volume of a mesh whose triangles face inwards is negative."""
+def test_primitive_meshes_have_correct_volume() -> None:
+    """Tessellated primitives have the analytic volume within 5 % and the right size. The volume is positive, so triangles face outwards."""
     for shape, size, volume, half in (
         ("box", (0.01, 0.02, 0.03), 8 * 0.01 * 0.02 * 0.03, (0.01, 0.02, 0.03)),
         ("sphere", (0.04,), 4 / 3 * np.pi * 0.04**3, (0.04, 0.04, 0.04)),
@@ -311,6 +319,6 @@ def test_primitives_have_their_volume_and_size_and_face_outwards() -> None:
         ("cylinder", (0.05, 0.06), np.pi * 0.05**2 * 0.12, (0.05, 0.05, 0.06)),
         ("capsule", (0.05, 0.06), np.pi * 0.05**2 * 0.12 + 4 / 3 * np.pi * 0.05**3, (0.05, 0.05, 0.11)),
     ):
-        made = _tessellated(Primitive(shape=shape, size=size, pose=NO_POSE))  # type: ignore[arg-type]
+        made = _tessellate(Primitive(shape=shape, size=size, pose=NO_POSE))  # type: ignore[arg-type]
         assert made.volume == pytest.approx(volume, rel=0.05), shape
         np.testing.assert_allclose(made.bounds, [np.negative(half), half], rtol=0.02, err_msg=shape)

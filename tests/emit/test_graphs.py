@@ -1,4 +1,4 @@
-"""The graphs that are handed out, read back by networkx and by a plain XML reader."""
+"""Exported graphs, read by networkx and by a plain XML reader."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from thingc.targets.networkx_export import hag_graph, link_graph, mate_graph
 
 
 @pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
-def test_the_assembly_graph_is_read_back(drawn: Hag) -> None:
+def test_assembly_graph_round_trips(drawn: Hag) -> None:
+    """networkx reads the JSON and GraphML exports. Quantities equal the number of paths from the root."""
     graph = hag_graph(drawn, labels.quantities(drawn))
     assert list(graph) == [one.text for one in drawn.definitions] and graph.number_of_edges() == len(drawn.edges)
     assert networkx.is_directed_acyclic_graph(graph)
@@ -43,7 +44,8 @@ def test_the_assembly_graph_is_read_back(drawn: Hag) -> None:
     )
 
 
-def test_a_mirror_image_names_what_it_mirrors() -> None:
+def test_mirrored_definition_refers_to_original() -> None:
+    """The node of a mirrored definition has attributes with the mirror axis and the original definition."""
     plain = replace(arm().definitions[1], kind="part")
     image = replace(plain, text="p:Leg(mirror=y)", mirror="y", plain=plain)
     both = Hag(root=plain.text, definitions=(plain, image), edges=())
@@ -52,7 +54,8 @@ def test_a_mirror_image_names_what_it_mirrors() -> None:
     assert "mirrors" not in graph.nodes[plain.text]
 
 
-def test_mates_without_joints_are_the_links(tmp_path: Path) -> None:
+def test_rigid_mates_form_the_links(tmp_path: Path) -> None:
+    """Connected components of the mate graph without joints equal the links of the link graph."""
     robot = assembly(Store(str(tmp_path)))
     mates, links = mate_graph(robot), link_graph(robot)
     assert networkx.is_tree(mates.to_undirected()) and len(mates) == len(robot.occurrences)

@@ -1,4 +1,4 @@
-"""The picture: nothing lies on anything else, lines keep clear of boxes, texts fit, and it is sound XML."""
+"""The SVG of the assembly graph: boxes do not overlap, lines avoid boxes, texts fit, and the XML is well-formed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 GRAPHS = pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
 
 
-def apart(a: Rectangle, b: Rectangle) -> bool:
+def are_disjoint(a: Rectangle, b: Rectangle) -> bool:
     return a.x + a.width <= b.x or b.x + b.width <= a.x or a.y + a.height <= b.y or b.y + b.height <= a.y
 
 
@@ -33,7 +33,7 @@ def groups(svg: ET.Element, kind: str) -> list[ET.Element]:
 
 
 def points(path: str) -> list[tuple[float, float]]:
-    """Points along a path of `M x y`, `H x` and `C` pieces, 12 on each curve."""
+    """Points along a path of `M x y`, `H x` and `C` segments, with 12 on each curve."""
     found: list[tuple[float, float]] = []
     for command, words in re.findall(r"([MHC])([^MHC]*)", path):
         numbers = [float(word) for word in words.split()]
@@ -52,7 +52,8 @@ def points(path: str) -> list[tuple[float, float]]:
 
 
 @GRAPHS
-def test_boxes_and_labels_lie_apart_and_inside(drawn: Hag) -> None:
+def test_boxes_and_labels_do_not_overlap(drawn: Hag) -> None:
+    """All boxes and labels are inside the picture, and no two of them overlap."""
     svg = ET.fromstring(hag.svg(drawn))
     width, height = float(svg.attrib["width"]), float(svg.attrib["height"])
     assert svg.attrib["viewBox"] == f"0 0 {svg.attrib['width']} {svg.attrib['height']}"
@@ -68,12 +69,12 @@ def test_boxes_and_labels_lie_apart_and_inside(drawn: Hag) -> None:
         places.append(place)
         assert left + place.x >= 0 and left + place.x + place.width <= width
         assert top + place.y >= 0 and top + place.y + place.height <= height
-    assert all(apart(a, b) for a, b in combinations(places, 2))
+    assert all(are_disjoint(a, b) for a, b in combinations(places, 2))
 
 
 @GRAPHS
 def test_texts_fit_their_boxes(drawn: Hag) -> None:
-    """With the advance of the widest of the common monospaced fonts, 0.602 of the size."""
+    """Texts fit at the advance of the widest common monospaced font, 0.602 of the font size."""
     svg = ET.fromstring(hag.svg(drawn))
     for group in [*groups(svg, "box"), *groups(svg, "label")]:
         place = next(rectangle(r) for r in group.iter(f"{SVG}rect"))
@@ -90,7 +91,8 @@ def test_texts_fit_their_boxes(drawn: Hag) -> None:
 
 
 @GRAPHS
-def test_lines_keep_clear_of_boxes(drawn: Hag) -> None:
+def test_lines_avoid_boxes(drawn: Hag) -> None:
+    """Each line runs from left to right, from its parent to its child, and crosses no box."""
     svg = ET.fromstring(hag.svg(drawn))
     boxes = [next(rectangle(r) for r in group.iter(f"{SVG}rect")) for group in groups(svg, "box")]
     texts = [d.text for d in drawn.definitions]
@@ -109,7 +111,8 @@ def test_lines_keep_clear_of_boxes(drawn: Hag) -> None:
             assert inside == []
 
 
-def test_everything_is_said() -> None:
+def test_picture_shows_names_counts_and_joints() -> None:
+    """The texts include definitions, quantities, repeats, joints, parameters and files."""
     svg = ET.fromstring(hag.svg(arm()))
     texts = [text.text for text in svg.iter(f"{SVG}text")]
     for words in ("12 definitions, 23 components", "BasePlate", "thingc_stock.dynamixel", "x4", "x10", "screw_0 ... screw_7",
@@ -117,7 +120,8 @@ def test_everything_is_said() -> None:
         assert words in texts, words
 
 
-def test_awkward_texts_stay_texts() -> None:
+def test_special_characters_are_escaped() -> None:
+    """Labels with markup, control characters and surrogates stay plain text in well-formed XML."""
     text = hag.svg(awkward())
     svg = ET.fromstring(text.encode())
     assert {element.tag.removeprefix(SVG) for element in svg.iter()} == {"svg", "title", "rect", "text", "g", "path"}
@@ -125,13 +129,15 @@ def test_awkward_texts_stay_texts() -> None:
     assert NASTY.replace("\x07", "\\x07").replace("\ud800", "\\ud800") in titles
 
 
-def test_it_needs_nothing_else() -> None:
+def test_svg_is_self_contained() -> None:
+    """The SVG has no links, stylesheets or scripts. The only URL is the namespace."""
     text = hag.svg(walker())
     assert "href" not in text and "url(" not in text and "<style" not in text and "<script" not in text
     assert text.count("http") == 1, "the namespace alone"
 
 
-def test_two_documents_that_print_alike() -> None:
+def test_documents_with_equal_names_show_their_paths() -> None:
+    """Definitions with the same name from different files are distinguished by their file."""
     drawn = graph("top", [("top", "top.yaml", "assembly"), ("foot", "a/foot.yaml", "assembly"),
                           ("foot(n=2) [b/foot.yaml]", "b/foot.yaml", "assembly")],
                   [("top", "foot", "one", "", None), ("top", "foot(n=2) [b/foot.yaml]", "two", "a -> one.b", None)])
@@ -151,13 +157,13 @@ def pictures(draw_: st.DrawFn) -> tuple[list[Size], list[Line]]:
     return boxes, [Line(source=a, target=b, label=draw_(sizes)) for a, b in pairs]
 
 
-def check(boxes: list[Size], lines: list[Line], drawing: Drawing) -> None:
+def check_drawing(boxes: list[Size], lines: list[Line], drawing: Drawing) -> None:
     places = [*drawing.boxes, *(route.label for route in drawing.routes)]
     assert [(b.width, b.height) for b in drawing.boxes] == [(s.width, s.height) for s in boxes]
     for place in places:
         assert place.x >= 0 and place.y >= -0.1
         assert place.x + place.width <= drawing.width + 0.11 and place.y + place.height <= drawing.height + 0.11
-    assert all(apart(a, b) for a, b in combinations(places, 2))
+    assert all(are_disjoint(a, b) for a, b in combinations(places, 2))
     for line, route in zip(lines, drawing.routes):
         start, end = drawing.boxes[line.source], drawing.boxes[line.target]
         assert start.x + start.width < route.label.x and route.label.x + route.label.width < end.x
@@ -171,13 +177,14 @@ def check(boxes: list[Size], lines: list[Line], drawing: Drawing) -> None:
 
 @settings(max_examples=75)
 @given(pictures())
-def test_any_acyclic_graph(picture: tuple[list[Size], list[Line]]) -> None:
+def test_layout_of_random_acyclic_graphs(picture: tuple[list[Size], list[Line]]) -> None:
+    """In random graphs, nothing overlaps, and routes cross no box between their ends."""
     boxes, lines = picture
-    check(boxes, lines, draw(boxes, lines))
+    check_drawing(boxes, lines, draw(boxes, lines))
 
 
-def test_crossings_that_need_not_be() -> None:
-    """Two trees whose leaves are listed in turns: laid out without a crossing."""
+def test_avoidable_crossings_are_removed() -> None:
+    """Two trees whose leaves alternate in the input are laid out without a crossing."""
     box, label = Size(width=50, height=20), Size(width=30, height=10)
     lines = [Line(source=k % 2, target=2 + k, label=label) for k in range(8)]
     drawing = draw([box] * 10, lines)
@@ -185,7 +192,7 @@ def test_crossings_that_need_not_be() -> None:
     assert len({k % 2 for k in order[:4]}) == 1
 
 
-def test_a_cycle_is_refused() -> None:
+def test_cyclic_graph_is_rejected() -> None:
     box, label = Size(width=50, height=20), Size(width=30, height=10)
     with pytest.raises(ValueError, match="cycle"):
         draw([box] * 2, [Line(source=0, target=1, label=label), Line(source=1, target=0, label=label)])

@@ -1,4 +1,4 @@
-"""The assembly graph as an indented tree, DOT and Mermaid: nothing lost, everything escaped."""
+"""The assembly graph as an indented tree, DOT and Mermaid: complete and correctly escaped."""
 
 from __future__ import annotations
 
@@ -18,25 +18,27 @@ from thingc.targets.hag import labels
 NASTY_SHOWN = NASTY.replace("\x07", "\\x07").replace("\ud800", "\\ud800")
 
 
-def unrolled(graph: Hag, node: str) -> dict[str, int]:
-    """How often each definition stands below `node`, counted by walking the whole tree."""
+def count_unrolled(graph: Hag, node: str) -> dict[str, int]:
+    """Count each definition below `node` by walking the count_unrolled tree."""
     found: dict[str, int] = {}
     for edge in graph.edges:
         if edge.parent == node:
-            for text, number in [(edge.child, 1), *unrolled(graph, edge.child).items()]:
+            for text, number in [(edge.child, 1), *count_unrolled(graph, edge.child).items()]:
                 found[text] = found.get(text, 0) + number
     return found
 
 
 @pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
-def test_quantities(drawn: Hag) -> None:
+def test_quantities_match_unrolled_tree(drawn: Hag) -> None:
+    """Quantities equal the counts in the count_unrolled tree."""
     counted = labels.quantities(drawn)
     assert counted.pop(drawn.root) == 1
-    assert counted == unrolled(drawn, drawn.root)
+    assert counted == count_unrolled(drawn, drawn.root)
     assert labels.quantities(arm())[XM430] == 4 and labels.quantities(arm())[SCREW] == 10
 
 
-def test_the_tree() -> None:
+def test_tree_matches_expected_text() -> None:
+    """The indented tree of a small robot equals a written-out text."""
     drawn = graph("bot", [
         ("bot", "bot.yaml", "assembly"), ("leg(n=2)", "leg.yaml", "assembly"), ("w:Foot", "w:Foot", "part"),
         ("w:Hub", "w:Hub", "part"), ("frame", "frame", "frame"),
@@ -67,13 +69,13 @@ bot
 """
 
 
-def test_a_lone_assembly() -> None:
+def test_assembly_without_components_is_one_line() -> None:
     assert hag.text(graph("bot", [("bot", "bot.yaml", "assembly")], [])) == "bot\n"
 
 
 def strings(text: str) -> list[str]:
-    """The quoted strings of a DOT document as Graphviz reads labels: `\\"` and `\\\\` and `\\n` mean one character,
-    and entities are read as in HTML."""
+    """The quoted strings of a DOT document, unescaped by the rules of Graphviz for labels: escapes with a backslash, and entities as in
+    HTML."""
     found = re.findall(r'"((?:[^"\\]|\\.)*)"', text, flags=re.DOTALL)
     plain = [re.sub(r"\\(.)", lambda match: "\n" if match[1] == "n" else match[1], string) for string in found]
     return [html.unescape(string) for string in plain]
@@ -84,7 +86,8 @@ def label_of(text: str) -> str:
 
 
 @pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
-def test_dot_has_every_definition_and_every_component(drawn: Hag) -> None:
+def test_dot_contains_all_definitions_and_components(drawn: Hag) -> None:
+    """The DOT text, parsed with regular expressions, has a node per definition and an edge per component."""
     text = hag.dot(drawn)
     outside = re.sub(r'"(?:[^"\\]|\\.)*"', "", text, flags=re.DOTALL)
     assert '"' not in outside and outside.count("{") == outside.count("}") == 1, "every string ends where it should"
@@ -97,18 +100,19 @@ def test_dot_has_every_definition_and_every_component(drawn: Hag) -> None:
     ]
 
 
-def test_awkward_dot() -> None:
+def test_special_characters_are_escaped_in_dot() -> None:
     assert NASTY_SHOWN in strings(hag.dot(awkward()))
 
 
 def read_mermaid(text: str) -> str:
-    """A quoted Mermaid label as it is shown."""
+    """The displayed text of a quoted Mermaid label."""
     assert not re.search(r'["<`\\]|&(?!amp)', text.replace("<br/>", ""))
     return re.sub(r"#(\d+);", lambda match: chr(int(match[1])), text.replace("<br/>", "\n"))
 
 
 @pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
-def test_mermaid_has_every_definition_and_every_pair(drawn: Hag) -> None:
+def test_mermaid_contains_all_definitions_and_pairs(drawn: Hag) -> None:
+    """The Mermaid text has a node per definition and one edge per pair of parent and child. Every line is recognized."""
     lines = hag.mermaid(drawn).splitlines()
     assert lines[0] == "flowchart LR"
     nodes = {}
@@ -124,7 +128,8 @@ def test_mermaid_has_every_definition_and_every_pair(drawn: Hag) -> None:
     assert len(lines) == 1 + len(nodes) + len(edges) + 5, "every line is understood"
 
 
-def test_mermaid_lists_the_components() -> None:
+def test_mermaid_edge_lists_its_components() -> None:
+    """The label of an edge lists each component with its mounts."""
     text = read_mermaid(next(line for line in hag.mermaid(arm()).splitlines() if "yaw_servo: " in line).split('"')[1])
     assert text.split("\n") == [
         "yaw_servo: back -> plate.servo_seat", "shoulder_servo: front -> bracket.seat", "elbow_servo: back -> humerus.upper",
@@ -132,7 +137,8 @@ def test_mermaid_lists_the_components() -> None:
     ]
 
 
-def test_what_a_repeat_made_is_one_entry() -> None:
+def test_items_of_a_repeat_are_one_entry() -> None:
+    """Eight consecutive screws are shown as one entry with a wildcard. Two screws are shown separately, and a gap splits the range."""
     screws = [edge for edge in arm().edges if edge.component.startswith("screw_")]
     assert labels.entries(screws) == [("screw_0 ... screw_7", "head -> plate.hole_*")]
     assert labels.entries(screws[:2]) == [("screw_0", "head -> plate.hole_0"), ("screw_1", "head -> plate.hole_1")]
@@ -142,7 +148,8 @@ def test_what_a_repeat_made_is_one_entry() -> None:
     assert all(a.component < b.component for a, b in pairwise(screws))
 
 
-def test_a_mirror_image_says_what_it_mirrors() -> None:
+def test_mirrored_definition_is_marked() -> None:
+    """The tree, DOT and Mermaid mark a mirrored definition and link it to its original if the graph contains it."""
     plain = replace(arm().definitions[1], text="p:Leg(length=0.1)", label="p:Leg(length=100 mm)", reference="p:Leg", kind="part")
     image = replace(plain, text="p:Leg(length=0.1, mirror=y)", label="p:Leg(length=100 mm, mirror=y)", mirror="y", plain=plain)
     top = replace(plain, text="bot", label="bot", reference="bot.yaml", kind="assembly")
@@ -160,6 +167,6 @@ def test_a_mirror_image_says_what_it_mirrors() -> None:
     assert "dashed" not in hag.dot(alone) and "-.->" not in hag.mermaid(alone)
 
 
-def test_the_same_text_every_time() -> None:
+def test_output_is_deterministic() -> None:
     for write in (hag.text, hag.dot, hag.mermaid, hag.svg):
         assert write(walker()) == write(walker())

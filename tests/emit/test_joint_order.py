@@ -1,4 +1,4 @@
-"""`joint_order.json`: MuJoCo's own models, URDF and USD files as they are read, and ROS parameters say what the orders and indices are."""
+"""`joint_order.json`: joint orders and indices, compared with MuJoCo models, URDF and USD files and ROS parameters of the same build."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SEEDS = range(8)
 
 
 def random_document(seed: int, *, balls: bool) -> str:
-    """A random tree of the conformance study, with its kinds of joints, mimics and bases."""
+    """A random tree from the conformance benchmark, with its kinds of joints, mimics and bases."""
     sys.path.insert(0, str(ROOT / "benchmarks" / "conformance"))
     try:
         from robots import document  # type: ignore[import-not-found]
@@ -35,7 +35,7 @@ def random_document(seed: int, *, balls: bool) -> str:
 
 
 def plain_document(seed: int) -> str:
-    """A random tree of hinges and slides, with drives of each kind and sensors, which all formats have joint by joint."""
+    """A random tree of hinges and slides with drives of each kind and sensors. Every format has each of its joints as one joint."""
     rng = np.random.default_rng(seed)
     count, weight = int(rng.integers(4, 12)), "mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}"
     names = [f"{chr(97 + int(letter))}{k}" for k, letter in enumerate(rng.integers(0, 26, count))]
@@ -56,7 +56,7 @@ def plain_document(seed: int) -> str:
 
 
 class Folder:
-    """A build folder, as readers find it."""
+    """A build folder and the readers of its files."""
 
     def __init__(self, base: Path, store: str, files: dict[str, str], *words: str) -> None:
         for name, text in {"thingc.toml": 'thingc = "workspace/1"\n', **files}.items():
@@ -76,8 +76,9 @@ class Folder:
         return [joint.attrib["name"] for joint in root.findall("joint") if joint.attrib["type"] in MOVES]
 
     def usd(self, mode: str) -> list[str] | None:
-        """The degrees of freedom, as PhysX has them in its cache: links level by level, and those of one parent as their joints follow
-        each other in the stage. None if a joint of the articulation slides and does anything else."""
+        """Degrees of freedom in the order of the PhysX cache, or None if an articulation joint has a translation besides other axes.
+
+        Links are visited level by level; the children of one parent follow the order of their joints in the stage."""
         stage = Usd.Stage.Open(str(self.path / "usd" / f"{self.name}_{mode}.usda"))
         (base,) = (prim for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.ArticulationRootAPI))
         below: dict[Any, list[tuple[Any, Any]]] = {}
@@ -112,7 +113,7 @@ class Folder:
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> dict[str, Folder]:
-    """Random trees, every kind of joint, names of nested documents and own names, and a loop."""
+    """Builds of random trees, of every kind of joint, of nested documents with `names:`, and of a loop."""
     documents = {f"random_{seed}": {"robot.yaml": random_document(seed, balls=seed % 2 == 1)} for seed in SEEDS}
     documents |= {f"plain_{seed}": {"robot.yaml": plain_document(seed)} for seed in SEEDS}
     documents |= {"every": {"robot.yaml": EVERY}, "fourbar": {"robot.yaml": FOURBAR}}
@@ -124,7 +125,8 @@ def every_mode(built: dict[str, Folder]) -> list[tuple[Folder, str, dict[str, An
     return [(folder, mode, order) for folder in built.values() for mode, order in folder.modes.items()]
 
 
-def test_mujoco_has_these_joints_actuators_and_sensors(built: dict[str, Folder]) -> None:
+def test_mujoco_order_matches_the_model(built: dict[str, Folder]) -> None:
+    """Names, addresses and sizes of joints, actuators and sensors equal those of the compiled MuJoCo model."""
     for folder, mode, order in every_mode(built):
         model = folder.mujoco(mode)
         assert order["joints"]["mujoco"] == [model.joint(k).name for k in range(model.njnt)]
@@ -142,7 +144,8 @@ def test_mujoco_has_these_joints_actuators_and_sensors(built: dict[str, Folder])
         }
 
 
-def test_files_have_these_joints(built: dict[str, Folder]) -> None:
+def test_urdf_ros_and_isaac_orders_match_the_files(built: dict[str, Folder]) -> None:
+    """Joint orders equal those of the URDF, `joint_states`, the articulation in USD, and the ROS controllers."""
     missing = 0
     for folder, mode, order in every_mode(built):
         urdf = folder.urdf(mode)
@@ -155,7 +158,8 @@ def test_files_have_these_joints(built: dict[str, Folder]) -> None:
     assert 0 < missing < len(every_mode(built)) // 2
 
 
-def test_isaac_has_the_order_that_its_doctor_reports(built: dict[str, Folder]) -> None:
+def test_isaac_order_matches_robot_doctor(built: dict[str, Folder]) -> None:
+    """The order for Isaac Lab equals the order that isaaclab-robot-doctor reports for the USD file."""
     pytest.importorskip("isaaclab_robot_doctor", reason="isaaclab-robot-doctor is not installed: pip install isaaclab-robot-doctor")
     from isaaclab_robot_doctor.checks import CHECKS
     from isaaclab_robot_doctor.loader import load_robot
@@ -168,8 +172,8 @@ def test_isaac_has_the_order_that_its_doctor_reports(built: dict[str, Folder]) -
             assert found.partition(": ")[2].partition(" - ")[0].split(", ") == order["joints"]["isaac"]
 
 
-def test_an_index_leads_to_the_same_joint(built: dict[str, Folder]) -> None:
-    """A number for each coordinate of the document arrives at the joint with its name, by every way."""
+def test_indices_map_to_the_joint_of_the_same_name(built: dict[str, Folder]) -> None:
+    """A value per coordinate of the document arrives at the joint with the same name for every pair of orders."""
     for folder, mode, order in every_mode(built):
         if folder.name == "pair":
             continue
@@ -190,7 +194,8 @@ def test_an_index_leads_to_the_same_joint(built: dict[str, Folder]) -> None:
             assert [name.replace("/", "_") for name in actuated] == one["joints"]
 
 
-def test_plain_robots_have_every_index(built: dict[str, Folder]) -> None:
+def test_indices_are_complete_for_plain_robots(built: dict[str, Folder]) -> None:
+    """For robots of hinges and slides, each map is a permutation. Only the free joint of MuJoCo has no index."""
     for seed in SEEDS:
         for order in built[f"plain_{seed}"].modes.values():
             count, free = len(order["joints"]["document"]), "root" in order["joints"]["mujoco"]
@@ -201,8 +206,8 @@ def test_plain_robots_have_every_index(built: dict[str, Folder]) -> None:
                     assert indices.count(None) == (free if other == "mujoco" else 0)
 
 
-def test_positions_in_the_order_of_a_urdf_put_links_where_mujoco_has_them(built: dict[str, Folder]) -> None:
-    """MuJoCo reads the URDF, too: links are at the same places, whatever joints are called."""
+def test_urdf_order_reproduces_mujoco_link_poses(built: dict[str, Folder]) -> None:
+    """MuJoCo loads the URDF. Positions permuted by the indices give the same link poses as in the MJCF model."""
     rng = np.random.default_rng(7)
     for seed in SEEDS:
         folder = built[f"plain_{seed}"]
@@ -229,7 +234,8 @@ def test_positions_in_the_order_of_a_urdf_put_links_where_mujoco_has_them(built:
                 assert away[0] == pytest.approx(away[1], abs=1e-9)
 
 
-def test_own_names_are_those_of_each_file(built: dict[str, Folder]) -> None:
+def test_orders_use_the_names_of_each_format(built: dict[str, Folder]) -> None:
+    """With `names:`, each order contains the joint names of its format, and the indices still match."""
     for order in built["pair"].modes.values():
         assert {*order["joints"]["document"]} == {"left.elbow", "left.follower", "right.elbow", "right.follower"}
         assert {*order["joints"]["mujoco"]} == {"left/2", "left/follower", "right/2", "right/follower"}
@@ -241,7 +247,8 @@ def test_own_names_are_those_of_each_file(built: dict[str, Folder]) -> None:
         assert of_mujoco == order["joints"]["isaac"]
 
 
-def test_a_joint_at_which_a_loop_is_cut_is_nowhere_else(built: dict[str, Folder]) -> None:
+def test_cut_joint_of_a_loop_has_no_index(built: dict[str, Folder]) -> None:
+    """The joint where a loop is cut appears only in the document order; its index is null elsewhere."""
     for order in built["fourbar"].modes.values():
         (cut,) = {*order["joints"]["document"]} - {*order["joints"]["mujoco"]}
         place = order["joints"]["document"].index(cut)
@@ -249,7 +256,8 @@ def test_a_joint_at_which_a_loop_is_cut_is_nowhere_else(built: dict[str, Folder]
 
 
 @pytest.mark.parametrize("target", ["urdf", "usd", "sdf", "mjz"])
-def test_the_file_does_not_depend_on_the_targets(tmp_path: Path, shared_store: str, built: dict[str, Folder], target: str) -> None:
+def test_file_does_not_depend_on_emitted_targets(tmp_path: Path, shared_store: str, built: dict[str, Folder], target: str) -> None:
+    """Every robot target writes the same `joint_order.json`. A build with only the bill of materials does not write it."""
     folder = built["every"]
     (tmp_path / "robot.yaml").write_text(EVERY)
     assert main(["build", str(tmp_path / "robot.yaml"), "--emit", target, "-o", str(tmp_path / "out"), "--store", shared_store]) == 0
@@ -275,7 +283,8 @@ raw:
 """
 
 
-def test_raw_elements_have_their_place(tmp_path: Path, shared_store: str) -> None:
+def test_raw_elements_are_included(tmp_path: Path, shared_store: str) -> None:
+    """Actuators and sensors from `raw` are listed in the model's order. A size or address that is unknown is null."""
     folder = Folder(tmp_path, shared_store, {"robot.yaml": RAW})
     model, order = folder.mujoco("m"), folder.modes["m"]
     assert order["actuators"]["mujoco"] == [model.actuator(k).name for k in range(model.nu)] == ["j", "extra"]
@@ -290,8 +299,8 @@ def test_raw_elements_have_their_place(tmp_path: Path, shared_store: str) -> Non
     assert order["sensors"]["sizes"][names.index("own")] is None and order["sensors"]["addresses"][names.index("own")] is not None
 
 
-def test_sizes_of_sensors_are_those_of_mujoco() -> None:
-    """Each element of the table, in a model of its own."""
+def test_sensor_sizes_match_mujoco() -> None:
+    """Each sensor element of the size table is compiled in its own MuJoCo model."""
     from thingc.targets.joint_order import SENSOR_SIZES
 
     objects = {

@@ -1,4 +1,4 @@
-"""`modes.json`: forward kinematics from it alone, against the mate graph and against MuJoCo."""
+"""`modes.json`: forward kinematics computed from the file alone, compared with the mate graph and with MuJoCo."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def modes(whole: Assembly, tmp_path: Path) -> dict[str, Any]:
 
 
 def turn(axis: Matrix, angle: float) -> Matrix:
-    """Rodrigues' formula."""
+    """Rotation about an axis by Rodrigues' formula."""
     x, y, z = axis
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     X = np.eye(4)
@@ -52,8 +52,8 @@ def shift(along: Matrix) -> Matrix:
     return X
 
 
-def from_mates(whole: Assembly, q: dict[str, float]) -> dict[int, Matrix]:
-    """Poses of occurrences in the base, straight from the mate graph."""
+def poses_from_mates(whole: Assembly, q: dict[str, float]) -> dict[int, Matrix]:
+    """Poses of occurrences in the base, computed from the mate graph."""
     poses = {0: np.eye(4)}
     for mate in whole.mates:
         X = np.array(mate.X_PJ.rows())
@@ -65,17 +65,17 @@ def from_mates(whole: Assembly, q: dict[str, float]) -> dict[int, Matrix]:
     return poses
 
 
-def from_json(mode: dict[str, Any], q: dict[str, float]) -> dict[str, Matrix]:
-    """Poses of links in the root link as a reader of the file works them out."""
+def poses_from_json(mode: dict[str, Any], q: dict[str, float]) -> dict[str, Matrix]:
+    """Poses of links in the root link, computed as a reader of the file does."""
     poses = {mode["links"][0]["name"]: np.eye(4)}
     for joint in mode["joints"]:
-        X = across(joint, q)
+        X = joint_pose(joint, q)
         poses[joint["child"]] = poses[joint["parent"]] @ (np.linalg.inv(X) if joint["reversed"] else X)
     return poses
 
 
-def across(joint: dict[str, Any], q: dict[str, float]) -> Matrix:
-    """The document's child in its parent."""
+def joint_pose(joint: dict[str, Any], q: dict[str, float]) -> Matrix:
+    """Pose of the joint's child in its parent, as in the document."""
     X = np.array(joint["X_PJ"])
     for one in joint["coordinates"]:
         hat = np.zeros((4, 4))
@@ -90,7 +90,7 @@ def test_kinematics_agree_with_the_mate_graph(whole: Assembly, modes: dict[str, 
     random = np.random.default_rng(3)
     for _ in range(20):
         q = {"yaw": random.uniform(-3, 3), "hand/lift": random.uniform(-0.1, 0.1)}
-        mates, links = from_mates(whole, q), from_json(modes[name], q)
+        mates, links = poses_from_mates(whole, q), poses_from_json(modes[name], q)
         frames = {link.name: mates[link.frame] for link in whole.links}
         assert set(links) == set(frames)
         first = modes[name]["links"][0]["name"]
@@ -99,7 +99,7 @@ def test_kinematics_agree_with_the_mate_graph(whole: Assembly, modes: dict[str, 
 
 
 def mjcf_of(mode: dict[str, Any]) -> mujoco.MjModel:
-    """A model from nothing but the file: bodies at q = 0, joints where the frames put them."""
+    """A MuJoCo model built from the file alone: bodies at q = 0 and joints at the given frames."""
     at_zero = {link["name"]: np.array(link["X_root_link"]) for link in mode["links"]}
     by_child = {joint["child"]: joint for joint in mode["joints"]}
     spec = mujoco.MjSpec()
@@ -126,7 +126,8 @@ def mjcf_of(mode: dict[str, Any]) -> mujoco.MjModel:
 
 
 @pytest.mark.parametrize("name", MODES)
-def test_mujoco_has_the_same_addresses_and_poses(whole: Assembly, modes: dict[str, Any], name: str) -> None:
+def test_addresses_and_poses_match_mujoco(whole: Assembly, modes: dict[str, Any], name: str) -> None:
+    """A MuJoCo model built from the file has the listed `qpos` and `dof` addresses, and its poses match the mate graph."""
     mode = modes[name]
     model = mjcf_of(mode)
     data = mujoco.MjData(model)
@@ -139,7 +140,7 @@ def test_mujoco_has_the_same_addresses_and_poses(whole: Assembly, modes: dict[st
             data.qpos[one["qpos"]] = q[one["name"]]
     assert [model.body(k + 1).name for k in range(model.nbody - 1)] == [link["name"] for link in mode["links"]]
     mujoco.mj_kinematics(model, data)
-    mates = from_mates(whole, q)
+    mates = poses_from_mates(whole, q)
     frames = {link.name: mates[link.frame] for link in whole.links}
     first = mode["links"][0]["name"]
     for link in frames:
@@ -148,7 +149,8 @@ def test_mujoco_has_the_same_addresses_and_poses(whole: Assembly, modes: dict[st
         np.testing.assert_allclose(data.body(link).xmat.reshape(3, 3), expected[:3, :3], atol=1e-12)
 
 
-def test_what_is_said_of_each_mode(modes: dict[str, Any]) -> None:
+def test_mode_entries_are_complete(modes: dict[str, Any]) -> None:
+    """Every mode has the expected keys, root, base, poses and joint directions."""
     assert list(modes) == ["bench", "drawing", "adrift"]
     assert {name: (mode["root"], mode["base"], mode["links"][0]["name"]) for name, mode in modes.items()} == {
         "bench": ("plate/origin", "fixed", "base"), "drawing": ("hand/palm/origin", "held", "palm"),

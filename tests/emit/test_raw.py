@@ -1,4 +1,4 @@
-"""Raw attributes of URDF, SDF and USD, on a document that nests another."""
+"""`raw` attributes of URDF, SDF and USD in a document that includes another document."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ RAW
 """
 
 
-def built(folder: Path, raw: str, *words: str) -> int:
+def build_robot(folder: Path, raw: str, *words: str) -> int:
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (folder / "hand.yaml").write_text(HAND)
     (folder / "robot.yaml").write_text(ROBOT.replace("RAW", raw))
@@ -59,8 +59,9 @@ def element(path: Path, kind: str, name: str) -> ElementTree.Element:
     return next(one for one in ElementTree.parse(path).iter(kind) if one.get("name") == name)
 
 
-def test_attributes_of_urdf_are_in_every_mode_and_in_the_package(tmp_path: Path) -> None:
-    assert built(tmp_path, "  urdf: {link: {base: {marker: {colour: red}}}}", "--emit", "urdf,ros") == 0
+def test_urdf_attributes_are_written_in_every_mode(tmp_path: Path) -> None:
+    """Raw attributes of URDF appear in every mode and in the ROS package. References to the joint elsewhere in the file are unchanged."""
+    assert build_robot(tmp_path, "  urdf: {link: {base: {marker: {colour: red}}}}", "--emit", "urdf,ros") == 0
     for mode in "mn":
         for folder in ("urdf", "ros/robot_description/urdf"):
             path = tmp_path / "build" / "robot" / folder / f"robot_{mode}.urdf"
@@ -73,9 +74,9 @@ def test_attributes_of_urdf_are_in_every_mode_and_in_the_package(tmp_path: Path)
             assert (safety.attrib, marker.attrib) == ({"k_velocity": "10"}, {"colour": "red"})
 
 
-def test_values_of_sdf_are_elements(tmp_path: Path) -> None:
+def test_sdf_values_are_written_as_elements(tmp_path: Path) -> None:
     raw = "  sdf: {link: {left.tip: {gravity: false}}, joint: {left/knuckle: {axis: {dynamics: {damping: 0.5}}}}}"
-    assert built(tmp_path, raw, "--emit", "sdf") == 0
+    assert build_robot(tmp_path, raw, "--emit", "sdf") == 0
     for mode in "mn":
         path = tmp_path / "build" / "robot" / "sdf" / f"robot_{mode}" / "model.sdf"
         assert element(path, "link", "left_tip").findtext("gravity") == "false"
@@ -105,10 +106,12 @@ def test_values_of_sdf_are_elements(tmp_path: Path) -> None:
      "TC707: `raw` cannot set `xyz` of a joint: the robot would differ between formats",
      "change the mounts of the joint, or its `axis:`"),
 ])
-def test_what_has_no_place_is_said_at_its_key(
+def test_invalid_raw_keys_are_reported_at_the_key(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], raw: str, said: str, help: str,
 ) -> None:
-    assert built(tmp_path, f"  {raw}", "--emit", "urdf,ros,sdf") == 1
+    """An unknown element, an invalid name or an attribute that thingc controls is one error at its key, with a help line, and no file is
+    written."""
+    assert build_robot(tmp_path, f"  {raw}", "--emit", "urdf,ros,sdf") == 1
     printed = capsys.readouterr()
     text = printed.out + printed.err
     assert len(re.findall(r"^error", text, re.MULTILINE)) == 1
@@ -118,9 +121,10 @@ def test_what_has_no_place_is_said_at_its_key(
     assert not (tmp_path / "build").exists()
 
 
-def test_elements_with_a_prefix_are_declared(tmp_path: Path) -> None:
+def test_namespace_prefixes_are_declared(tmp_path: Path) -> None:
+    """Prefixes such as `drake:` and `gz:` are declared, so an XML parser resolves them."""
     raw = '  urdf: {joint: {left.knuckle: {"drake:ball": {"drake:x": 1}}}}\n  sdf: {link: {base: {"gz:buoyant": 1, "drake:y": 2}}}'
-    assert built(tmp_path, raw, "--emit", "urdf,sdf") == 0
+    assert build_robot(tmp_path, raw, "--emit", "urdf,sdf") == 0
     drake, gz = "{http://drake.mit.edu}", "{http://gazebosim.org/schema}"
     folder = tmp_path / "build" / "robot"
     ball = element(folder / "urdf" / "robot_m.urdf", "joint", "left_knuckle").find(f"{drake}ball")
@@ -129,13 +133,13 @@ def test_elements_with_a_prefix_are_declared(tmp_path: Path) -> None:
     assert (link.findtext(f"{gz}buoyant"), link.findtext(f"{drake}y")) == ("1", "2")
 
 
-def plain(value: Any) -> Any:
-    """What USD has for a list."""
+def as_list(value: Any) -> Any:
+    """Convert a USD array to a list."""
     return list(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
 
 
-def test_attributes_of_usd_have_types(tmp_path: Path) -> None:
-    """By usd-core; what the file has already keeps its type, and its place."""
+def test_usd_attributes_have_types(tmp_path: Path) -> None:
+    """usd-core reads each raw attribute with its type. An attribute that the file already has keeps its type and position."""
     raw = """\
   usd:
     joint:
@@ -146,7 +150,7 @@ def test_attributes_of_usd_have_types(tmp_path: Path) -> None:
     link: {left/tip: {"mine:ints": [1, 2], "mine:reals": [1, 2.5], "mine:name": "a \\"b\\"\\r", "float3 mine:vector": [1, 2, 3]}}
     scene: {"token physxScene:solverType": TGS, "int mine:n": 3,
             "double mine:d": 1.7976931348623157e+308, "float mine:f": -3.4028234663852886e+38, "physics:gravityDirection": [0, 1, 0]}"""
-    assert built(tmp_path, raw, "--emit", "usd") == 0
+    assert build_robot(tmp_path, raw, "--emit", "usd") == 0
     for mode in "mn":
         text = (tmp_path / "build" / "robot" / "usd" / f"robot_{mode}.usda").read_text()
         model = Model(text)
@@ -154,7 +158,7 @@ def test_attributes_of_usd_have_types(tmp_path: Path) -> None:
 
         def of(path: str, *names: str, model: Model = model) -> list[tuple[str, object]]:
             found = [model.at(path).GetAttribute(name) for name in names]
-            return [(str(one.GetTypeName()), plain(one.Get())) for one in found]
+            return [(str(one.GetTypeName()), as_list(one.Get())) for one in found]
 
         knuckle = "joints/left_knuckle"
         assert {"PhysxJointAPI", "PhysxLimitAPI:angular"} <= set(model.at(knuckle).GetPrimTypeInfo().GetAppliedAPISchemas())

@@ -1,4 +1,4 @@
-"""The ROS 2 package: its parts against the REPs, its launch file run with stubs of the launch modules, its SRDF against geometry."""
+"""The ROS 2 package: its files against the REPs, its launch file with stubs of the launch modules, and its SRDF against geometry."""
 
 from __future__ import annotations
 
@@ -44,11 +44,12 @@ from thingc.targets.urdf.emit import emit as emit_urdf
 from thingc.tools.cli.main import main
 
 MOUNTS = {"in": MATE, "out": t(0.1, 0.0, 0.0)}
-"""A ball of a chain: what it is mated by lies in it, the next one 0.1 m along its x."""
+"""Mounts of a ball in a chain: `in` is inside the ball, `out` is 0.1 m along x."""
 
 
-def asked(model: Any, radii: Mapping[int, float], folder: str) -> EmitRequest:
-    """A document of components `c0`, `c1` ..., each a ball of a radius [m] about its origin (without one it touches nothing)."""
+def build_request(model: Any, radii: Mapping[int, float], folder: str) -> EmitRequest:
+    """Build a request for components `c0`, `c1` ..., each a ball with a radius [m] around its origin. Balls without a radius have no
+    collision shape."""
     count = len(model.components)
     drawn = {"visual": Mesh(sha256="0" * 64, size=0, vertices=4, faces=4, closed=True, flat=False)}
     records = [
@@ -92,7 +93,8 @@ def drive(kind: str, **said: Any) -> Drive:
 
 
 def joints() -> list[Joint]:
-    """`yaw` is a servo, `wheel` turns at a speed, `lift` is pushed; `finger` follows `lift`, `spindle` is a screw, `flap` hangs loose."""
+    """`yaw` has a position drive, `wheel` a velocity drive, `lift` a motor. `finger` mimics `lift`, `spindle` is a screw, and `flap` has
+    no drive."""
     yaw, wheel, lift = (
         coordinates_of("yaw", "c0.out", "c1.in", "revolute", lower=-1.0, upper=2.0, drive=drive("position", kp=20.0, kv=1e-5)),
         coordinates_of("wheel", "c1.out", "c2.in", "continuous", velocity=3.0, drive=drive("velocity", kv=0.5)),
@@ -107,7 +109,7 @@ def joints() -> list[Joint]:
 
 @pytest.fixture(scope="module")
 def request_of_all(tmp_path_factory: pytest.TempPathFactory) -> EmitRequest:
-    """In mode `bench` it stands, with all of its drives, `adrift` it floats on its other end, with two."""
+    """A request with two modes: `bench` is fixed and has all drives; `adrift` has a free base at the other end and two drives."""
     radii = {0: 0.01, 1: 0.01, 3: 0.01}
     modes = [
         mode("bench", ref("c0.out"), "fixed", pose="up", poses=("up", "down")),
@@ -116,7 +118,7 @@ def request_of_all(tmp_path_factory: pytest.TempPathFactory) -> EmitRequest:
     poses = [pose("up", yaw=0.5, lift=0.02, spindle=math.pi), pose("down", yaw=-0.5)]
     mounts = {"tip": "c6.out", "base": "c0.in", "y": "c1.out"}
     model = document("Robot__7", balls(7, radii), joints(), modes=modes, poses=poses, mounts=mounts)
-    request = asked(model, radii, str(tmp_path_factory.mktemp("store")))
+    request = build_request(model, radii, str(tmp_path_factory.mktemp("store")))
     said = PackageInfo(maintainer="Ada <3 & co", mail="ada@example.org", license="Apache-2.0", version="1.2.3")
     return replace(request, workspace=dataclasses.replace(request.workspace, about=said))
 
@@ -126,7 +128,7 @@ def made(request_of_all: EmitRequest) -> Artifacts:
     return emit(request_of_all)
 
 
-def test_the_folder_is_a_package(made: Artifacts) -> None:
+def test_package_has_expected_files(made: Artifacts) -> None:
     assert set(made.files) == {f"ros/robot_7_description/{path}" for path in (
         "CMakeLists.txt", "config/Robot__7_adrift.srdf", "config/Robot__7_bench.srdf", "config/controllers.yaml", "config/display.rviz",
         "launch/display.launch.py", "package.xml", "urdf/Robot__7_adrift.urdf", "urdf/Robot__7_bench.urdf",
@@ -137,12 +139,13 @@ def test_the_folder_is_a_package(made: Artifacts) -> None:
 @pytest.mark.parametrize(("robot", "name"), [
     ("arm", "arm_description"), ("MInchW", "minchw_description"), ("A__b_", "a_b_description"), ("x2", "x2_description"),
 ])
-def test_names_of_packages_are_those_of_rep_144(robot: str, name: str) -> None:
+def test_package_names_follow_rep_144(robot: str, name: str) -> None:
     assert package_name(robot) == name and re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name)
 
 
-def test_the_manifest_is_that_of_rep_149(made: Artifacts) -> None:
-    """Format 3: what must be there once, in any order; who maintains it with a mail address; the build type in the export."""
+def test_package_manifest_follows_rep_149(made: Artifacts) -> None:
+    """Format 3 of REP 149: required elements occur once in any order, the maintainer has a mail address, and `export` contains the build
+    type."""
     assert text(made, "package.xml").startswith('<?xml version="1.0"?>\n')  # nothing, not even a comment, may stand before it
     package = xml(made, "package.xml")
     assert (package.tag, package.attrib) == ("package", {"format": "3"})
@@ -159,8 +162,9 @@ def test_the_manifest_is_that_of_rep_149(made: Artifacts) -> None:
     assert {child.tag for child in package} == known
 
 
-def test_the_manifest_and_the_launch_file_bear_what_a_document_says_and_is_called(tmp_path: Path) -> None:
-    """Characters that XML does not have, and a file that is called like a word of the template."""
+def test_unusual_descriptions_and_file_names_are_escaped(tmp_path: Path) -> None:
+    """The manifest escapes characters that XML does not allow. A document whose name equals a placeholder of the template gives a valid
+    launch file."""
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     document = tmp_path / "@MODES@.yaml"
     document.write_text('thingc: assembly/1\nname: odd\ndescription: "a\\x01b </description> \\ufffe"\ncomponents: {base: {frame: true}}\n')
@@ -173,7 +177,8 @@ def test_the_manifest_and_the_launch_file_bear_what_a_document_says_and_is_calle
     compile(launch, "display.launch.py", "exec")
 
 
-def test_what_is_run_and_plugged_in_is_depended_on(made: Artifacts) -> None:
+def test_used_packages_are_dependencies(made: Artifacts) -> None:
+    """All packages that the launch file runs or imports, and all plugins, are `exec_depend` entries."""
     depends = {depend.text for depend in xml(made, "package.xml").findall("exec_depend")}
     launch, parameters = text(made, "launch/display.launch.py"), yaml.safe_load(text(made, "config/controllers.yaml"))
     run = set(re.findall(r'package="(\w+)"', launch)) | {"joint_state_publisher", "joint_state_publisher_gui"}
@@ -184,8 +189,8 @@ def test_what_is_run_and_plugged_in_is_depended_on(made: Artifacts) -> None:
 
 
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="there is no cmake")
-def test_cmake_installs_it(made: Artifacts, tmp_path: Path) -> None:
-    """`ament_package()` alone is ours: what it does is to install the manifest."""
+def test_cmake_installs_all_files(made: Artifacts, tmp_path: Path) -> None:
+    """CMake configures and installs the package. Only `ament_package()` is a stub, which installs the manifest."""
     package, found = tmp_path / "robot_7_description", tmp_path / "ament"
     for name, content in made.files.items():
         assert isinstance(content, bytes)
@@ -209,7 +214,7 @@ def test_cmake_installs_it(made: Artifacts, tmp_path: Path) -> None:
 
 
 class Said:
-    """What a launch module's class was called with."""
+    """Records the arguments with which a class of a launch module was called."""
 
     def __init__(self, *words: Any, **named: Any) -> None:
         self.words, self.named = words, named
@@ -217,8 +222,9 @@ class Said:
 
 @pytest.fixture
 def launched(made: Artifacts, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """`launched(mode="bench", ...)`: the nodes of `display.launch.py`, with stubs of the launch modules. Arguments that are not
-    declared, and values that are none of the choices, are errors, as they are in ROS."""
+    """Function `launched(mode="bench", ...)` that returns the nodes of `display.launch.py`, run with stubs of the launch modules.
+
+    Undeclared arguments and values outside the choices are errors, as in ROS."""
     for name, content in made.files.items():
         assert isinstance(content, bytes)
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -259,7 +265,8 @@ def launched(made: Artifacts, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("mode_", ["bench", "adrift"])
-def test_the_launch_file_shows_each_mode(made: Artifacts, launched: Any, mode_: str) -> None:
+def test_launch_file_starts_nodes_for_each_mode(made: Artifacts, launched: Any, mode_: str) -> None:
+    """The description node gets the URDF of the mode as a string, and RViz starts with the root link as its fixed frame."""
     description, publisher, rviz = launched(mode=mode_)
     assert description["executable"] == description["package"] == "robot_state_publisher"
     ((name, value),) = description["parameters"][0].items()
@@ -273,7 +280,8 @@ def test_the_launch_file_shows_each_mode(made: Artifacts, launched: Any, mode_: 
     assert rviz["arguments"][2:] == ["-f", *(links - children)]
 
 
-def test_joints_are_shown_where_the_mode_starts(launched: Any) -> None:
+def test_joint_publisher_starts_at_the_start_pose(launched: Any) -> None:
+    """The zeros of the joint state publisher are the start pose, as floats."""
     (zeros,) = launched(mode="bench")[1]["parameters"]
     assert zeros == {
         "zeros.yaw": 0.5, "zeros.wheel": 0.0, "zeros.lift": 0.02, "zeros.finger": 0.05, "zeros.spindle": math.pi,
@@ -283,7 +291,8 @@ def test_joints_are_shown_where_the_mode_starts(launched: Any) -> None:
     assert launched()[1]["parameters"] == [zeros]
 
 
-def test_what_the_arguments_of_the_launch_file_start(launched: Any) -> None:
+def test_launch_arguments_select_nodes(launched: Any) -> None:
+    """`gui`, `rviz`, `control` and `mode` select the started nodes and controllers."""
     def started(**chosen: str) -> list[str]:
         nodes = [(node["executable"], node.get("arguments")) for node in launched(**chosen)]
         return [f"spawner {words[0]}" if executable == "spawner" else executable for executable, words in nodes]
@@ -297,7 +306,8 @@ def test_what_the_arguments_of_the_launch_file_start(launched: Any) -> None:
     assert [Path(file).name for file in parameters] == ["controllers.yaml"] and all(Path(file).is_file() for file in parameters)
 
 
-def test_rviz_reads_its_settings(made: Artifacts) -> None:
+def test_rviz_settings_show_the_robot(made: Artifacts) -> None:
+    """The RViz file subscribes to the description with transient local durability, because the description is published once."""
     settings = yaml.safe_load(text(made, "config/display.rviz"))["Visualization Manager"]
     shown = {display["Class"].partition("/")[2]: display for display in settings["Displays"]}
     assert shown["RobotModel"]["Description Topic"]["Value"] == "/robot_description" and shown["RobotModel"]["Enabled"]
@@ -310,11 +320,12 @@ def test_rviz_reads_its_settings(made: Artifacts) -> None:
 
 
 def whole(urdf: str) -> str:
-    """A file with what MuJoCo needs to keep fixed links, and meshes in their folders."""
+    """Add the compiler options that MuJoCo needs to keep fixed links and to find meshes in their folders."""
     return urdf.replace("</robot>", '<mujoco><compiler fusestatic="false" discardvisual="false" strippath="false"/></mujoco></robot>')
 
 
-def test_the_urdf_is_that_of_urdf_but_for_its_meshes_mujoco_and_ros2_control(tmp_path: Path) -> None:
+def test_urdf_matches_the_urdf_target(tmp_path: Path) -> None:
+    """The URDF of the package equals that of the `urdf` target except for mesh paths, the MuJoCo element and the `ros2_control` block."""
     store = Store(str(tmp_path / "store"))
     whole = small_robot.assembly(store)
     bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
@@ -334,7 +345,7 @@ def test_the_urdf_is_that_of_urdf_but_for_its_meshes_mujoco_and_ros2_control(tmp
 
 
 def block_of(made: Artifacts, mode_: str) -> dict[str, dict[str, Any]]:
-    """Of every joint in `<ros2_control>` its commands with their bounds, its states with where they begin, and its own parameters."""
+    """Joints of `<ros2_control>`: command interfaces with their bounds, state interfaces with their initial values, and parameters."""
     block = xml(made, f"urdf/Robot__7_{mode_}.urdf").find("ros2_control")
     assert block is not None and block.attrib == {"name": "Robot__7", "type": "system"}
     assert block.findtext("hardware/plugin") == "mock_components/GenericSystem"
@@ -355,7 +366,8 @@ def states(q: float, *more: str) -> dict[str, dict[str, float]]:
     return {"position": {"initial_value": pytest.approx(q)}, "velocity": {}, **{name: {} for name in more}}
 
 
-def test_drives_are_command_interfaces_and_everything_that_moves_has_states(made: Artifacts) -> None:
+def test_ros2_control_has_commands_and_states(made: Artifacts) -> None:
+    """Drives become command interfaces with bounds. Every moving joint has state interfaces."""
     assert block_of(made, "bench") == {
         "yaw": {"commands": {"position": {"min": -1.0, "max": 2.0}}, "states": states(0.5), "kp": 20.0, "kv": 1e-5},
         "wheel": {"commands": {"velocity": {"min": -3.0, "max": 3.0}}, "states": states(0.0), "kv": 0.5},
@@ -370,11 +382,12 @@ def test_drives_are_command_interfaces_and_everything_that_moves_has_states(made
     assert adrift["wheel"] == {"commands": {}, "states": states(0.0)}
 
 
-def test_the_drive_of_a_screw_commands_its_turn_alone_and_those_of_a_ball_nothing(tmp_path: Path) -> None:
+def test_screw_and_ball_drives_in_ros2_control(tmp_path: Path) -> None:
+    """The drive of a screw commands only its rotation. Drives of a ball joint have no command interface."""
     nut = coordinates_of("nut", "c0.out", "c1.in", "screw", drive=drive("position", kp=3.0))
     first, *others = coordinates_of("hip", "c1.out", "c2.in", "ball")
     joints = [*nut, replace(first, drive=drive("motor", effort=1.0, axis=(1.0, 0.0, 0.0))), *others]
-    made = emit(asked(document("r", balls(3, {}), joints, modes=[mode("m", ref("c0.in"))]), {}, str(tmp_path)))
+    made = emit(build_request(document("r", balls(3, {}), joints, modes=[mode("m", ref("c0.in"))]), {}, str(tmp_path)))
     block = xml(made, "urdf/r_m.urdf").findall("ros2_control/joint")
     commands = {joint.attrib["name"]: [one.attrib["name"] for one in joint.findall("command_interface")] for joint in block}
     assert commands == {"nut": ["position"], "nut_slide": [], "hip_0": [], "hip_1": [], "hip_2": []}
@@ -382,8 +395,9 @@ def test_the_drive_of_a_screw_commands_its_turn_alone_and_those_of_a_ball_nothin
 
 
 @pytest.mark.parametrize("mode_", ["bench", "adrift"])
-def test_ros2_control_takes_the_block(made: Artifacts, mode_: str) -> None:
-    """What its parser throws for: a joint that is not in the URDF, a command of one that mimics, and a leader that is not in the block."""
+def test_ros2_control_block_is_accepted(made: Artifacts, mode_: str) -> None:
+    """The block avoids the errors of the ros2_control parser: an unknown joint, a command for a mimic joint, or a leader that the block
+    does not contain."""
     urdf = xml(made, f"urdf/Robot__7_{mode_}.urdf")
     joints = {joint.attrib["name"]: joint for joint in urdf.findall("joint")}
     block = block_of(made, mode_)
@@ -393,7 +407,8 @@ def test_ros2_control_takes_the_block(made: Artifacts, mode_: str) -> None:
     assert not any(block[name]["commands"] for name in followers)
 
 
-def test_controllers_are_those_of_the_drives(made: Artifacts) -> None:
+def test_controllers_match_the_drives(made: Artifacts) -> None:
+    """Position drives get a trajectory controller with gains, velocity and motor drives forward controllers."""
     parameters = yaml.safe_load(text(made, "config/controllers.yaml"))
     manager = parameters.pop("controller_manager")["ros__parameters"]
     assert manager == {
@@ -414,7 +429,8 @@ def test_controllers_are_those_of_the_drives(made: Artifacts) -> None:
     assert all(type(gain) is float for gain in gains.values()), "a whole number, or a text, would be a parameter of another type"
 
 
-def test_modes_with_other_drives_have_controllers_of_their_own(tmp_path: Path) -> None:
+def test_modes_with_other_drives_have_own_controllers(tmp_path: Path) -> None:
+    """A mode with other actuators gets its own controller. Joints named `y` and `n` stay strings in YAML."""
     modes = [
         mode(name, ref("c0.out"), base, actuators=actuators)
         for name, base, actuators in (("a", "fixed", None), ("b", "fixed", ("n",)), ("c", "held", None), ("d", "fixed", ()))
@@ -422,7 +438,7 @@ def test_modes_with_other_drives_have_controllers_of_their_own(tmp_path: Path) -
     turns = [
         coordinates_of(name, f"c{k}.out", f"c{k + 1}.in", "revolute", drive=drive("position", kp=1.0)) for k, name in enumerate("yn")
     ]
-    made = emit(asked(document("r", balls(3, {}), [*turns[0], *turns[1]], modes=modes), {}, str(tmp_path)))
+    made = emit(build_request(document("r", balls(3, {}), [*turns[0], *turns[1]], modes=modes), {}, str(tmp_path)))
     parameters = yaml.safe_load(text(made, "config/controllers.yaml"))
     joints = {name: one["ros__parameters"]["joints"] for name, one in parameters.items() if name != "controller_manager"}
     # `y` and `n` are names here, though YAML takes them for yes and no.
@@ -432,9 +448,10 @@ def test_modes_with_other_drives_have_controllers_of_their_own(tmp_path: Path) -
     assert named == [["joint_trajectory_controller"], ["joint_trajectory_controller_b"], ["joint_trajectory_controller"], []]
 
 
-def test_what_cannot_move_needs_no_control(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rigid_robot_has_no_control_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot without joints has no `ros2_control` block, an empty SRDF, and no sampling of contacts."""
     monkeypatch.setattr(collision_matrix, "_Sampler", None)  # nor does anybody look for contacts where nothing can touch
-    made = emit(asked(document("r", balls(1, {}), modes=[mode("m", ref("c0.out"))]), {}, str(tmp_path)))
+    made = emit(build_request(document("r", balls(1, {}), modes=[mode("m", ref("c0.out"))]), {}, str(tmp_path)))
     assert xml(made, "urdf/r_m.urdf").find("ros2_control") is None
     assert list(xml(made, "config/r_m.srdf")) == []
     assert '"start": {},' in text(made, "launch/display.launch.py")
@@ -449,26 +466,28 @@ def groups_of(srdf: ElementTree.Element) -> dict[str, list[Any]]:
     }
 
 
-def test_groups_lead_to_the_mounts_that_move_against_the_root(made: Artifacts) -> None:
+def test_groups_are_chains_to_moving_mounts(made: Artifacts) -> None:
+    """Each exported mount that moves relative to the root is the tip of a group. A further group contains all joints."""
     everything = [(name,) for name in ("yaw", "wheel", "lift", "finger", "spindle", "spindle_slide", "flap")]
     assert next(iter(groups_of(xml(made, "config/Robot__7_bench.srdf")))) == "Robot__7"
     assert groups_of(xml(made, "config/Robot__7_bench.srdf")) == {"tip": [("c0", "tip")], "y": [("c0", "y")], "Robot__7": everything}
     assert set(groups_of(xml(made, "config/Robot__7_adrift.srdf"))) == {"base", "y", "Robot__7"}
 
 
-def test_mounts_that_are_the_same_frame_have_one_group(tmp_path: Path) -> None:
+def test_mounts_at_the_same_frame_share_a_group(tmp_path: Path) -> None:
     turn = coordinates_of("j0", "c0.out", "c1.in", "revolute", lower=-1.0, upper=1.0)
     mounts = {"first": "c1.out", "second": "c1.out", "third": "c1.in"}
-    made = emit(asked(document("r", balls(2, {}), turn, modes=[mode("m", ref("c0.in"))], mounts=mounts), {}, str(tmp_path)))
+    made = emit(build_request(document("r", balls(2, {}), turn, modes=[mode("m", ref("c0.in"))], mounts=mounts), {}, str(tmp_path)))
     assert set(groups_of(xml(made, "config/r_m.srdf"))) == {"r", "first", "third"}
 
 
-def test_a_joint_that_is_called_like_the_slide_of_a_screw_is_told(tmp_path: Path) -> None:
+def test_name_clash_with_screw_slide_is_reported(tmp_path: Path) -> None:
+    """A joint named like the generated slide of a screw is reported."""
     turns = [
         *coordinates_of("spindle", "c0.out", "c1.in", "screw"),
         *coordinates_of("spindle_slide", "c1.out", "c2.in", "revolute", lower=-1.0, upper=1.0),
     ]
-    request = asked(document("r", balls(3, {}), turns, modes=[mode("m", ref("c0.in"))]), {}, str(tmp_path))
+    request = build_request(document("r", balls(3, {}), turns, modes=[mode("m", ref("c0.in"))]), {}, str(tmp_path))
     emit(request)
     assert [one.message for one in request.report.diagnostics] == [
         "`spindle_slide` and the slide of `spindle` would both be the joint `spindle_slide` in URDF",
@@ -476,7 +495,8 @@ def test_a_joint_that_is_called_like_the_slide_of_a_screw_is_told(tmp_path: Path
 
 
 @pytest.mark.parametrize("mode_", ["bench", "adrift"])
-def test_chains_and_states_name_what_is_in_the_urdf(made: Artifacts, mode_: str) -> None:
+def test_srdf_refers_to_joints_of_the_urdf(made: Artifacts, mode_: str) -> None:
+    """Group states list the independent joints of their chain in the URDF. Passive joints are the independent joints without a command."""
     urdf, srdf = xml(made, f"urdf/Robot__7_{mode_}.urdf"), xml(made, f"config/Robot__7_{mode_}.srdf")
     assert srdf.attrib["name"] == urdf.attrib["name"]
     above = {
@@ -502,22 +522,23 @@ def test_chains_and_states_name_what_is_in_the_urdf(made: Artifacts, mode_: str)
     assert passive == by_themselves - driven and "flap" in passive
 
 
-def test_a_base_that_floats_is_a_virtual_joint(made: Artifacts) -> None:
+def test_floating_base_is_a_virtual_joint(made: Artifacts) -> None:
     (floating,) = xml(made, "config/Robot__7_adrift.srdf").findall("virtual_joint")
     assert floating.attrib == {"name": "root", "type": "floating", "parent_frame": "world", "child_link": "c6"}
     assert xml(made, "config/Robot__7_bench.srdf").find("virtual_joint") is None
 
 
 @pytest.mark.parametrize("root", ["c0.out", "c2.in"])
-def test_a_pose_is_where_mujoco_has_it(tmp_path: Path, root: str) -> None:
-    """A ball and a screw, which are other joints in URDF, whichever way they are crossed: by the group state and by the start values."""
+def test_named_pose_matches_mujoco(tmp_path: Path, root: str) -> None:
+    """A ball and a screw have other joints in URDF. The group state and the initial values still give the poses of the MJCF model, for
+    either root."""
     turns = {"hip_0": 0.4, "hip_1": -1.1, "hip_2": 0.7}
     both = [*coordinates_of("hip", "c0.out", "c1.in", "ball"), *coordinates_of("nut", "c1.out", "c2.in", "screw")]
     model = document(
         "r", balls(3, {}), both, modes=[mode("m", ref(root), pose="p", poses=("p",))], poses=[pose("p", nut=2.0, **turns)],
         mounts={"base": "c0.in", "tip": "c2.out"},
     )
-    request = asked(model, {}, str(tmp_path))
+    request = build_request(model, {}, str(tmp_path))
     made, reference = emit(request), emit_mjcf(request).files["mjcf/r_m.xml"]
     assert isinstance(reference, bytes)
     urdf, srdf = xml(made, "urdf/r_m.urdf"), xml(made, "config/r_m.srdf")
@@ -540,10 +561,11 @@ def test_a_pose_is_where_mujoco_has_it(tmp_path: Path, root: str) -> None:
 
 
 @pytest.mark.parametrize(("base", "count"), [("planar", 3), ("ball", 3), ("held", 0)])
-def test_a_base_that_moves_has_states_and_is_in_no_group(tmp_path: Path, base: str, count: int) -> None:
+def test_moving_base_has_states_but_no_group(tmp_path: Path, base: str, count: int) -> None:
+    """Joints of a planar or ball base have state interfaces and are passive, but no group contains them."""
     joint = coordinates_of("j", "c0.out", "c1.in", "revolute", drive=drive("position", kp=1.0))
     model = document("r", balls(2, {}), joint, modes=[mode("m", ref("c0.in"), base)], mounts={"tip": "c1.out"})
-    made = emit(asked(model, {}, str(tmp_path)))
+    made = emit(build_request(model, {}, str(tmp_path)))
     urdf, srdf = xml(made, "urdf/r_m.urdf"), xml(made, "config/r_m.srdf")
     names = [f"root_{k}" for k in range(count)]
     assert [one.attrib["name"] for one in urdf.iterfind("ros2_control/joint")] == [*names, "j"]
@@ -554,9 +576,10 @@ def test_a_base_that_moves_has_states_and_is_in_no_group(tmp_path: Path, base: s
     assert '"frame": "world"' in text(made, "launch/display.launch.py")
 
 
-def test_a_mount_that_is_called_like_the_robot_is_told(tmp_path: Path) -> None:
+def test_mount_named_like_the_robot_is_reported(tmp_path: Path) -> None:
+    """A mount with the name of the group of all joints is reported."""
     joint = coordinates_of("j", "c0.out", "c1.in", "revolute")
-    request = asked(document("r", balls(2, {}), joint, modes=[mode("m", ref("c0.out"))], mounts={"r": "c1.out"}), {}, str(tmp_path))
+    request = build_request(document("r", balls(2, {}), joint, modes=[mode("m", ref("c0.out"))], mounts={"r": "c1.out"}), {}, str(tmp_path))
     emit(request)
     (found,) = request.report.diagnostics
     assert found.code is Code.SAME_NAME and found.message == "`r` and the group of all joints would both be the group `r` in SRDF"
@@ -565,20 +588,20 @@ def test_a_mount_that_is_called_like_the_robot_is_told(tmp_path: Path) -> None:
 # --- which links meet --------------------------------------------------------------------------------------------------
 
 RADII = {0: 0.02, 1: 0.02, 2: 0.02, 3: 0.02}
-"""Of four balls 0.1 m apart along a chain; those of links that are not neighbours meet where their centres are nearer than 0.04 m."""
+"""Radii of four balls 0.1 m apart along a chain. Balls that are not neighbours touch if their centres are nearer than 0.04 m."""
 
 
 def chain(ranges: tuple[float, float, float], folder: Path, radii: Mapping[int, float] = RADII, **over: Any) -> Artifacts:
-    """The first joint turns the ball c1 about a point 0.1 m from c0, and so on: all in a plane."""
+    """Chain of balls in a plane: the first joint turns the ball c1 about a point 0.1 m from c0, and so on."""
     turns = [
         one for k, reach in enumerate(ranges)
         for one in coordinates_of(f"j{k}", f"c{k}.out", f"c{k + 1}.in", "revolute", lower=-reach, upper=reach)
     ]
     modes = over.pop("modes", [mode("m", ref("c0.in"))])
-    return emit(asked(document("r", balls(4, radii), turns, modes=modes, **over), radii, str(folder)))
+    return emit(build_request(document("r", balls(4, radii), turns, modes=modes, **over), radii, str(folder)))
 
 
-def unchecked(made: Artifacts, mode_: str = "m") -> dict[tuple[str, str], str]:
+def disabled_pairs(made: Artifacts, mode_: str = "m") -> dict[tuple[str, str], str]:
     return {
         (one.attrib["link1"], one.attrib["link2"]): one.attrib["reason"]
         for one in xml(made, f"config/r_{mode_}.srdf").findall("disable_collisions")
@@ -586,7 +609,7 @@ def unchecked(made: Artifacts, mode_: str = "m") -> dict[tuple[str, str], str]:
 
 
 def centres(q: tuple[float, ...]) -> list[Any]:
-    """Where the balls are, by matrices."""
+    """Centres of the balls, computed with matrices."""
     at = [np.eye(4)]
     for angle in q:
         at.append(at[-1] @ t(0.1, 0.0, 0.0) @ rz(angle))
@@ -594,9 +617,9 @@ def centres(q: tuple[float, ...]) -> list[Any]:
 
 
 @pytest.mark.parametrize("ranges", [(1.0, 1.0, 1.0), (3.0, 3.0, 3.0), (3.0, 3.0, 0.5), (0.5, 2.95, 0.2)])
-def test_pairs_that_never_meet_are_those_that_cannot(tmp_path: Path, ranges: tuple[float, float, float]) -> None:
-    """The oracle is a grid over all joints, with the balls' centres as complex numbers."""
-    made = unchecked(chain(ranges, tmp_path))
+def test_pairs_that_cannot_touch_are_disabled(tmp_path: Path, ranges: tuple[float, float, float]) -> None:
+    """The oracle is a grid over all joints with the centres of the balls as complex numbers."""
+    made = disabled_pairs(chain(ranges, tmp_path))
     first, second = (np.ravel(q) for q in np.meshgrid(*(np.linspace(-reach, reach, 25) for reach in ranges[:2])))
     steps = np.exp(1j * np.cumsum([0.0 * first, first, second], axis=0))
     at = np.concatenate([0.0 * steps[:1], np.cumsum(0.1 * steps, axis=0)])
@@ -607,38 +630,40 @@ def test_pairs_that_never_meet_are_those_that_cannot(tmp_path: Path, ranges: tup
     assert made == {**never, **neighbours}
 
 
-def test_pairs_that_always_meet_or_do_at_the_start_are_told_from_those_that_may(tmp_path: Path) -> None:
-    """c0 reaches to c3 but where the chain is almost straight; c1 and c3 meet where it is folded at c2, which it is where `s` starts."""
+def test_always_and_default_collisions_are_distinguished(tmp_path: Path) -> None:
+    """c0 reaches c3 unless the chain is almost straight, so the pair is `Always`. c1 and c3 touch if the chain is folded at c2, as in
+    the start pose of `s`, where the pairs are `Default`."""
     radii = {0: 0.27, 1: 0.02, 3: 0.02}
     modes = [mode("m", ref("c0.in")), mode("s", ref("c0.in"), pose="shut", poses=("shut",)), mode("back", ref("c3.in"))]
     made = chain((3.0, 3.0, 3.0), tmp_path, radii, modes=modes, poses=[pose("shut", j1=math.pi - 0.2)])
     drawn = np.random.default_rng(1).uniform(-3.0, 3.0, (2000, 3))
     far = [float(np.linalg.norm(at[3] - at[0])) > 0.29 for at in map(centres, map(tuple, drawn))]
     assert 0 < sum(far) < 0.05 * len(far) and np.linalg.norm(centres((0.0, 0.0, 0.0))[3]) > 0.29
-    assert unchecked(made) == {("c0", "c1"): "Adjacent", ("c0", "c3"): "Always"}
-    assert unchecked(made, "s") == {("c0", "c1"): "Adjacent", ("c0", "c3"): "Default", ("c1", "c3"): "Default"}
-    assert unchecked(made, "back") == {("c3", "c0"): "Always", ("c1", "c0"): "Adjacent"}, "the links in the order of the mode"
+    assert disabled_pairs(made) == {("c0", "c1"): "Adjacent", ("c0", "c3"): "Always"}
+    assert disabled_pairs(made, "s") == {("c0", "c1"): "Adjacent", ("c0", "c3"): "Default", ("c1", "c3"): "Default"}
+    assert disabled_pairs(made, "back") == {("c3", "c0"): "Always", ("c1", "c0"): "Adjacent"}, "the links in the order of the mode"
 
 
-def test_pairs_that_a_mode_excludes_are_the_users(tmp_path: Path) -> None:
+def test_excluded_pairs_have_reason_user(tmp_path: Path) -> None:
     modes = [mode("m", ref("c0.in"), exclude=((ref("c0.in"), ref("c3.in")),))]
-    assert unchecked(chain((3.0, 3.0, 3.0), tmp_path, modes=modes))["c0", "c3"] == "User"
+    assert disabled_pairs(chain((3.0, 3.0, 3.0), tmp_path, modes=modes))["c0", "c3"] == "User"
 
 
-def test_what_follows_is_put_where_it_belongs(tmp_path: Path) -> None:
-    """c1 turns by q, c2 by -q: c3 stays beside c0, though each of the two joints alone would bring it there."""
+def test_sampling_respects_mimic_joints(tmp_path: Path) -> None:
+    """c1 turns by q and c2 by -q, so c3 stays beside c0, although each joint alone would bring them together."""
     turns = [
         *coordinates_of("j0", "c0.out", "c1.in", "revolute", lower=-3.0, upper=3.0),
         *coordinates_of("j1", "c1.out", "c2.in", "revolute", lower=-3.0, upper=3.0, mimic=mimic("j0", -1.0)),
         *coordinates_of("j2", "c2.out", "c3.in", "revolute", lower=-0.01, upper=0.01),
     ]
-    made = unchecked(emit(asked(document("r", balls(4, RADII), turns, modes=[mode("m", ref("c0.in"))]), RADII, str(tmp_path))))
+    made = disabled_pairs(emit(build_request(document("r", balls(4, RADII), turns, modes=[mode("m", ref("c0.in"))]), RADII, str(tmp_path))))
     folded = [centres((q, -q, 0.0)) for q in np.linspace(-3.0, 3.0, 601)]
     assert min(np.linalg.norm(at[3] - at[0]) for at in folded) > 0.05 and min(np.linalg.norm(at[2] - at[0]) for at in folded) < 0.03
     assert made["c0", "c3"] == "Never" and ("c0", "c2") not in made
 
 
-def test_what_was_found_is_kept_and_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_collision_matrix_is_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second run in the same store does not sample. Other joint ranges do."""
     ranges = (3.0, 3.0, 0.5)
     first, again = chain(ranges, tmp_path / "a"), chain(ranges, tmp_path / "b")
     assert first.files == again.files, "the same bytes each time"
@@ -649,26 +674,28 @@ def test_what_was_found_is_kept_and_found_again(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("fault", [ValueError("no volume"), mujoco.FatalError("no memory")])
-def test_shapes_that_mujoco_refuses_are_a_loss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Exception) -> None:
+def test_rejected_shapes_are_an_export_loss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Exception) -> None:
+    """If MuJoCo cannot read the shapes, only adjacent pairs are disabled and a loss is reported."""
     def refused(*_: Any) -> None:
         raise fault
 
     monkeypatch.setattr(collision_matrix, "_Sampler", refused)
     made = chain((1.0, 1.0, 1.0), tmp_path)
-    assert set(unchecked(made).values()) == {"Adjacent"}
+    assert set(disabled_pairs(made).values()) == {"Adjacent"}
     assert ("m", "disabled collisions: MuJoCo cannot read the shapes of the links") in {(loss.mode, loss.what) for loss in made.losses}
 
 
 # --- losses, and the whole way -----------------------------------------------------------------------------------------
 
 
-def test_what_is_lost_is_what_urdf_loses_but_for_what_stands_beside_it(tmp_path: Path) -> None:
+def test_losses_match_urdf_except_for_other_files(tmp_path: Path) -> None:
+    """Losses equal those of `urdf`, minus those that the SRDF or the controllers cover."""
     hip = coordinates_of("hip", "c0.out", "c1.in", "ball")
     driven = [replace(hip[0], drive=Drive(component=None, kind="motor", axis=(1.0, 0.0, 0.0), origin=where(30))), *hip[1:]]
     knee = coordinates_of("knee", "c1.out", "c2.in", "revolute", drive=drive("position", kp=5.0))
     knee = [replace(one, dynamics=Dynamics(armature=0.1), limit=Limit(lower=-1.0, upper=1.0)) for one in knee]
     modes = [mode("m", ref("c0.in"), poses=("p",), exclude=((ref("c0.in"), ref("c2.in")),))]
-    request = asked(document("r", balls(3, {}), [*driven, *knee], modes=modes, poses=[pose("p", knee=0.5)]), {}, str(tmp_path))
+    request = build_request(document("r", balls(3, {}), [*driven, *knee], modes=modes, poses=[pose("p", knee=0.5)]), {}, str(tmp_path))
     of_urdf = {(loss.path, loss.what) for loss in emit_urdf(request).losses}
     made = emit(request)
     assert {loss.target for loss in made.losses} == {"ros"}
@@ -680,7 +707,8 @@ def test_what_is_lost_is_what_urdf_loses_but_for_what_stands_beside_it(tmp_path:
     assert ("hip_0", "the drive: motor about 1, 0, 0: no joint in the file has this axis") in omitted
 
 
-def test_the_arm_is_built_and_loaded(root: Path, tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_arm_package_builds_and_loads(root: Path, tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The URDF files of the arm's package load in MuJoCo, and `--deny-loss` turns its losses into errors."""
     command = ["build", str(root / "assemblies" / "arm.yaml"), "--emit", "ros", "-o", str(tmp_path), "--store", shared_store]
     assert main(command) == 0, capsys.readouterr().err
     assert main([*command, "--deny-loss"]) == 1

@@ -1,4 +1,4 @@
-"""SDF files by the rules of the format (`read_sdf`): chains of matrices and MuJoCo on the MJCF say what they must come to."""
+"""SDF files, read by the rules of the format (`read_sdf`), compared with chains of matrices and with MuJoCo models of the same robot."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def text_of(made: Artifacts, path: str) -> str:
 
 
 def values(robot: Robot, model: Model, q: dict[str, float]) -> dict[str, Any]:
-    """q by path as the joints of a file have it; a universal has its axes in the order in which the tree goes through them."""
+    """Convert q by path to joint values of a file. A universal joint lists its axes in the order of the tree."""
     found: dict[str, Any] = {path.replace("/", "_"): value for path, value in q.items()}
     for body in robot.bodies:
         if len(body.joints) == 2 and (name := body.joints[0].path.replace("/", "_")[:-2]) in {joint.name for joint in model.joints}:
@@ -62,7 +62,8 @@ def values(robot: Robot, model: Model, q: dict[str, float]) -> dict[str, Any]:
 
 
 def emitted(tree: Tree, emit: Callable[[EmitRequest], Artifacts]) -> tuple[dict[str, Robot], Artifacts]:
-    """A random tree, which has no geometry, in a target: its robots by mode, and what is written of them without a word."""
+    """Emit a random tree, which has no geometry, for a target. Returns the robots by mode and the artifacts, and asserts that there are
+    no diagnostics."""
     chosen, report = robots(tree.assembly), Report()
     with tempfile.TemporaryDirectory() as folder:
         made = emit(EmitRequest(
@@ -75,7 +76,8 @@ def emitted(tree: Tree, emit: Callable[[EmitRequest], Artifacts]) -> tuple[dict[
 
 @settings(max_examples=12)
 @given(trees)
-def test_every_occurrence_and_frame_is_where_the_matrices_say(tree: Tree) -> None:
+def test_poses_of_random_trees_match_matrices(tree: Tree) -> None:
+    """Poses of all occurrences and frames in random trees equal chains of matrices. Only screws require version 1.11 of SDF."""
     chosen, made = emitted(tree, emit)
     inside = in_link(tree.assembly)
     for name, robot in chosen.items():
@@ -148,7 +150,7 @@ simulation: {{timestep: 1 ms, cone: elliptic}}
 
 
 class Compiled:
-    """What a document says in SDF, or another `target`, and in MJCF."""
+    """A compiled document with its output for SDF, or another `target`, and for MJCF."""
 
     def __init__(self, folder: Path, document: str, target: str = "sdf") -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -180,7 +182,7 @@ def every(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
 
 
 def posed(reference: mujoco.MjModel, rng: np.random.Generator) -> tuple[mujoco.MjData, dict[str, Any]]:
-    """MuJoCo somewhere, and the same for SDF: coordinates by path, balls as matrices."""
+    """MuJoCo data at a random configuration, and the same configuration for SDF: coordinates by path, balls as matrices."""
     data, q = mujoco.MjData(reference), {}
     for k in range(reference.njnt):
         name, joint = reference.joint(k).name, data.joint(k)
@@ -211,8 +213,9 @@ MODES = ("first", "last", "fork", "rolling", "swinging")
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_every_kind_of_joint_is_what_it_is_in_mjcf(every: Compiled, mode: str) -> None:
-    """Crossed forwards and backwards, under every kind of base: links, frames and inertias at random configurations."""
+def test_all_joint_kinds_match_mujoco(every: Compiled, mode: str) -> None:
+    """Links, frames and inertias equal those of the MJCF model at random configurations, with joints in both directions and every kind
+    of base."""
     model, reference, robot = every.model(mode), every.reference(mode), every.robots[mode]
     rng = np.random.default_rng(5)
     for _ in range(5):
@@ -236,7 +239,8 @@ def test_every_kind_of_joint_is_what_it_is_in_mjcf(every: Compiled, mode: str) -
     assert between == [*of_base, f"sleeve_{1 if mode in ('fork', 'swinging') else 0}_link"]
 
 
-def test_a_base_is_the_joint_root(every: Compiled) -> None:
+def test_bases_are_joints_named_root(every: Compiled) -> None:
+    """Each kind of base is a joint `root` to the world; a floating base has none."""
     found = {mode: [(j.name, j.type, j.child) for j in every.model(mode).joints if j.parent == "world"] for mode in MODES}
     assert found == {
         "first": [("root", "fixed", "c0")], "last": [("root", "fixed", "c8")], "fork": [],
@@ -245,7 +249,9 @@ def test_a_base_is_the_joint_root(every: Compiled) -> None:
     assert every.model("fork").model.attrib["canonical_link"] == "c7"
 
 
-def test_limits_dynamics_and_springs_are_those_of_the_document(every: Compiled) -> None:
+def test_limits_dynamics_and_springs_match_document(every: Compiled) -> None:
+    """Limits, damping, friction and springs are written for the joint. A joint without a drive has effort 0; a mimic joint has no effort
+    limit."""
     axis = every.model("first").element("turn").find("axis")
     assert axis is not None
     said = {one.tag: one.text for part in ("dynamics", "limit") for one in axis.find(part) or ()}
@@ -268,7 +274,8 @@ def test_limits_dynamics_and_springs_are_those_of_the_document(every: Compiled) 
     }
 
 
-def test_a_mimic_is_said_twice(every: Compiled) -> None:
+def test_mimic_is_written_for_sdformat_and_drake(every: Compiled) -> None:
+    """A mimic is written as the `mimic` element of SDF 1.11 and as `drake:mimic`."""
     model = every.model("last")
     assert model.root.attrib["version"] == "1.11"
     assert model.mimics() == {("push", "axis"): ("rail", "axis", -2.0, 0.003)}
@@ -276,7 +283,8 @@ def test_a_mimic_is_said_twice(every: Compiled) -> None:
     assert drakes.attrib == {"joint": "rail", "multiplier": "-2", "offset": "0.003"}
 
 
-def test_what_is_driven_has_a_controller_of_gazebos(every: Compiled) -> None:
+def test_drives_have_gazebo_controllers(every: Compiled) -> None:
+    """Each drive of a mode becomes a controller plugin of Gazebo with its gains and limits."""
     plugins = {plugin.findtext("joint_name"): plugin for plugin in every.model("first").model.findall("plugin")}
     assert {name: plugin.attrib["filename"] for name, plugin in plugins.items()} == {
         "turn": "gz-sim-joint-position-controller-system", "wheel": "gz-sim-joint-controller-system",
@@ -292,8 +300,8 @@ def test_what_is_driven_has_a_controller_of_gazebos(every: Compiled) -> None:
     assert [plugin.findtext("joint_name") for plugin in every.model("fork").model.findall("plugin")] == ["rail"]
 
 
-def test_sensors_are_where_they_are_in_mjcf(every: Compiled) -> None:
-    """A camera of MuJoCo looks along its -z, up its y; one of SDF along its x, up its z. A force is measured in the joint."""
+def test_sensor_poses_match_mujoco(every: Compiled) -> None:
+    """MuJoCo cameras look along -z with y up, SDF cameras along x with z up. A force is measured in the joint."""
     for mode in MODES:
         model, reference = every.model(mode), every.reference(mode)
         data = mujoco.MjData(reference)
@@ -317,7 +325,8 @@ def test_sensors_are_where_they_are_in_mjcf(every: Compiled) -> None:
     assert 2 * math.atan(math.tan(number(lens, "horizontal_fov") / 2) * high / wide) == pytest.approx(math.radians(60), abs=1e-12)
 
 
-def test_the_world_has_gravity_a_floor_a_light_and_the_model(every: Compiled) -> None:
+def test_world_file_has_gravity_floor_light_and_model(every: Compiled) -> None:
+    """The world file includes the model and the systems of its sensors; `model.config` names the SDF file and version."""
     for mode, gravity in (("first", "0 0 -9.81"), ("last", "-9.81 0 0")):
         world = ElementTree.fromstring(text_of(every.made, f"sdf/world_{mode}.sdf")).find("world")
         assert world is not None
@@ -342,7 +351,8 @@ def test_the_world_has_gravity_a_floor_a_light_and_the_model(every: Compiled) ->
 
 
 @pytest.mark.parametrize("name", ["sun", "floor"])
-def test_a_robot_may_be_called_like_what_is_in_its_world(tmp_path: Path, name: str) -> None:
+def test_robot_may_be_named_sun_or_floor(tmp_path: Path, name: str) -> None:
+    """The light and the floor of the world get other names if the robot has their name."""
     made = Compiled(tmp_path, f"thingc: assembly/1\nname: {name}\ncomponents: {{base: {{frame: true}}}}\n").made
     world = ElementTree.fromstring(text_of(made, "sdf/world_default.sdf")).find("world")
     assert world is not None
@@ -363,7 +373,9 @@ mounts: {tip: arm.tip}
 """
 
 
-def test_what_is_called_alike_has_its_kind_behind_its_name_wherever_it_is_named(tmp_path: Path) -> None:
+def test_clashing_names_get_a_suffix(tmp_path: Path) -> None:
+    """Links, joints and frames share one namespace in SDF. Clashing names get their kind as a suffix, in references too, and are listed
+    as losses."""
     made = Compiled(tmp_path, ALIKE)
     model = made.model("default").model
     names = [child.attrib["name"] for child in model if child.tag in ("link", "joint", "frame")]
@@ -373,7 +385,7 @@ def test_what_is_called_alike_has_its_kind_behind_its_name_wherever_it_is_named(
     assert [(path, line) for path, what, _, line in made.losses(None) if "the name" in what] == [("arm", 8), ("tip", 10)]
 
 
-def test_a_robot_that_is_called_like_the_world_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_robot_named_world_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "robot.yaml").write_text("thingc: assembly/1\nname: world\ncomponents: {base: {frame: true}}\n")
     assert main(["build", str(tmp_path / "robot.yaml"), "-o", str(tmp_path / "build"), "--emit", "sdf"]) == 1
@@ -381,8 +393,8 @@ def test_a_robot_that_is_called_like_the_world_is_told(tmp_path: Path, capsys: p
     assert "error[TC709]: the robot and the world would both have the name `world` in SDF" in said and "robot.yaml:2:7" in said
 
 
-def test_a_robot_that_floats_does_not_begin_in_the_floor(tmp_path: Path) -> None:
-    """A metre under it in the mode: the lowest corner of its parts touches it."""
+def test_floating_robot_starts_on_the_floor(tmp_path: Path) -> None:
+    """The mode is 1 m below the floor. The world lifts the robot until its lowest corner touches the floor."""
     request = small_robot.request(small_robot.assembly(Store(str(tmp_path))), Store(str(tmp_path)))
     adrift = next(robot for robot in request.robots if robot.base == "free")
     root = adrift.bodies[0]
@@ -399,7 +411,8 @@ def test_a_robot_that_floats_does_not_begin_in_the_floor(tmp_path: Path) -> None
     assert min(heights) == pytest.approx(0.0, abs=1e-12) and lift[2, 3] > 0.5
 
 
-def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
+def test_losses_have_the_line_of_their_cause(every: Compiled) -> None:
+    """Every export loss of the document has the line of its element in the document."""
     def lost(mode: str | None) -> set[tuple[str, str, str, str]]:
         lines = ["", *(line.strip() for line in EVERY.split("\n"))]
         return {(path, what, how, re.split(r"[:{]", lines[line])[0]) for path, what, how, line in every.losses(mode)}
@@ -440,8 +453,8 @@ def fourbar(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
 
 
 @pytest.mark.parametrize("mode", ["bench", "by_coupler", "other", "third"])
-def test_a_loop_is_a_joint_that_is_closed_where_the_file_has_it(fourbar: Compiled, mode: str) -> None:
-    """At 0 this one is open: q counts from the first pose."""
+def test_loops_are_closed_at_zero(fourbar: Compiled, mode: str) -> None:
+    """The loop is open at q = 0 of the document, so joint positions in the file are relative to the first pose."""
     model, robot, reference = fourbar.model(mode), fourbar.robots[mode], fourbar.reference(mode)
     assert {joint.name for joint in model.joints} == {"drive", "elbow", "pivot", "wrist", *(["root"] if robot.base != "free" else [])}
     start = robot.keyframes[0]
@@ -471,8 +484,9 @@ def worm(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
 @pytest.mark.parametrize(("mode", "held", "kind"), [
     ("hanging", "front_sole", "fixed"), ("dangling", "front_sole", "ball"), ("stay", "rear_sole", "fixed"), ("pinned", "rear_sole", "ball"),
 ])
-def test_a_hold_is_a_joint_to_the_world(worm: Compiled, mode: str, held: str, kind: str) -> None:
-    """Where MuJoCo's keyframe has the mount. What hangs from one hold alone is there with all joints at 0."""
+def test_holds_are_joints_to_the_world(worm: Compiled, mode: str, held: str, kind: str) -> None:
+    """The held mount is at the pose of MuJoCo's keyframe. If the only support is one hold, the file has this pose at joint positions of
+    0."""
     model, robot, reference = worm.model(mode), worm.robots[mode], worm.reference(mode)
     joint = model.joint(f"{held}_hold")
     assert (joint.parent, joint.type) == ("world", kind)
@@ -490,7 +504,8 @@ def test_a_hold_is_a_joint_to_the_world(worm: Compiled, mode: str, held: str, ki
 # --- shapes, names ------------------------------------------------------------------------------------------------------
 
 
-def test_what_visuals_and_collisions_are(tmp_path: Path) -> None:
+def test_visuals_have_names_meshes_and_colours(tmp_path: Path) -> None:
+    """Each drawn occurrence has one visual with a colour. The mesh files are exactly those that the model refers to."""
     store = Store(str(tmp_path))
     whole = small_robot.assembly(store)
     bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
@@ -508,8 +523,9 @@ def test_what_visuals_and_collisions_are(tmp_path: Path) -> None:
     assert colours and None not in colours
 
 
-def test_shapes_are_said_as_they_are_and_rub_as_their_material_does(tmp_path: Path) -> None:
-    """ODE's torsional friction is 3 pi / 16 of its coefficient times the radius of the patch and the force; MuJoCo's a length times it."""
+def test_shapes_and_friction_match_the_material(tmp_path: Path) -> None:
+    """Primitives keep their kind and size. The torsional friction of ODE is 3 pi / 16 times its coefficient times the patch radius and
+    the force; in MuJoCo it is a length times the force."""
     store = Store(str(tmp_path))
     whole = small_robot.assembly(store)
     at = Pose(translation=(0.01, 0.02, 0.03))

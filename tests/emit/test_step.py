@@ -1,4 +1,4 @@
-"""The STEP file of an assembly, written by the real geometry service and read back by the CAD kernel."""
+"""The STEP file of an assembly, written by the geometry service and read by the CAD kernel."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from emit.small_robot import assembly, occurrence, part, request
 from thingc.base.diagnostics import Code
-from thingc.base.pose import NO_POSE, placed
+from thingc.base.pose import NO_POSE, make_pose
 from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 from thingc.geometry.record import PartDefinition, PartRecord, Value
 from thingc.geometry.service import GeometryService
@@ -54,7 +54,7 @@ def service(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Any:
 
 
 def blocks(store: Store, service: GeometryService) -> Assembly:
-    """Two equal blocks and a tall one (in `hand`), each in its own pose; a frame in between."""
+    """Two equal blocks and a tall one (in `hand`) at different poses, and a frame."""
     usual: dict[str, Value] = {"height": 0.03, "engraved": ""}
     short, tall = part("blocks:Block", {}, usual), part("blocks:Block", {"height": 0.05, "engraved": "M3 x 8"}, usual)
     records = service.realize([short, tall])
@@ -70,12 +70,13 @@ def blocks(store: Store, service: GeometryService) -> Assembly:
             block(0, "left", short, "#ff0000"), occurrence(1, "marker", None, None), block(2, "right", short, "#0000ff"),
             block(3, "hand/tall", tall, "#00ff00"),
         ),
-        rest=(NO_POSE, NO_POSE, placed((0.1, 0, 0), (0, 0, 0)), placed((0.0, 0.2, 0.0), (1.5707963267948966, 0, 0))),
+        rest=(NO_POSE, NO_POSE, make_pose((0.1, 0, 0), (0, 0, 0)), make_pose((0.0, 0.2, 0.0), (1.5707963267948966, 0, 0))),
         link_of=(0, 0, 0, 0), mates=(), modes=(), links=(),
     )
 
 
-def test_what_a_cad_program_reads(service: GeometryService, shared_store: str, tmp_path: Path) -> None:
+def test_cad_kernel_reads_names_volumes_and_colours(service: GeometryService, shared_store: str, tmp_path: Path) -> None:
+    """The CAD kernel reads the component tree, definitions, volumes, centres and colours. Equal definitions share their shape."""
     store = Store(shared_store)
     made = emit(request(blocks(store, service), store, service))
     assert list(made.files) == ["step/arm.step"] and made.losses == ()
@@ -105,14 +106,14 @@ def test_what_a_cad_program_reads(service: GeometryService, shared_store: str, t
         assert leaves[path]["color"] == pytest.approx(color, abs=0.01)
 
 
-def test_the_same_bytes(service: GeometryService, shared_store: str) -> None:
+def test_output_is_deterministic(service: GeometryService, shared_store: str) -> None:
     store = Store(shared_store)
     whole = blocks(store, service)
     assert emit(request(whole, store, service)).files == emit(request(whole, store, service)).files
 
 
-def test_what_the_kernel_cannot_write(service: GeometryService, tmp_path: Path) -> None:
-    """The hand-built robot's B-reps are no B-reps."""
+def test_invalid_brep_is_an_error(service: GeometryService, tmp_path: Path) -> None:
+    """The B-reps of `small_robot` are invalid data, so the export fails with `STEP_FAILED` and without a traceback."""
     store = Store(str(tmp_path))
     asked = request(assembly(store), store, service)
     made = emit(asked)
@@ -124,7 +125,8 @@ def test_what_the_kernel_cannot_write(service: GeometryService, tmp_path: Path) 
     assert said.help == "select targets other than `step` with --emit"
 
 
-def test_nothing_with_geometry_is_no_file(tmp_path: Path) -> None:
+def test_robot_without_geometry_has_no_file(tmp_path: Path) -> None:
+    """A robot without geometry produces no file and one export loss."""
     store = Store(str(tmp_path))
     whole = assembly(store)
     frames = replace(whole, occurrences=tuple(o if o.record is None else replace(o, record=None) for o in whole.occurrences))
@@ -136,7 +138,8 @@ def test_nothing_with_geometry_is_no_file(tmp_path: Path) -> None:
     ),)
 
 
-def test_a_mesh_cannot_stand_in_it(tmp_path: Path) -> None:
+def test_meshes_are_a_loss(tmp_path: Path) -> None:
+    """Parts that are meshes cannot be written to STEP. Each is an export loss."""
     store = Store(str(tmp_path))
     whole = assembly(store)
     meshes = replace(whole, occurrences=tuple(

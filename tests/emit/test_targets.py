@@ -1,4 +1,4 @@
-"""Which targets a build writes: those of the command line, else of the workspace, else those that are written unasked."""
+"""Selection of targets: the command line overrides the workspace, which overrides the defaults."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from thingc.targets.registry import TARGETS, chosen, unknown
+from thingc.targets.registry import TARGETS, parse_targets, unknown
 from thingc.tools.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = {path.parent.name for path in (ROOT / "compiler" / "thingc" / "targets").glob("*/__init__.py")}
 SHARED = {"render"}
-"""Folders beside those of targets."""
+"""Folders in `targets` that are not targets."""
 
 ROBOT = """\
 thingc: assembly/1
@@ -28,21 +28,21 @@ modes: {m: {root: base, base: fixed}}
 """
 
 
-def shows(path: str, pattern: str) -> bool:
-    """Whether a file or folder of the picture is one that a pattern means, or that such files are in."""
+def matches_pattern(path: str, pattern: str) -> bool:
+    """Whether a file or folder of the documented build folder matches a pattern, or contains files that match."""
     words = pattern.split("/")
     begin = words[: path.rstrip("/").count("/") + 1]
     return path.endswith("/") == (len(begin) < len(words)) and fnmatch.fnmatch(path.rstrip("/"), "/".join(begin))
 
 
 @pytest.mark.parametrize("name", sorted(FOLDERS - SHARED))
-def test_a_target_is_declared_and_tested(name: str) -> None:
-    """Something that is forgotten for a new target is named here, or by mypy in its declaration."""
+def test_every_target_is_declared_and_tested(name: str) -> None:
+    """Each folder in `targets` declares a target, lists its files and has a test that imports its emitter."""
     assert name in TARGETS, f"`TARGET` is missing in targets/{name}/__init__.py"
     target = TARGETS[name]
     for pattern in target.writes:
         where = f"the `files` of targets/{name}/__init__.py, which make the picture of the build folder"
-        assert any(shows(path, pattern) for path in target.files), f"`{pattern}` is missing in {where}"
+        assert any(matches_pattern(path, pattern) for path in target.files), f"`{pattern}` is missing in {where}"
     tests = "\n".join(path.read_text() for path in (ROOT / "tests").rglob("*.py"))
     module, _, function = target.emitter.partition(":")
     package, _, stem = module.rpartition(".")
@@ -50,11 +50,12 @@ def test_a_target_is_declared_and_tested(name: str) -> None:
     assert re.search(f"{direct}|{whole}", tests), f"no test imports `{function}` of {module}: add a test of the target `{name}`"
 
 
-def test_positions_of_targets_differ() -> None:
+def test_target_positions_are_consecutive() -> None:
     assert [target.position for target in TARGETS.values()] == [*range(1, len(TARGETS) + 1)]
 
 
-def test_targets_are_listed_without_their_emitters() -> None:
+def test_listing_targets_imports_no_emitter() -> None:
+    """Importing the registry loads no emitter and no heavy package."""
     script = "import sys, thingc.targets.registry as r; print(*r.TARGETS); print(*sys.modules)"
     output = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     names, modules = (set(line.split()) for line in output.splitlines())
@@ -64,14 +65,16 @@ def test_targets_are_listed_without_their_emitters() -> None:
     assert not modules & {"numpy", "mujoco", "networkx", "trimesh", "pydantic"}
 
 
-def test_words_name_targets_in_the_order_of_a_build() -> None:
-    assert chosen(["urdf,mjcf", "bom"]) == ("mjcf", "urdf", "bom")
-    assert chosen(["all"]) == chosen(["bom", "all"]) and {*chosen(["all"])} >= {*TARGETS}
-    assert {*chosen([])} == {name for name, target in TARGETS.items() if target.unasked}
-    assert "mjcf" in chosen([]) and "urdf" not in chosen([])
+def test_selected_targets_are_in_build_order() -> None:
+    """`chosen` returns targets in build order, expands `all`, and returns the default targets for an empty list."""
+    assert parse_targets(["urdf,mjcf", "bom"]) == ("mjcf", "urdf", "bom")
+    assert parse_targets(["all"]) == parse_targets(["bom", "all"]) and {*parse_targets(["all"])} >= {*TARGETS}
+    assert {*parse_targets([])} == {name for name, target in TARGETS.items() if target.unasked}
+    assert "mjcf" in parse_targets([]) and "urdf" not in parse_targets([])
 
 
-def test_every_word_that_is_none_is_told_with_its_place() -> None:
+def test_unknown_targets_are_reported_with_their_index() -> None:
+    """Each unknown target is reported with the index of its argument and a suggestion."""
     wrong = unknown(["mjcf", "stl,mjfc", "al"])
     assert [(index, message) for index, message, _ in wrong] == [(1, "there is no target `mjfc`"), (2, "there is no target `al`")]
     assert ["`mjcf`" in str(wrong[0][2]), "`all`" in str(wrong[1][2])] == [True, True]
@@ -81,9 +84,10 @@ def test_every_word_that_is_none_is_told_with_its_place() -> None:
     ("", [], {"mjcf", "bom"}), ('emit = ["urdf"]', [], {"urdf"}), ('emit = ["urdf"]', ["--emit", "bom"], {"bom"}),
     ('emit = ["bom", "urdf"]', [], {"bom", "urdf"}), ('emit = ["all"]', [], {"mjcf", "urdf", "bom"}),
 ])
-def test_the_command_line_counts_before_the_workspace(
+def test_command_line_overrides_workspace(
     tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str], line: str, words: list[str], expected: set[str],
 ) -> None:
+    """`--emit` overrides `emit` in `thingc.toml`, and then a change of the workspace has no effect on the files."""
     (tmp_path / "thingc.toml").write_text(f'thingc = "workspace/1"\n{line}\n')
     (tmp_path / "r.yaml").write_text(ROBOT)
     command = ["build", str(tmp_path / "r.yaml"), "--store", shared_store, *words]
@@ -97,7 +101,7 @@ def test_the_command_line_counts_before_the_workspace(
     assert (now == files) == bool(words)
 
 
-def test_help_has_every_target(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_lists_every_target(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["build", "--help"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert all(f"{name} ({target.says})" in said for name, target in TARGETS.items())
@@ -114,9 +118,11 @@ modes: {m: {root: base, base: fixed}}
 """
 
 
-def test_losses_are_those_of_the_targets_that_are_asked_for(
+def test_losses_depend_on_selected_targets(
     tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str],
 ) -> None:
+    """`thingc why --losses` lists losses of the targets from `--emit`, the workspace or the defaults. Unknown targets are errors at
+    their place."""
     (tmp_path / "r.yaml").write_text(SCREW)
     document = str(tmp_path / "r.yaml")
 
@@ -136,10 +142,10 @@ def test_losses_are_those_of_the_targets_that_are_asked_for(
     assert "thingc.toml:2:9" in capsys.readouterr().err
 
 
-def test_a_build_ends_with_what_was_built_after_one_line_of_losses(
+def test_build_ends_with_loss_count_and_summary(
     tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Losses are counted by target; custom data (the velocity limit in MJCF) is not a loss."""
+    """Losses are counted by target in one line before the summary. Custom data (the velocity limit in MJCF) is not a loss."""
     document = tmp_path / "r.yaml"
     arm = "  arm: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}}\n"
     limit = "{lower: -1 rad, upper: 1 rad, velocity: 1 rad/s}"
@@ -159,8 +165,8 @@ def test_a_build_ends_with_what_was_built_after_one_line_of_losses(
     assert "is up to date" in same, "the losses of targets that were not asked for are not repeated"
 
 
-def test_losses_that_are_alike_are_one_line(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Numbers may differ; modes are named together."""
+def test_similar_losses_are_merged(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Losses that differ only in numbers, elements or modes are printed on one line."""
     mass = "mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}"
     document = tmp_path / "r.yaml"
     dynamics = ("armature: 2 kg*mm^2", "armature: 2 kg*mm^2, stiffness: 1 N*m/rad", "stiffness: 2.5 N*m/rad")
@@ -184,7 +190,8 @@ def test_losses_that_are_alike_are_one_line(tmp_path: Path, shared_store: str, c
     (["--emit", ""], "`--emit` has no target"), (["--emit", ","], "`--emit` has no target"),
     (["--emit", "urdf", "--compat", "mjx"], "`--compat` requires MuJoCo models, but `--emit` does not include `mjcf`"),
 ])
-def test_a_command_line_that_asks_for_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str) -> None:
+def test_empty_or_unused_options_are_usage_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str) -> None:
+    """An empty `--emit`, or `--compat` without MuJoCo models, is a usage error, and no file is written."""
     (tmp_path / "r.yaml").write_text(SCREW)
     assert main(["build", str(tmp_path / "r.yaml"), "-o", str(tmp_path / "out"), *words]) == 2
     assert said in capsys.readouterr().err and not (tmp_path / "out").exists()

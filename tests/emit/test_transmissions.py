@@ -1,4 +1,4 @@
-"""Transmissions in URDF, ROS 2, SDF and USD, and what `thingc import` reads of them."""
+"""Transmissions in URDF, ROS 2, SDF and USD, and their import with `thingc import`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ TARGETS = ("mjcf", "urdf", "ros", "sdf", "usd")
 DIFFERENTIAL, FOUR_BAR, NEITHER = "[[3, 6], [4, -8]]", "[[3, 0], [4, -8]]", "[[3, 1], [4, -8]]"
 
 
-def built(folder: Path, matrix: str) -> Path:
+def build_targets(folder: Path, matrix: str) -> Path:
     (folder / "geared.yaml").write_text(GEARED.replace("MATRIX", matrix))
     words = ["build", str(folder / "geared.yaml"), "-o", str(folder / "out"), "--store", str(folder / "store")]
     assert main([*words, *(word for target in TARGETS for word in ("--emit", target))]) == 0
@@ -54,7 +54,7 @@ def losses(folder: Path) -> set[tuple[str, str, str, str]]:
 
 
 def positions(plugin: str, a: list[float], j: list[float]) -> np.ndarray:
-    """The matrix from joints to actuators, from the formulas in the headers of ros2_control."""
+    """Matrix from joint to actuator positions, computed with the formulas in the headers of ros2_control."""
     if plugin.endswith("SimpleTransmission"):
         return np.array([[a[0] * j[0]]])
     if plugin.endswith("DifferentialTransmission"):
@@ -64,8 +64,10 @@ def positions(plugin: str, a: list[float], j: list[float]) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("matrix", "plugin"), [(DIFFERENTIAL, "Differential"), (FOUR_BAR, "FourBarLinkage")])
-def test_ros_gets_the_same_matrix(matrix: str, plugin: str, tmp_path: Path) -> None:
-    out = built(tmp_path, matrix)
+def test_ros_transmission_has_the_same_matrix(matrix: str, plugin: str, tmp_path: Path) -> None:
+    """The reductions in the `ros2_control` block give the matrix of the document. The mode with one drive has one transmission, in both
+    formats."""
+    out = build_targets(tmp_path, matrix)
     block = ElementTree.parse(out / "ros/geared_description/urdf/geared_m.urdf").getroot().find("ros2_control")
     assert block is not None
     found = {one.get("name"): one for one in block.findall("transmission")}
@@ -87,9 +89,9 @@ def test_ros_gets_the_same_matrix(matrix: str, plugin: str, tmp_path: Path) -> N
     assert [one.get("name") for one in other.iter("transmission")] == ["belt", "belt"], "the mode has one drive, in both forms"
 
 
-def test_efforts_of_urdf_are_those_at_the_joints(tmp_path: Path) -> None:
-    """9 x 0.8 x 0.5 N m at the knee; 3 x 2 + 4 x 2 and 6 x 2 + 8 x 2 at the wrist."""
-    root = ElementTree.parse(built(tmp_path, DIFFERENTIAL) / "urdf/geared_m.urdf").getroot()
+def test_urdf_efforts_are_joint_efforts(tmp_path: Path) -> None:
+    """Expected: 9 x 0.8 x 0.5 N m at the knee; 3 x 2 + 4 x 2 and 6 x 2 + 8 x 2 at the wrist."""
+    root = ElementTree.parse(build_targets(tmp_path, DIFFERENTIAL) / "urdf/geared_m.urdf").getroot()
     limits = {joint.get("name"): joint.find("limit") for joint in root.findall("joint") if joint.find("limit") is not None}
     efforts = {name: float(limit.get("effort", "")) for name, limit in limits.items() if limit is not None}
     assert efforts == pytest.approx({"knee": 3.6, "pitch": 14.0, "roll": 28.0})
@@ -98,8 +100,9 @@ def test_efforts_of_urdf_are_those_at_the_joints(tmp_path: Path) -> None:
     assert belt.findtext("actuator/mechanicalReduction") == "-9"
 
 
-def test_losses(tmp_path: Path) -> None:
-    lost = losses(built(tmp_path, NEITHER))
+def test_unsupported_transmissions_are_losses(tmp_path: Path) -> None:
+    """Backlash, general differentials and their armature are export losses of the formats that do not support them."""
+    lost = losses(build_targets(tmp_path, NEITHER))
     backlash = {(target, "knee", "the backlash of 0.1 rad", "omitted") for target in ("urdf", "ros", "sdf", "usd")}
     assert backlash | {("mjcf", "knee", "the backlash of 0.1 rad", "carried as custom data")} <= lost
     symmetric = "the transmission of this differential: ROS only has transmissions of two actuators, with a symmetric matrix"
@@ -112,10 +115,10 @@ def test_losses(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("file", ["urdf/geared_m.urdf", "ros/geared_description/urdf/geared_m.urdf"])
 @pytest.mark.parametrize("matrix", [DIFFERENTIAL, FOUR_BAR])
-def test_urdf_is_imported_with_its_transmissions(file: str, matrix: str, tmp_path: Path) -> None:
-    """The ratios, and the efforts at the joints."""
+def test_urdf_import_keeps_transmissions(file: str, matrix: str, tmp_path: Path) -> None:
+    """Importing the exported URDF keeps ratios, matrices and efforts at the joints."""
     report = Report()
-    found = import_robot(str(built(tmp_path, matrix) / file), report)
+    found = import_robot(str(build_targets(tmp_path, matrix) / file), report)
     assert found is not None and report.diagnostics == []
     text = found.files["geared.yaml"].decode()
     again = tmp_path / "again"
@@ -136,8 +139,9 @@ def test_urdf_is_imported_with_its_transmissions(file: str, matrix: str, tmp_pat
     ("DifferentialTransmission", "HarmonicTransmission", "unknown type, or a reduction of 0"),
     ('name="wrist"', 'name="belt"', "another transmission has its name or drives its joints"),
 ])
-def test_reductions_that_cannot_be_imported_are_losses(old: str, new: str, why: str, tmp_path: Path) -> None:
-    path = built(tmp_path, DIFFERENTIAL) / "urdf/geared_m.urdf"
+def test_invalid_reductions_are_import_losses(old: str, new: str, why: str, tmp_path: Path) -> None:
+    """A reduction of 0, an unknown type or a duplicate name is one import loss, and the imported document compiles."""
+    path = build_targets(tmp_path, DIFFERENTIAL) / "urdf/geared_m.urdf"
     text = path.read_text()
     assert old in text
     copy = tmp_path / "copy.urdf"
@@ -151,9 +155,9 @@ def test_reductions_that_cannot_be_imported_are_losses(old: str, new: str, why: 
     assert thingc.compile(tmp_path / "copy" / "geared.yaml").diagnostics is not None
 
 
-def test_mjcf_is_imported_with_equal_dynamics(tmp_path: Path) -> None:
-    """The tendons, their armatures and the efforts; and a `gear` of MuJoCo is converted to the joint."""
-    out = built(tmp_path, DIFFERENTIAL)
+def test_mjcf_import_keeps_tendons_and_gear(tmp_path: Path) -> None:
+    """Tendons, their armatures and the efforts are kept. `gear` of MuJoCo is converted to the joint."""
+    out = build_targets(tmp_path, DIFFERENTIAL)
     source = out / "mjcf/geared_m.xml"
     text = source.read_text()
     written = next(line for line in text.splitlines() if '<motor name="knee"' in line)

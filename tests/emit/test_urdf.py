@@ -1,4 +1,4 @@
-"""URDF files as others read them: MuJoCo is the one that is asked, chains of matrices and MJCF say what it must answer."""
+"""URDF files read by MuJoCo, compared with chains of matrices and with MJCF models of the same robot."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from graph.builder import (
 from graph.builder import assembly as document
 from robot.test_spanning_tree_properties import COUNTS, WITHOUT_LEAD, Tree, build, robots, world_of
 from thingc.base.diagnostics import Code, Report
-from thingc.base.pose import Pose, placed, rpy_of
+from thingc.base.pose import Pose, make_pose, rpy_of
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.coordinates import Dynamics, Limit
@@ -55,7 +55,7 @@ from thingc.tools.cli.main import main
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(tuple(COUNTS)))
 PITCH = 0.008 / (2.0 * math.pi)
 HELD = ":held"
-"""How the names of bodies and sites of MJCF end that only hold a mount."""
+"""Suffix of MJCF bodies and sites that only hold a mount."""
 
 
 def asked(assembly: Assembly, folder: str) -> EmitRequest:
@@ -69,7 +69,7 @@ def asked(assembly: Assembly, folder: str) -> EmitRequest:
 
 
 def read(made: Artifacts, name: str) -> mujoco.MjModel:
-    """A file as MuJoCo reads it, with what else lies beside it."""
+    """The MuJoCo model of a file and its meshes."""
     assets = {path.removeprefix("urdf/"): data for path, data in made.files.items() if path.endswith(".obj")}
     text = made.files[f"urdf/{name}.urdf"]
     assert isinstance(text, bytes)
@@ -97,13 +97,13 @@ def body_pose(data: mujoco.MjData, name: str) -> Any:
 
 
 def link_frame(model: mujoco.MjModel, data: mujoco.MjData, link: str) -> Any:
-    """The frame that MJCF has of a link."""
+    """Pose of the body that corresponds to the frame of a link in MJCF."""
     names = {model.body(k).name for k in range(model.nbody)}
     return body_pose(data, f"{link}_frame" if f"{link}_frame" in names else link)
 
 
-def with_slides(made: Artifacts, name: str, q: dict[str, float]) -> dict[str, float]:
-    """q with what follows it, which MuJoCo lets loose: a screw's slide by its thread."""
+def with_mimic_positions(made: Artifacts, name: str, q: dict[str, float]) -> dict[str, float]:
+    """Add the positions of mimic joints to q, because MuJoCo does not enforce them: a screw's slide follows its thread."""
     q = dict(q)
     for joint in tree_of(made, name).iter("joint"):
         follows = joint.find("mimic")
@@ -114,13 +114,14 @@ def with_slides(made: Artifacts, name: str, q: dict[str, float]) -> dict[str, fl
 
 @settings(max_examples=20)
 @given(trees)
-def test_mujoco_puts_every_occurrence_and_frame_where_the_matrices_say(tree: Tree) -> None:
+def test_poses_of_random_trees_match_matrices(tree: Tree) -> None:
+    """MuJoCo loads URDF files of random trees. Poses of occurrences and frames equal chains of matrices."""
     with tempfile.TemporaryDirectory() as folder:
         made = emit(asked(tree.assembly, folder))
     inside = in_link(tree.assembly)
     for name, robot in robots(tree.assembly).items():
         model = read(made, f"tree_{name}")
-        data = at(model, with_slides(made, f"tree_{name}", tree.q))
+        data = at(model, with_mimic_positions(made, f"tree_{name}", tree.q))
         expected = world_of(tree, name)
         first = tree.assembly.links[robot.bodies[0].link]
         # A floating base begins where the reader puts it.
@@ -154,7 +155,8 @@ def test_every_link_has_a_mass_and_moving_children_come_first(tree: Tree) -> Non
 
 @settings(max_examples=15)
 @given(st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(WITHOUT_LEAD)))
-def test_masses_mass_matrix_and_gravity_are_those_of_mjcf(tree: Tree) -> None:
+def test_mass_matrix_and_gravity_match_mjcf(tree: Tree) -> None:
+    """Total mass, mass matrix and gravity torque equal those of the MJCF model of the same tree."""
     with tempfile.TemporaryDirectory() as folder:
         request = asked(tree.assembly, folder)
         made, other = emit(request), emit_mjcf(request)
@@ -181,9 +183,10 @@ def test_masses_mass_matrix_and_gravity_are_those_of_mjcf(tree: Tree) -> None:
 
 @settings(max_examples=300)
 @given(*[st.floats(-math.pi, math.pi) | st.sampled_from([0.0, math.pi / 2, -math.pi / 2, math.pi / 2 - 1e-9, math.pi])] * 3)
-def test_roll_pitch_and_yaw_are_the_rotation(roll: float, pitch: float, yaw: float) -> None:
-    rotation = placed((0.0, 0.0, 0.0), (roll, pitch, yaw)).rotation
-    assert np.array(placed((0.0, 0.0, 0.0), rpy_of(rotation)).rotation) == pytest.approx(np.array(rotation), abs=1e-15)
+def test_rpy_round_trips_to_the_rotation(roll: float, pitch: float, yaw: float) -> None:
+    """`rpy_of` returns angles with the same rotation, at gimbal lock too."""
+    rotation = make_pose((0.0, 0.0, 0.0), (roll, pitch, yaw)).rotation
+    assert np.array(make_pose((0.0, 0.0, 0.0), rpy_of(rotation)).rotation) == pytest.approx(np.array(rotation), abs=1e-15)
 
 
 # --- the small robot, by hand -----------------------------------------------------------------------------------------
@@ -194,7 +197,8 @@ def store(tmp_path: Path) -> Store:
     return Store(str(tmp_path / "store"))
 
 
-def test_what_the_small_robot_shows(store: Store) -> None:
+def test_visuals_and_materials_are_written(store: Store) -> None:
+    """Each drawn occurrence has one visual with a material, and the mesh files are exactly those that the file refers to."""
     whole = small_robot.assembly(store)
     bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
     request = small_robot.request(replace(whole, occurrences=bare), store)
@@ -210,7 +214,8 @@ def test_what_the_small_robot_shows(store: Store) -> None:
     assert emit(request).files == made.files
 
 
-def test_meshes_are_named_as_the_workspace_wants_it(store: Store, tmp_path: Path) -> None:
+def test_mesh_uris_follow_the_workspace(store: Store, tmp_path: Path) -> None:
+    """`mesh_uri` selects relative, `package://` or absolute paths of meshes. Without a folder, absolute paths become relative."""
     whole = replace(small_robot.assembly(store), name="My__Arm")
     bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
     asked_for = replace(small_robot.request(replace(whole, occurrences=bare), store), folder=str(tmp_path / "a b" / "My__Arm"))
@@ -225,7 +230,8 @@ def test_meshes_are_named_as_the_workspace_wants_it(store: Store, tmp_path: Path
     assert emit(nowhere).files["urdf/My__Arm_bench.urdf"] == relative
 
 
-def test_absolute_meshes_lie_where_the_build_does(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_absolute_mesh_uris_point_into_the_build(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """With `mesh_uri = "absolute"`, the URIs point to the meshes in the output folder of the build."""
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nmesh_uri = "absolute"\n')
     corners = ("0 0 0", "1 0 0", "0 1 0", "0 0 1")
     facets = ("f 1 3 2", "f 1 2 4", "f 1 4 3", "f 2 3 4")
@@ -240,23 +246,23 @@ def test_absolute_meshes_lie_where_the_build_does(tmp_path: Path, shared_store: 
 
 
 @pytest.mark.parametrize("document", ["assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"])
-def test_both_robots_are_what_they_are_in_mjcf(
+def test_example_robots_match_mjcf(
     root: Path, tmp_path: Path, shared_store: str, document: str, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Frames, masses, mass matrix, gravity, limits, meshes and shapes of every mode, at 20 random configurations."""
+    """Frames, masses, mass matrix, gravity, limits, meshes and shapes of every mode equal those of MJCF at 20 random configurations."""
     assert main(["build", str(root / document), "--emit", "urdf,mjcf", "-o", str(tmp_path), "--store", shared_store]) == 0
     folder = tmp_path / Path(document).stem
     files = sorted((folder / "urdf").glob("*.urdf"))
     assert len(files) >= 3
     for file in files:
         model, reference = (mujoco.MjModel.from_xml_path(str(path)) for path in (file, folder / "mjcf" / f"{file.stem}.xml"))
-        compare(model, reference)
+        compare_with_mjcf(model, reference)
     meshes = [sorted((path.name, path.read_bytes()) for path in (folder / name).iterdir()) for name in ("mjcf/assets", "urdf/meshes")]
     assert meshes[0] == meshes[1]
 
 
-def compare(model: mujoco.MjModel, reference: mujoco.MjModel) -> None:
-    """One robot in both; the followers of mimics are where they are put, and a floating base where it is welded."""
+def compare_with_mjcf(model: mujoco.MjModel, reference: mujoco.MjModel) -> None:
+    """Compare a URDF model with its MJCF model. Mimic joints are set to given values, and a floating base is welded in URDF."""
     assert model.ngeom == reference.ngeom and (model.opt.gravity == reference.opt.gravity).all()
     assert model.body_mass.sum() == pytest.approx(reference.body_mass.sum(), rel=1e-12)
     paths = [reference.joint(k).name for k in range(reference.njnt) if reference.jnt_type[k] != mujoco.mjtJoint.mjJNT_FREE]
@@ -298,7 +304,7 @@ MOUNTS = {"a": t(0.1, 0, 0), "b": t(-0.1, 0, 0.02) @ rx(0.3)}
 
 
 def robot_of(joints: list[Any], **over: Any) -> EmitRequest:
-    """A base and, at each joint `jK`, one more box behind it."""
+    """A base box and one more box after each joint `jK`."""
     count = 1 + len({joint.name.joint for joint in joints})
     records = [box(f"p:B{k}", (0.1, 0.04, 0.03), mounts=MOUNTS) for k in range(count)]
     components = [component(f"c{k}", f"p:B{k}") for k in range(count)]
@@ -315,14 +321,15 @@ def said(made: Artifacts) -> Iterator[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize("dynamics", [{"damping": 0.3}, {"friction": 0.2}, {"damping": 0.3, "friction": 0.2}, {"stiffness": 1.0}])
-def test_damping_and_friction_are_written_where_there_are_any(dynamics: dict[str, float]) -> None:
+def test_dynamics_are_written_only_if_given(dynamics: dict[str, float]) -> None:
+    """`<dynamics>` contains damping and friction, and is omitted without either."""
     found = element(emit(robot_of(coordinates_of("j1", "c0.a", "c1.b", "revolute", **dynamics))), "j1").find("dynamics")
     expected = {name: f"{value:g}" for name, value in dynamics.items() if name != "stiffness"}
     assert (found.attrib if found is not None else {}) == expected and (found is None) == (not expected)
 
 
-def test_followers_stand_behind_the_one_that_moves_by_itself_and_follow_it() -> None:
-    """pinocchio refuses a mimic of a mimic: j1 = 2 j2 + 0.1 and j2 = 3 j3 - 0.5 are said of j3."""
+def test_mimic_chains_refer_to_the_independent_joint() -> None:
+    """pinocchio rejects a mimic of a mimic, so j1 = 2 j2 + 0.1 and j2 = 3 j3 - 0.5 are both written as mimics of j3, after it."""
     joints = [
         *coordinates_of("j1", "c0.a", "c1.b", "revolute", mimic=mimic("j2", 2.0, 0.1)),
         *coordinates_of("j2", "c1.a", "c2.b", "revolute", mimic=mimic("j3", 3.0, -0.5)),
@@ -337,7 +344,8 @@ def test_followers_stand_behind_the_one_that_moves_by_itself_and_follow_it() -> 
     ]
 
 
-def test_a_follower_without_limits_goes_as_far_as_its_leader_takes_it() -> None:
+def test_mimic_limits_follow_from_the_leader() -> None:
+    """A mimic joint without limits gets the range that the limits of its leader allow."""
     leader = coordinates_of("j1", "c0.a", "c1.b", "revolute", lower=-1, upper=2)
     follower = coordinates_of("j2", "c1.a", "c2.b", "revolute", mimic=mimic("j1", -2.0, 0.5))
     joints = [*leader, *(replace(one, limit=Limit(velocity=7.0)) for one in follower)]
@@ -348,8 +356,9 @@ def test_a_follower_without_limits_goes_as_far_as_its_leader_takes_it() -> None:
 
 
 @pytest.mark.parametrize("follower", ["prismatic", "continuous"])
-def test_a_turn_that_is_followed_is_another_after_a_whole_turn(follower: str) -> None:
-    """Readers take the q of a `continuous` joint for that of one turn more, and what follows is elsewhere then."""
+def test_leaders_of_mimics_are_not_continuous(follower: str) -> None:
+    """Readers treat positions of a `continuous` joint as equal modulo one turn, which would move its mimic joints. A leader is
+    `revolute` instead."""
     joints = [
         *coordinates_of("j1", "c0.a", "c1.b", "continuous"), *coordinates_of("j2", "c1.a", "c2.b", follower, mimic=mimic("j1", 0.3)),
         *coordinates_of("j3", "c2.a", "c3.b", "screw"), *coordinates_of("j4", "c3.a", "c4.b", "continuous"),
@@ -360,8 +369,8 @@ def test_a_turn_that_is_followed_is_another_after_a_whole_turn(follower: str) ->
     assert [types[name] for name in ("j1", "j2", "j3", "j4")] == ["revolute", second, "revolute", "continuous"]
 
 
-def test_links_between_are_not_called_like_components() -> None:
-    """A spindle that turns on the joint `spindle`, as documents often have it."""
+def test_intermediate_links_have_unique_names() -> None:
+    """The spindle has the name of its joint `spindle`, as is common in documents."""
     request = robot_of([*coordinates_of("c1", "c0.a", "c1.b", "screw"), *coordinates_of("c", "c1.a", "c2.b", "universal")])
     tree = tree_of(emit(request), "robot_m")
     assert request.report.diagnostics == []
@@ -369,7 +378,8 @@ def test_links_between_are_not_called_like_components() -> None:
     assert {"c1", "c1_link", "c_0_link"} < set(links) and len(set(links)) == len(links)
 
 
-def test_a_screw_is_a_turn_and_a_slide_that_follows() -> None:
+def test_screw_is_a_hinge_and_a_mimic_slide() -> None:
+    """A screw is written as a revolute joint and a prismatic joint that mimics it, with limits from the lead."""
     screw = [replace(one, limit=Limit(lower=-1.0, upper=2.0)) for one in coordinates_of("j1", "c0.a", "c1.b", "screw")]
     made = emit(robot_of(screw))
     turn, slide = element(made, "j1"), element(made, "j1_slide")
@@ -382,8 +392,8 @@ def test_a_screw_is_a_turn_and_a_slide_that_follows() -> None:
     assert ("j1", lost, "approximated") in set(said(made))
 
 
-def test_the_slide_of_a_screw_that_follows_is_its_turn_times_the_pitch() -> None:
-    """The turn is 2 q + 0.25, so the slide is (2 q + 0.25) LEAD / (2 pi)."""
+def test_slide_of_a_mimic_screw_follows_the_leader() -> None:
+    """The rotation is 2 q + 0.25, so the slide is (2 q + 0.25) LEAD / (2 pi)."""
     leader, pitch = coordinates_of("j1", "c0.a", "c1.b", "revolute", lower=-1, upper=2), LEAD / (2.0 * math.pi)
     made = emit(robot_of([*leader, *coordinates_of("j2", "c1.a", "c2.b", "screw", mimic=mimic("j1", 2.0, 0.25))]))
     follows = [follows.attrib for name in ("j2", "j2_slide") if (follows := element(made, name).find("mimic")) is not None]
@@ -393,7 +403,8 @@ def test_the_slide_of_a_screw_that_follows_is_its_turn_times_the_pitch() -> None
     assert float(follows[1]["multiplier"]) / float(follows[1]["offset"]) == pytest.approx(8.0)
 
 
-def test_a_ball_is_three_turns_and_says_so() -> None:
+def test_ball_is_three_hinges_with_a_loss() -> None:
+    """A ball joint is written as three perpendicular hinges, which is listed as an approximation."""
     made = emit(robot_of(coordinates_of("j1", "c0.a", "c1.b", "ball")))
     model = read(made, "robot_m")
     assert [model.joint(k).name for k in range(model.njnt)] == ["j1_0", "j1_1", "j1_2"]
@@ -404,8 +415,8 @@ def test_a_ball_is_three_turns_and_says_so() -> None:
     ) in set(said(made))
 
 
-def test_the_turns_of_a_ball_are_as_strong_as_its_drives_together() -> None:
-    """One about (0.6, 0, 0.8) that gives 5 N m at up to 2 rad/s, and one about y of 1 N m."""
+def test_ball_hinges_have_the_effort_of_its_drives() -> None:
+    """One drive about (0.6, 0, 0.8) has 5 N m at up to 2 rad/s, and one about y has 1 N m."""
     ball = coordinates_of("j1", "c0.a", "c1.b", "ball")
     drives = ((5.0, 2.0, (0.6, 0.0, 0.8)), (1.0, None, (0.0, 1.0, 0.0)))
     driven = [
@@ -420,8 +431,8 @@ def test_the_turns_of_a_ball_are_as_strong_as_its_drives_together() -> None:
     assert tree_of(made, "robot_m").find("transmission") is None
 
 
-def test_drives_are_transmissions() -> None:
-    """By the kind of the drive; of a screw that of its turn alone."""
+def test_drives_are_written_as_transmissions() -> None:
+    """The hardware interface follows the kind of the drive. The drive of a screw is on its rotation only."""
     position, velocity, motor = (
         Drive(component=None, kind=kind, kp=kp, kv=kv, origin=where(30))
         for kind, kp, kv in (("position", 2.0, None), ("velocity", None, 3.0), ("motor", None, None))
@@ -449,7 +460,8 @@ def test_drives_are_transmissions() -> None:
     ]
 
 
-def test_what_a_mode_loses() -> None:
+def test_losses_of_modes_are_listed() -> None:
+    """Losses of joints are listed once, losses of bases and settings by mode."""
     joints = coordinates_of("j1", "c0.a", "c1.b", "ball")
     joints = [replace(one, limit=Limit(cone=0.5), dynamics=Dynamics(armature=0.1)) for one in joints]
     components = [component(f"c{k}", f"p:B{k}") for k in range(2)]
@@ -466,7 +478,8 @@ def test_what_a_mode_loses() -> None:
     ]
 
 
-def test_limits_are_those_of_the_document_and_what_is_absent_is_wide() -> None:
+def test_missing_limits_are_written_as_large_numbers() -> None:
+    """Limits of the document are kept. A missing position or velocity limit is 1e9. Without a drive, a missing effort limit is 0."""
     joints = [
         replace(one, limit=limit) for one, limit in (
             (*coordinates_of("j1", "c0.a", "c1.b", "revolute"), Limit(lower=-1.0, effort=3.0, velocity=2.0)),
@@ -484,16 +497,16 @@ def test_limits_are_those_of_the_document_and_what_is_absent_is_wide() -> None:
     assert element(made, "j2").attrib["type"] == "continuous"
 
 
-def test_a_capsule_is_a_cylinder_between_two_balls() -> None:
-    at = Pose(translation=(0.01, 0.0, 0.0), rotation=placed((0, 0, 0), (0.0, math.pi / 2, 0.0)).rotation)
+def test_capsule_is_a_cylinder_and_two_spheres() -> None:
+    at = Pose(translation=(0.01, 0.0, 0.0), rotation=make_pose((0, 0, 0), (0.0, math.pi / 2, 0.0)).rotation)
     shapes = parts(Shape(kind="capsule", size=(0.01, 0.05), pose=at))
     assert [shape.kind for shape in shapes] == ["cylinder", "sphere", "sphere"]
     ends = [shape.pose.translation for shape in shapes[1:]]
     assert np.array(ends) == pytest.approx(np.array([(-0.04, 0, 0), (0.06, 0, 0)]), abs=1e-15)
 
 
-def test_names_that_urdf_cannot_tell_apart_are_told() -> None:
-    """A joint `a_b` beside one `a/b`, and `c_frame` beside the frame of `c`."""
+def test_name_clashes_are_reported() -> None:
+    """A joint `a_b` clashes with `a/b`, and `c_frame` with the frame of `c`."""
     report = Report()
     names = MangledNames("be the joint", "URDF", report)
     origin, other = (where(line) for line in (3, 7))

@@ -1,4 +1,4 @@
-"""USD files by the rules of UsdPhysics (`read_usd`): chains of matrices and MuJoCo on the MJCF say what they must come to."""
+"""USD files, read by the rules of UsdPhysics (`read_usd`), compared with chains of matrices and with MuJoCo models of the same robot."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ from thingc.targets.usd.metadata import build_date
 from thingc.targets.usd.stage import moments_of
 
 FLOAT = 3e-6
-"""How far a chain of UsdPhysics's frames, which are floats, may end from where it should [m and 1]."""
+"""Tolerance [m and 1] of chains of UsdPhysics frames, which are stored as 32-bit floats."""
 
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 5), st.just(tuple(COUNTS)))
 
 
 def values(robot: Robot, model: Model, q: dict[str, Any]) -> dict[str, Any]:
-    """q by path (of a ball as the turn in its child's axes, of a base by `root_0` ...) as the joints of a file have it."""
+    """Convert q by path to joint values of a file: a ball as a rotation in its child's axes, a base as `root_0` ..."""
     found: dict[str, Any] = {}
     for body in robot.bodies:
         joints = body.joints or (robot.moves if body.parent is None else ())
@@ -74,7 +74,8 @@ def values(robot: Robot, model: Model, q: dict[str, Any]) -> dict[str, Any]:
 
 @settings(max_examples=8)
 @given(trees)
-def test_every_occurrence_and_frame_is_where_the_matrices_say(tree: Tree) -> None:
+def test_poses_of_random_trees_match_matrices(tree: Tree) -> None:
+    """Poses of all occurrences and frames in random trees equal chains of matrices."""
     chosen, made = emitted(tree, emit)
     inside = in_link(tree.assembly)
     for name, robot in chosen.items():
@@ -104,8 +105,9 @@ def read(compiled: Compiled, mode: str) -> Model:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_every_kind_of_joint_is_what_it_is_in_mjcf(every: Compiled, mode: str) -> None:
-    """Crossed forwards and backwards, under every kind of base: links, frames and inertias at random configurations."""
+def test_all_joint_kinds_match_mujoco(every: Compiled, mode: str) -> None:
+    """Links, frames and inertias equal those of the MJCF model at random configurations, with joints in both directions and every kind
+    of base."""
     model, reference, robot = read(every, mode), every.reference(mode), every.robots[mode]
     rng = np.random.default_rng(5)
     for _ in range(5):
@@ -131,8 +133,9 @@ def test_every_kind_of_joint_is_what_it_is_in_mjcf(every: Compiled, mode: str) -
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_the_file_is_what_usd_asks_for(every: Compiled, mode: str) -> None:
-    """One articulation whose root is the base link, joints from the parent in the tree to the child, each in metres and kilograms, z up."""
+def test_stage_follows_usd_physics_rules(every: Compiled, mode: str) -> None:
+    """The stage passes USD's validators, has units of metres and kilograms with z up, and one articulation at the base link. Joints go
+    from parent to child."""
     model, robot = read(every, mode), every.robots[mode]
     assert model.faults() == []
     stage = model.stage
@@ -156,37 +159,37 @@ def test_the_file_is_what_usd_asks_for(every: Compiled, mode: str) -> None:
     assert pull == pytest.approx(robot.gravity, rel=1e-6)
 
 
-def said(prim: Any, *names: str) -> dict[str, Any]:
-    """What is written of a joint, by the ends of the names of attributes and as floats round them."""
+def authored_attributes(prim: Any, *names: str) -> dict[str, Any]:
+    """Authored attributes of a prim with these name prefixes; floats compare approximately."""
     found = {attribute.GetName(): attribute.Get() for attribute in prim.GetAuthoredAttributes() if attribute.GetName().startswith(names)}
     return {name: pytest.approx(value, rel=1e-6) if isinstance(value, float) else value for name, value in found.items()}
 
 
 def test_limits_are_in_degrees_and_gains_per_degree(every: Compiled) -> None:
     joints, degree = read(every, "first").joints, math.radians(1)
-    assert said(joints["turn"].prim, "physics:lower", "physics:upper", "drive:", "newton:") == {
+    assert authored_attributes(joints["turn"].prim, "physics:lower", "physics:upper", "drive:", "newton:") == {
         "physics:lowerLimit": -1 / degree, "physics:upperLimit": 2 / degree,
         "drive:angular:physics:type": "force", "drive:angular:physics:maxForce": 3.0, "drive:angular:physics:stiffness": 5 * degree,
         "drive:angular:physics:damping": 0.5 * degree, "drive:angular:physics:targetPosition": 0.0,
         "newton:armature": 0.3, "newton:damping": 0.1 * degree, "newton:friction": 0.2, "newton:velocityLimit": 4 / degree,
     }
-    assert said(joints["wheel"].prim, "physics:lower", "physics:upper", "drive:") == {
+    assert authored_attributes(joints["wheel"].prim, "physics:lower", "physics:upper", "drive:") == {
         "physics:lowerLimit": -math.inf, "physics:upperLimit": math.inf,
         "drive:angular:physics:type": "force", "drive:angular:physics:stiffness": 0.0, "drive:angular:physics:damping": 2 * degree,
         "drive:angular:physics:targetVelocity": 0.0,
     }
-    assert said(joints["rail"].prim, "physics:lower", "physics:upper", "drive:") == {
+    assert authored_attributes(joints["rail"].prim, "physics:lower", "physics:upper", "drive:") == {
         "physics:lowerLimit": -0.02, "physics:upperLimit": 0.02,
         "drive:linear:physics:type": "force", "drive:linear:physics:stiffness": 0.0, "drive:linear:physics:damping": 0.0,
     }
-    assert said(joints["hip"].prim, "physics:cone") == {"physics:coneAngle0Limit": 60.0, "physics:coneAngle1Limit": 60.0}
+    assert authored_attributes(joints["hip"].prim, "physics:cone") == {"physics:coneAngle0Limit": 60.0, "physics:coneAngle1Limit": 60.0}
     driven = {joint.name for joint in read(every, "fork").joints.values() if UsdPhysics.DriveAPI.GetAll(joint.prim)}
     assert driven == {"rail"}
 
 
 @pytest.mark.parametrize("lead", [5.0, -5.0])
-def test_the_thread_of_a_screw_slides_between_the_ends_of_its_turn(lead: float, tmp_path: Path) -> None:
-    """From -90 to 180 degrees: a quarter of the lead one way, half of it the other way."""
+def test_screw_slide_has_limits_from_its_rotation(lead: float, tmp_path: Path) -> None:
+    """From -90 to 180 degrees, the slide moves a quarter of the lead one way and half of it the other way."""
     screw = f"joints: {{s: {{type: screw, parent: c0.a, child: c1.b, lead: {lead} mm, limit: {{lower: -90 deg, upper: 180 deg}}}}}}\n"
     made = Compiled(tmp_path, MIMICS.partition("  c2:")[0] + screw + "modes: {m: {root: c0}}\n", "usd")
     prim = read(made, "m").joints["s"].prim
@@ -199,50 +202,53 @@ def test_the_thread_of_a_screw_slides_between_the_ends_of_its_turn(lead: float, 
 MIMIC = ", for two hinges or two slides; read by Newton, and by PhysX for hinges with limits"
 
 
-def schemas(prim: Any) -> set[str]:
-    """Those that are applied, known to usd-core or not."""
+def applied_schemas(prim: Any) -> set[str]:
+    """Names of applied API applied_schemas, including those that usd-core does not know."""
     return set(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
 
 
-def test_what_physx_reads_beside_newton(every: Compiled) -> None:
-    """In degrees, of turns and slides of the articulation; a dry friction is that at rest and in motion."""
+def test_physx_attributes_are_written(every: Compiled) -> None:
+    """PhysX attributes of hinges and slides in the articulation are in degrees. Static and dynamic friction both equal the dry friction."""
     first, degree = read(every, "first"), math.radians(1)
     turn, values = first.joints["turn"].prim, {"armature": 0.3, "maxJointVelocity": 4 / degree}
-    assert {"PhysxJointAPI", "PhysxJointAxisAPI:angular"} <= schemas(turn)
-    assert said(turn, "physx") == {
+    assert {"PhysxJointAPI", "PhysxJointAxisAPI:angular"} <= applied_schemas(turn)
+    assert authored_attributes(turn, "physx") == {
         **{f"physxJoint:{name}": value for name, value in values.items()},
         **{f"physxJointAxis:angular:{name}": value for name, value in values.items()},
         "physxJointAxis:angular:viscousFrictionCoefficient": 0.1 * degree,
         "physxJointAxis:angular:staticFrictionEffort": 0.2, "physxJointAxis:angular:dynamicFrictionEffort": 0.2,
     }
-    of = {joint.name: {one for one in schemas(joint.prim) if one.startswith("Physx")} for joint in first.joints.values()}
-    assert of["rail"] == set() and of["hip"] == set() and schemas(first.joints["hip"].prim) >= {"NewtonJointAPI"}
-    roots = [prim for prim in first.stage.Traverse() if "PhysxArticulationAPI" in schemas(prim)]
+    of = {joint.name: {one for one in applied_schemas(joint.prim) if one.startswith("Physx")} for joint in first.joints.values()}
+    assert of["rail"] == set() and of["hip"] == set() and applied_schemas(first.joints["hip"].prim) >= {"NewtonJointAPI"}
+    roots = [prim for prim in first.stage.Traverse() if "PhysxArticulationAPI" in applied_schemas(prim)]
     assert len(roots) == 1 and roots[0].HasAPI(UsdPhysics.ArticulationRootAPI)
-    assert said(roots[0], "physxArticulation") == {"physxArticulation:enabledSelfCollisions": True}
+    assert authored_attributes(roots[0], "physxArticulation") == {"physxArticulation:enabledSelfCollisions": True}
 
 
-def test_what_follows_has_newtons_schema(every: Compiled) -> None:
+def test_mimic_has_newton_and_physx_schemas(every: Compiled) -> None:
+    """A mimic joint has the mimic applied_schemas of Newton and PhysX, with their sign conventions."""
     prim = read(every, "last").joints["push"].prim
     assert "NewtonMimicAPI" in prim.GetPrimTypeInfo().GetAppliedAPISchemas() or "NewtonMimicAPI" in str(prim.GetMetadata("apiSchemas"))
-    assert said(prim, "newton:mimic") == {"newton:mimicCoef0": 0.003, "newton:mimicCoef1": -2.0}
+    assert authored_attributes(prim, "newton:mimic") == {"newton:mimicCoef0": 0.003, "newton:mimicCoef1": -2.0}
     for name in ("newton:mimicJoint", "physxMimicJoint:rotZ:referenceJoint"):
         assert [str(path) for path in prim.GetRelationship(name).GetTargets()] == ["/every/joints/rail"]
-    assert "PhysxMimicJointAPI:rotZ" in schemas(prim) and said(prim, "physxMimic") == {
+    assert "PhysxMimicJointAPI:rotZ" in applied_schemas(prim) and authored_attributes(prim, "physxMimic") == {
         "physxMimicJoint:rotZ:referenceJointAxis": "rotZ", "physxMimicJoint:rotZ:gearing": 2.0, "physxMimicJoint:rotZ:offset": -0.003,
     }
 
 
-def test_physx_takes_no_turns_that_follow_without_limits(tmp_path: Path) -> None:
+def test_mimic_without_limits_has_no_physx_schema(tmp_path: Path) -> None:
+    """PhysX rejects mimic hinges without limits, so only Newton's schema is applied."""
     bounded = "revolute, parent: c0.a, child: c1.b, limit: {lower: 10 deg, upper: 90 deg}"
     document = MIMICS.replace(bounded, "continuous, parent: c0.a, child: c1.b")
     made = Compiled(tmp_path, document.replace("  joints:", "  rest:").replace("joints.b", "rest.b"), "usd")
     prim = read(made, "m").joints["b"].prim
-    assert said(prim, "physxMimic", "physics:lower") == {"physics:lowerLimit": -math.inf}
-    assert {one for one in schemas(prim) if "Mimic" in one} == {"NewtonMimicAPI"}
+    assert authored_attributes(prim, "physxMimic", "physics:lower") == {"physics:lowerLimit": -math.inf}
+    assert {one for one in applied_schemas(prim) if "Mimic" in one} == {"NewtonMimicAPI"}
 
 
-def test_what_no_float_holds_is_a_loss(tmp_path: Path) -> None:
+def test_values_beyond_float_range_are_losses(tmp_path: Path) -> None:
+    """A value above 3.4e+38 is infinite in the file, which is an export loss."""
     document = MIMICS.replace("  joints:", "  rest:").replace("joints.b", "rest.b").replace("effort: 7 N*m}", "velocity: 1e38 rad/s}")
     document = document.replace("kp: 1 N*m/rad", "kp: 1 N*m/rad, kv: 1e39 N*m*s/rad")
     made = Compiled(tmp_path, document, "usd")
@@ -268,18 +274,19 @@ modes: {m: {root: c0, gravity: [0, 0, 0]}}
 """
 
 
-def test_a_follower_of_another_kind_is_a_loss_and_names_are_taken(tmp_path: Path) -> None:
+def test_mimics_between_joint_kinds_are_losses(tmp_path: Path) -> None:
+    """A hinge that mimics a slide, or the reverse, is an export loss. Other mimics have coefficients in degrees."""
     document = MIMICS.replace("  joints:", "  rest:").replace("joints.b", "rest.b")
     made = Compiled(tmp_path / "good", document, "usd")
     joints = read(made, "m").joints
-    assert said(joints["b"].prim, "newton:mimic") == {"newton:mimicCoef0": 30.0, "newton:mimicCoef1": 2.0}
-    assert said(joints["c"].prim, "newton:mimic") == said(joints["c"].prim, "physxMimic") == {}
-    assert said(joints["b"].prim, "physics:lower", "physics:upper", "physxMimic") == {  # where the limits of `a` take it
+    assert authored_attributes(joints["b"].prim, "newton:mimic") == {"newton:mimicCoef0": 30.0, "newton:mimicCoef1": 2.0}
+    assert authored_attributes(joints["c"].prim, "newton:mimic") == authored_attributes(joints["c"].prim, "physxMimic") == {}
+    assert authored_attributes(joints["b"].prim, "physics:lower", "physics:upper", "physxMimic") == {  # where the limits of `a` take it
         "physics:lowerLimit": 50.0, "physics:upperLimit": 210.0, "physxMimicJoint:rotZ:referenceJointAxis": "rotZ",
         "physxMimicJoint:rotZ:gearing": -2.0, "physxMimicJoint:rotZ:offset": -30.0,
     }
     assert UsdPhysics.Scene(read(made, "m").at("scene")).GetGravityMagnitudeAttr().Get() == 0.0
-    assert said(joints["a"].prim, "drive:angular:physics:target") == {"drive:angular:physics:targetPosition": 10.0}
+    assert authored_attributes(joints["a"].prim, "drive:angular:physics:target") == {"drive:angular:physics:targetPosition": 10.0}
     assert [loss[:3] for loss in made.losses(None)] == [
         ("b", f"the mimic of `a`{MIMIC}", "carried as custom data"),
         ("c", f"the mimic of `a`{MIMIC}", "carried as custom data"),
@@ -288,8 +295,8 @@ def test_a_follower_of_another_kind_is_a_loss_and_names_are_taken(tmp_path: Path
     ]
 
 
-def test_a_planar_joint_that_is_crossed_backwards_is_two(tmp_path: Path) -> None:
-    """Forwards it slides and then turns, as a generic joint does; backwards it turns first."""
+def test_reversed_planar_joint_is_two_joints(tmp_path: Path) -> None:
+    """Forwards, it slides and then rotates, like a generic joint. Backwards, it rotates first, so two joints are needed."""
     document = MIMICS.partition("joints:\n  a:")[0].partition("  joints:")[0] + (
         "joints: {p: {type: planar, parent: c0.a, child: c1.b}, q: {type: revolute, parent: c1.a, child: c2.b, "
         "limit: {lower: -1 rad, upper: 1 rad}}, r: {type: fixed, parent: c2.a, child: c3.b}}\n"
@@ -306,7 +313,8 @@ def test_a_planar_joint_that_is_crossed_backwards_is_two(tmp_path: Path) -> None
     assert made.losses("there") == [] and [loss[:3] for loss in made.losses("back")] == [("p", what, "approximated")]
 
 
-def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
+def test_losses_have_the_line_of_their_cause(every: Compiled) -> None:
+    """Every export loss of the document has the line of its element in the document."""
     def lost(mode: str | None) -> list[tuple[str, str, str, str]]:
         lines = ["", *(line.strip() for line in EVERY.split("\n"))]
         return [(path, what, how, re.split(r"[:{]", lines[line])[0]) for path, what, how, line in every.losses(mode)]
@@ -348,8 +356,8 @@ def fourbar(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
 
 
 @pytest.mark.parametrize("mode", ["bench", "by_coupler", "other", "third"])
-def test_a_loop_is_a_joint_that_is_excluded_from_the_articulation(fourbar: Compiled, mode: str) -> None:
-    """Closed in every pose of MuJoCo's, up to the coordinate that it leaves open."""
+def test_loops_are_joints_outside_the_articulation(fourbar: Compiled, mode: str) -> None:
+    """The loop is closed in every keyframe of MuJoCo, except for the coordinate that it leaves free."""
     model, robot, reference = read(fourbar, mode), fourbar.robots[mode], fourbar.reference(mode)
     assert model.faults() == []
     excluded = [joint.name for joint in model.joints.values() if joint.excluded]
@@ -380,8 +388,8 @@ def worm(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
     ("hanging", "front_sole", "Fixed"), ("dangling", "front_sole", "Spherical"), ("stay", "rear_sole", "Fixed"),
     ("pinned", "rear_sole", "Spherical"),
 ])
-def test_a_hold_is_an_excluded_joint_to_the_world(worm: Compiled, mode: str, held: str, kind: str) -> None:
-    """At the place where MuJoCo's keyframe has the mount."""
+def test_holds_are_excluded_joints_to_the_world(worm: Compiled, mode: str, held: str, kind: str) -> None:
+    """The hold is at the pose of the mount in MuJoCo's keyframe."""
     model, reference = read(worm, mode), worm.reference(mode)
     joint = model.joints[f"{held}_hold"]
     assert (joint.parent, joint.excluded, joint.prim.GetTypeName()) == ("world", True, f"Physics{kind}Joint")
@@ -398,8 +406,8 @@ def test_a_hold_is_an_excluded_joint_to_the_world(worm: Compiled, mode: str, hel
 # --- shapes, masses, names ----------------------------------------------------------------------------------------------
 
 
-def test_what_is_drawn_is_there_once(tmp_path: Path) -> None:
-    """Every occurrence an instance of the mesh of its definition, as it lies in the store, in its colour as linear light."""
+def test_visuals_are_instances_of_shared_meshes(tmp_path: Path) -> None:
+    """Each drawn occurrence is an instance of the mesh of its definition. Points equal those in the store, and colours are linear."""
     store = Store(str(tmp_path))
     whole = small_robot.assembly(store)
     bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
@@ -431,7 +439,9 @@ def test_what_is_drawn_is_there_once(tmp_path: Path) -> None:
         assert np.array(color) == pytest.approx(light, abs=1e-6)
 
 
-def test_what_collides_is_a_guide_and_rubs_as_its_material_does(tmp_path: Path) -> None:
+def test_collision_shapes_are_guides_with_friction(tmp_path: Path) -> None:
+    """Collision shapes are guides with the right kind, size and pose. Friction comes from the material, with Newton's torsional and
+    rolling friction."""
     store = Store(str(tmp_path))
     whole = small_robot.assembly(store)
     at = Pose(translation=(0.01, 0.02, 0.03))
@@ -470,14 +480,14 @@ def test_what_collides_is_a_guide_and_rubs_as_its_material_does(tmp_path: Path) 
     rubs = UsdPhysics.MaterialAPI(material.GetPrim())
     assert (rubs.GetStaticFrictionAttr().Get(), rubs.GetDynamicFrictionAttr().Get()) == pytest.approx((0.7, 0.7))
     assert rubs.GetRestitutionAttr().Get() == 0.0
-    assert said(material.GetPrim(), "newton:") == {"newton:torsionalFriction": 0.01, "newton:rollingFriction": 0.001}
+    assert authored_attributes(material.GetPrim(), "newton:") == {"newton:torsionalFriction": 0.01, "newton:rollingFriction": 0.001}
     said_of = {(one.path, one.what, one.how) for one in made.losses}
     for kind in ("torsional", "rolling"):
         assert (first.material.name, f"the {kind} friction, which only Newton reads", "carried as custom data") in said_of
 
 
-def test_a_shape_without_friction_has_that_of_mujoco(tmp_path: Path) -> None:
-    """Without a value, UsdPhysics reads 0."""
+def test_default_friction_is_that_of_mujoco(tmp_path: Path) -> None:
+    """UsdPhysics reads a missing friction as 0, so MuJoCo's default of 1.0 is written."""
     foot = "  foot: {link: true, mass: 1 g, shapes: [{sphere: {radius: 10 mm}, for: collision}], attach: {origin: c0.origin}}\n"
     document = MIMICS.replace("  joints:", "  rest:").replace("joints.b", "rest.b").replace("components:\n", f"components:\n{foot}")
     stage = read(Compiled(tmp_path, document, "usd"), "m").stage
@@ -491,8 +501,8 @@ def mujoco_default(name: str) -> Any:
     return getattr(mujoco.MjSpec().worldbody.add_geom(), name)
 
 
-def test_every_mesh_has_the_normals_of_its_triangles(tmp_path: Path) -> None:
-    """Of unit length, outward: the boxes of the small robot are closed."""
+def test_mesh_normals_are_unit_and_outward(tmp_path: Path) -> None:
+    """Each triangle has a unit normal that points outwards; the boxes of the small robot are closed."""
     model = Model(text_of(emit(small_robot.request(small_robot.assembly(store := Store(str(tmp_path))), store)), "usd/arm_bench.usda"))
     prims = [prim for prim in model.stage.TraverseAll() if prim.IsA(UsdGeom.Mesh)]
     assert prims and store
@@ -506,8 +516,8 @@ def test_every_mesh_has_the_normals_of_its_triangles(tmp_path: Path) -> None:
         assert (np.einsum("ik,ik->i", triangles.mean(1) - triangles.mean((0, 1)), normals) > 0.0).all()
 
 
-def test_the_file_says_whose_robot_it_is(every: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What SimReady and REP 158 require beside UsdPhysics."""
+def test_asset_metadata_is_written(every: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stage has the metadata that SimReady and REP 158 require in addition to UsdPhysics."""
     model, reference = read(every, "rolling"), every.reference("rolling")
     assert model.stage.GetTimeCodesPerSecond() == 1.0
     assert {name: type(value).__name__ for name, value in model.root.GetAssetInfo().items()} == {
@@ -530,8 +540,8 @@ def test_the_file_says_whose_robot_it_is(every: Compiled, monkeypatch: pytest.Mo
     assert steps == {(UsdGeom.XformOp.TypeTranslate, UsdGeom.XformOp.TypeOrient)}
 
 
-def test_moments_of_a_flat_body_are_those_of_a_body_as_floats_too() -> None:
-    """A plate of no thickness, turned: readers refuse A + B < C."""
+def test_flat_body_inertia_is_valid_in_single_precision() -> None:
+    """A rotated plate without thickness: readers reject A + B < C, so rounding to floats must keep the triangle inequality."""
     properties = MassProperties(mass=2.0, inertia=((0.12, 0.0, 0.0), (0.0, 0.31, 0.0), (0.0, 0.0, 0.43)))
     for seed in range(20):
         turn = Rotation.random(random_state=seed).as_matrix()
@@ -542,7 +552,8 @@ def test_moments_of_a_flat_body_are_those_of_a_body_as_floats_too() -> None:
 
 @settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([(1.0, 2.0, 2.5), (1.0, 1.0, 1.0), (2.0, 2.0, 1.0), (1.0, 1.0 + 1e-9, 2.0)]))
-def test_principal_axes_are_a_rotation_that_gives_the_inertia_back(seed: int, moments: tuple[float, float, float]) -> None:
+def test_principal_axes_reproduce_the_inertia(seed: int, moments: tuple[float, float, float]) -> None:
+    """The axes are a proper rotation that, with the moments, reproduces the inertia. Diagonal inertias are kept unchanged."""
     turn = Rotation.random(random_state=seed).as_matrix()
     inertia = turn @ np.diag(moments) @ turn.T
     found, axes = principal_axes(tuple(tuple(float(x) for x in row) for row in (inertia + inertia.T) / 2))  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""What `read_usd` answers when the study of conformance asks it."""
+"""Answers of `read_usd` for the conformance benchmark."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NAMES = {"PhysicsRevoluteJoint": "angular", "PhysicsPrismaticJoint": "linear"}
 
 
 def answer(asked: dict[str, Any]) -> dict[str, Any]:
-    """As the readers of `benchmarks/conformance` do: a base that floats is put at the origin."""
+    """Answer like the readers in `benchmarks/conformance`: a floating base is at the origin."""
     model = Model(Path(asked["file"]).read_text())
     bodies = {link: model.inertia(link) for link in model.links}
     free = asked["free"]
@@ -44,7 +44,7 @@ def answer(asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def mimic(joint: Joint) -> tuple[str, float, float] | None:
-    """The leader, the multiplier and the offset [rad or m]."""
+    """Leader, multiplier and offset [rad or m] of a joint, or None."""
     leaders = joint.prim.GetRelationship("newton:mimicJoint").GetTargets()
     if not leaders:
         return None
@@ -54,7 +54,7 @@ def mimic(joint: Joint) -> tuple[str, float, float] | None:
 
 
 def ends(joint: Joint, axis: int) -> tuple[float, float] | None:
-    """Of one coordinate [rad or m]."""
+    """Limits of one coordinate [rad or m]."""
     if joint.free is None:
         return None
     name = joint.free[axis]
@@ -68,7 +68,7 @@ def ends(joint: Joint, axis: int) -> tuple[float, float] | None:
 
 
 def effort(joint: Joint, axis: int) -> float:
-    """That of the drive of a coordinate, without one nothing."""
+    """Effort limit of the drive of a coordinate, or 0 without a drive."""
     name = NAMES.get(joint.prim.GetTypeName(), joint.free[axis] if joint.free is not None else "")
     if not joint.prim.HasAPI(UsdPhysics.DriveAPI, name):
         return 0.0

@@ -57,7 +57,7 @@ raw:
     add:
       tendon: [{spatial: {name: string, stiffness: 5, in: [{site: {site: base.tie}}, {site: {site: arm.end}}]}}]
 """
-"""Its numbers reach every kind of field of a model that MJX can change."""
+"""The numbers of this robot affect every kind of model field that can change in MJX."""
 
 LEVER = """\
 thingc: assembly/1
@@ -109,7 +109,7 @@ joints:
     drive: {kind: position, kp: 20 N*m/rad}
 modes: {standing: {root: base, base: fixed}}
 """
-"""A robot with a modelled part. Its parameters have the defaults of the part."""
+"""A robot with a part that the CAD kernel builds. The parameters of the document have the defaults of the part."""
 
 BEAMS = '''\
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Documents without parts: what reaches a model of MuJoCo, and no kernel."""
+"""Documents without parts: they contain what affects a MuJoCo model, and need no CAD kernel."""
 
 INERTIA = "inertia: {ixx: 0.01 kg*m^2, iyy: 0.02 kg*m^2, izz: 0.015 kg*m^2, ixy: 0.001 kg*m^2}"
 
@@ -78,7 +78,8 @@ raw: {{mjcf: {{joint: {{lift: {{solreflimit: 0.01 1}}}}}}}}
 tests:
   light: {{mass: {{max: 5 kg}}}}
 """
-"""Loops, a mimic, a ball, drives of three kinds, sensors of four, raw attributes, bases of three kinds; one mode adheres and holds."""
+"""Loops, a mimic, a ball, drives of three kinds, sensors of four kinds, raw attributes, and bases of three kinds. One mode uses adhesion
+and holds."""
 
 TOOL = f"""\
 thingc: assembly/1
@@ -197,9 +198,10 @@ raw:
       sensor:
         - tendonpos: {{name: reach, tendon: string}}
 """
-"""Axes of joints, two joints on one body, springs with a rest, a mimic by a polynomial, a link of shapes, tendons, and what raw adds."""
+"""Joint axes, two joints on one body, springs with a rest position, a mimic with a polynomial, a link of shapes, tendons, and raw
+additions."""
 
 WORKSPACE = {
     "thingc.toml": 'thingc = "workspace/1"\n', "everything.yaml": EVERYTHING, "tool.yaml": TOOL, "many.yaml": MANY, "strung.yaml": STRUNG,
 }
-"""All of them, by file."""
+"""All documents, by file."""

@@ -1,4 +1,4 @@
-"""`function.jax()`: the numbers and derivatives of `value` and `jacobian`, in JAX. `test_jax.py` runs these tests."""
+"""`function.jax()` computes the numbers and derivatives of `value` and `jacobian` in JAX. `test_jax.py` runs these tests."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("in_double_precision")
 
 
 @pytest.mark.parametrize("name", OPERATIONS)
-def test_an_operation_is_that_of_a_program(name: str) -> None:
+def test_operation_equals_that_of_a_program(name: str) -> None:
     function, draw, _ = OPERATIONS[name]
     tape, source = Tape(), random.Random(name)
     first = draw(source)
@@ -37,13 +37,13 @@ def test_an_operation_is_that_of_a_program(name: str) -> None:
             assert found.tolist() == pytest.approx(expected, rel=1e-14, abs=1e-14)
 
 
-def test_every_operation_with_a_rule_is_there() -> None:
+def test_every_operation_with_a_rule_is_supported() -> None:
     composed = {"negative", "item", "cosine of", "sine of"}
-    assert set(RULES) - composed - {"rounded"} <= jax_function.FUNCTIONS.keys()
+    assert set(RULES) - composed - {"round_significant"} <= jax_function.FUNCTIONS.keys()
     assert jax_function.FUNCTIONS["quarter_exact"](0.3) == pytest.approx(quarter_exact(0.3))
 
 
-def test_values_and_derivatives_are_those_of_the_function(everything: thingc.RobotFamily) -> None:
+def test_values_and_derivatives_equal_those_of_the_function(everything: thingc.RobotFamily) -> None:
     function = everything.function(["load", "length"], ["mass", "centre", "inertia", "length"])
     run = jax.jit(jax.vmap(function.jax()))
     rows = np.random.default_rng(8).uniform([0.2, 0.2], [0.9, 0.5], (400, 2))

@@ -73,7 +73,8 @@ def test_robots_switch_modes_as_in_mujoco(feet: thingc.RobotFamily) -> None:
 
     @jax.jit
     def run(models: Any, states: Any, actions: Any, modes: Any) -> Any:
-        """The next states, and the derivatives of the observations by a factor of the actions. One function takes less time to compile."""
+        """Return the next states, and the derivatives of the observations by a factor of the actions. A single function takes less time
+        to compile."""
         def observed(own: Any) -> Any:
             following = step(models, states, own, modes)
             return following.observation, following

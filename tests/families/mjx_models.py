@@ -1,4 +1,4 @@
-"""`family.mjx`: the fields of models in MJX are those that MuJoCo compiles."""
+"""The model fields of `family.mjx` are equal to those that MuJoCo compiles."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ def compared(
 
 
 def spread(values: list[float], count: int) -> np.ndarray:
-    """Rows near `values`; the first one is refused."""
+    """Return rows near `values`. The first row is refused."""
     rows = np.array(values) * np.random.default_rng(3).uniform(0.8, 1.2, (count, len(values)))
     rows[0, 0] = 0.05
     return rows
 
 
-def test_fields_of_a_free_robot_are_those_that_mujoco_compiles(crane: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fields_of_a_free_robot_equal_those_of_mujoco(crane: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mjx_family, "BLOCK", 3)  # of the seven rows, the last one is a block of its own
     rows = np.random.default_rng(3).uniform(LOW, HIGH, (7, len(NAMES)))
     rows[0, 0] = 0.05

@@ -1,4 +1,4 @@
-"""Values of drives that a part or `defaults` declares: setting one is the same as writing it into the document."""
+"""Setting a value of a drive that a part or `defaults` declares gives the same model as writing it into the document."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ CASES: list[tuple[dict[str, float], str, str]] = [
 
 
 def written(folder: Path, name: str, old: str, new: str) -> mujoco.MjModel:
-    """The model of documents in which `new` replaces `old`."""
+    """Return the model of documents in which `new` replaces `old`."""
     leg = f"leg_{name}.yaml"
     (folder / leg).write_text(LEG.replace(old, new))
     (folder / f"{name}.yaml").write_text(ARM.replace("leg.yaml", leg).replace(old, new))
@@ -97,7 +97,7 @@ def written(folder: Path, name: str, old: str, new: str) -> mujoco.MjModel:
 
 
 @pytest.mark.parametrize("case", range(len(CASES)))
-def test_a_set_value_of_a_drive_is_the_written_one(arm: thingc.RobotFamily, folder: Path, case: int) -> None:
+def test_set_value_equals_written_value(arm: thingc.RobotFamily, folder: Path, case: int) -> None:
     settings, old, new = CASES[case]
     (own,) = arm.models([{}], mode="standing", visual=True)
     whole = written(folder, f"written_{case}", old, new)
@@ -109,7 +109,7 @@ def test_a_set_value_of_a_drive_is_the_written_one(arm: thingc.RobotFamily, fold
     assert {arm.explain(name).way for name in settings} == {"arrays"}
 
 
-def test_a_star_reaches_the_drives_of_parts_and_of_defaults(arm: thingc.RobotFamily) -> None:
+def test_star_includes_drives_of_parts_and_defaults(arm: thingc.RobotFamily) -> None:
     (model,) = arm.models([{"joints.*.drive.kp": 4.0}], mode="standing", visual=True)
     assert isinstance(model, mujoco.MjModel) and model.actuator_gainprm[:, 0].tolist() == [4.0] * 3
 
@@ -120,7 +120,7 @@ def test_a_star_reaches_the_drives_of_parts_and_of_defaults(arm: thingc.RobotFam
     ({"joints.elbow.drive.kp": 1.0}, "`joints` has no `elbow`"),
     ({"joints.hinge.drive.kp": "1 kg"}, "found a mass (`1 kg`)"),
 ])
-def test_a_wrong_value_of_a_drive_is_reported_at_the_setting(arm: thingc.RobotFamily, settings: dict[str, Any], words: str) -> None:
+def test_wrong_value_is_reported_at_the_setting(arm: thingc.RobotFamily, settings: dict[str, Any], words: str) -> None:
     (refused,) = arm.models([settings], mode="standing", visual=True)
     assert isinstance(refused, NoModel)
     (problem,) = refused.problems
@@ -133,7 +133,7 @@ def test_a_wrong_value_of_a_drive_is_reported_at_the_setting(arm: thingc.RobotFa
     ("child: tip.origin}", {"joints.wrist.drive.kp": "3 N*m/rad"},
      "child: tip.origin, drive: {kind: position, kp: 3 N*m/rad, effort: 3 N*m}}"),
 ])
-def test_a_value_of_a_drive_is_written_beside_its_component(folder: Path, old: str, values: dict[str, str], new: str) -> None:
+def test_value_is_written_next_to_its_component(folder: Path, old: str, values: dict[str, str], new: str) -> None:
     document = folder / "kept.yaml"
     document.write_text(ARM)
     written = write_values(str(document), values, Options())

@@ -28,7 +28,7 @@ from thingc.tools.cli.main import main
 NAMES = {"length": 0.35, "load": 0.5, "joints.lift.limit.upper": 1.4}
 
 
-def test_results_are_those_of_a_compilation(everything: thingc.RobotFamily) -> None:
+def test_results_equal_those_of_a_compilation(everything: thingc.RobotFamily) -> None:
     source = random.Random(1)
     many = [{name: value * source.uniform(0.95, 1.05) for name, value in NAMES.items()} for _ in range(20)]
     found = everything.evaluate(many)
@@ -36,7 +36,7 @@ def test_results_are_those_of_a_compilation(everything: thingc.RobotFamily) -> N
     assert len(form.plans) == 1
     for settings, one in zip(many, found, strict=True):
         _, read = everything._read(settings)
-        measured, *_ = everything._evaluation_of(everything.mode)._compiled(read)
+        measured, *_ = everything._evaluation_of(everything.mode)._compile(read)
         assert one.results == measured and one.sound and one.kept and one["mass"] == one.results["mass"]
     mass = 2.0 + 0.3 * 0.35 + 0.5 + 0.3 + 0.2 + 0.3 + 0.1 + 0.4 + 0.25
     assert everything.evaluate({"length": "350 mm"})["mass"] == pytest.approx(mass)
@@ -55,7 +55,7 @@ def test_rules_reach_and_errors_of_a_document_of_variants(many: thingc.RobotFami
 
 
 def test_refused_settings_are_not_compiled_again(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever asks, and however often: also settings that were not seen before, but with a cause that was."""
+    """This holds for all methods and repeated calls, and for new settings with a cause that is already known."""
     compilations: list[None] = []
     recompile = pipeline.recompile
     refused = [{"load": 21.0 + k} for k in range(4)] + [{"joints.lift.dynamics.damping": -1.0 - k} for k in range(4)]
@@ -100,10 +100,10 @@ modes: {standing: {root: base}}
     ({"joints.turn.limit.upper": "=2 * rope / 1 m * 1 rad", "arm": "=0.1 m"},
      {"joints.turn.limit.upper": 0.4, "arm": 0.1, "rope": 0.2}, None),
 ])
-def test_rules_and_numbers_see_what_settings_come_to(
+def test_rules_and_numbers_use_evaluated_parameters(
     tmp_path: Path, settings: dict[str, object], numbers: dict[str, float], broken: str | None,
 ) -> None:
-    """Expressions and flags, and parameters that follow from what is set: worked out by hand."""
+    """Expressions, flags, and parameters that depend on a setting. The expected values are written in the test."""
     (tmp_path / "crane.yaml").write_text(FOLLOWING)
     (tmp_path / "cranes.yaml").write_text(
         "thingc: variants/1\nassembly: crane.yaml\nname: cranes\nparameters: {arm: [200 mm, 300 mm], braced: [true, false],\n"
@@ -120,7 +120,7 @@ def test_rules_and_numbers_see_what_settings_come_to(
         assert crane.numbers(settings) == pytest.approx(of_parameters, abs=1e-12)
 
 
-def test_a_result_that_is_not_there_says_why(everything: thingc.RobotFamily) -> None:
+def test_missing_result_has_a_reason(everything: thingc.RobotFamily) -> None:
     with pytest.raises(KeyError, match="there is no result `mas`: did you mean `mass`"):
         everything.evaluate({})["mas"]
     rejected = r"result `mass` does not exist, because the settings .* are rejected: parameter `load` must be at most 20 kg"
@@ -128,7 +128,7 @@ def test_a_result_that_is_not_there_says_why(everything: thingc.RobotFamily) -> 
         everything.evaluate({"load": 30.0})["mass"]
 
 
-def test_a_family_goes_to_other_processes(workspace: Path) -> None:
+def test_family_can_be_pickled(workspace: Path) -> None:
     with thingc.family(workspace / "many.yaml", verify=1) as family, ProcessPoolExecutor(1, get_context("spawn")) as pool:
         found = pool.submit(thingc.RobotFamily.evaluate, family, NAMES).result()
         assert found.results == family.evaluate(NAMES).results and found["mass"]
@@ -136,7 +136,7 @@ def test_a_family_goes_to_other_processes(workspace: Path) -> None:
             assert other.modes == family.modes and not different_fields(other.model(NAMES), family.model(NAMES))
 
 
-def test_what_cannot_be_asked_for_is_said_at_once(workspace: Path, many: thingc.RobotFamily, tmp_path: Path) -> None:
+def test_invalid_requests_are_reported_immediately(workspace: Path, many: thingc.RobotFamily, tmp_path: Path) -> None:
     for wrong in ("x", -1, 2.5, True, float("nan")):
         with pytest.raises(FamilyError, match=f"expected `verify` to be None, 0 .*, 1 .* or N .*, found `{wrong}`"):
             thingc.family(workspace / "many.yaml", verify=wrong)  # type: ignore[arg-type]
@@ -149,13 +149,13 @@ def test_what_cannot_be_asked_for_is_said_at_once(workspace: Path, many: thingc.
             many.write({"length": 0.3}, tmp_path / "wrong", emit=targets)  # type: ignore[arg-type]
 
 
-def test_tests_are_run_where_they_are_asked_for(everything: thingc.RobotFamily) -> None:
+def test_tests_run_only_on_request(everything: thingc.RobotFamily) -> None:
     good, bad = everything.evaluate([{"load": 0.5}, {"load": "3 kg"}], tests=True)
     assert [(one.name, one.passed) for one in (*good.tests, *bad.tests)] == [("light", True), ("light", False)]
     assert good.kept and bad.sound and not bad.kept
 
 
-def test_a_document_with_errors_is_refused(tmp_path: Path) -> None:
+def test_document_with_errors_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "robot.yaml").write_text("thingc: assembly/1\nname: robot\ncomponents: {a: {fram: true}}\n")
     with pytest.raises(thingc.CompileError, match="fram"):
@@ -164,7 +164,7 @@ def test_a_document_with_errors_is_refused(tmp_path: Path) -> None:
         thingc.compile(str(tmp_path / "robot.yaml"), parameters={"load": 0.5})
 
 
-def test_compile_takes_numbers_and_flags_as_a_family_does(everything: thingc.RobotFamily) -> None:
+def test_compile_accepts_the_settings_of_a_family(everything: thingc.RobotFamily) -> None:
     document = everything._session.environment.document
     numbers = thingc.compile(
         document, modes=["standing"], parameters={"load": np.float64(0.7), "heavy": True},
@@ -186,7 +186,7 @@ def test_compile_takes_numbers_and_flags_as_a_family_does(everything: thingc.Rob
             thingc.compile(document, **given)  # type: ignore[arg-type]
 
 
-def test_the_space_of_variants_and_of_parameters(many: thingc.RobotFamily, everything: thingc.RobotFamily) -> None:
+def test_spaces_of_variants_and_parameters(many: thingc.RobotFamily, everything: thingc.RobotFamily) -> None:
     space = many.space
     assert isinstance(space, SearchSpace) and space.names == ("length", "load", "joints.lift.limit.upper")
     assert (space["length"].low, space["length"].high, space["length"].unit, space["length"].value) == (0.2, 0.5, "m", 0.3)
@@ -219,7 +219,7 @@ def test_optuna_suggests_settings(many: thingc.RobotFamily) -> None:
     assert set(study.best_params) == set(many.space.names) and 0.2 <= study.best_params["length"] <= 0.5
 
 
-def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFamily, tmp_path: Path) -> None:
+def test_written_files_equal_a_single_build(workspace: Path, many: thingc.RobotFamily, tmp_path: Path) -> None:
     variant = next(iter(many.variants))
     assert many.write(variant, tmp_path / "written" / "everything") == ()
     assert many._plan is not None
@@ -246,8 +246,9 @@ def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFa
             many.write(variant, place)
 
 
-def test_what_is_written_of_texts_is_a_build_with_these_words(tmp_path: Path) -> None:
-    """In units that are not the document's, also by a plan: `manifest.json` says what was asked for. A number that comes later holds."""
+def test_manifest_contains_settings_as_given(tmp_path: Path) -> None:
+    """The units of the settings differ from those of the document, also in a build by a plan. `manifest.json` contains the settings as
+    given. A later number replaces an earlier one."""
     (tmp_path / "crane.yaml").write_text(FOLLOWING)
     with thingc.family(tmp_path / "crane.yaml") as crane:
         for count in range(20):
@@ -278,7 +279,7 @@ modes: {standing: {root: base}}
 """
 
 
-def test_a_number_stands_for_a_mass_that_says_its_source_as_well(tmp_path: Path) -> None:
+def test_number_can_replace_a_mass_with_a_source(tmp_path: Path) -> None:
     (tmp_path / "r.yaml").write_text(
         "thingc: assembly/1\nname: r\ncomponents: {a: {frame: true, mass: {value: 1 g, source: estimated}}}\nmodes: {m: {root: a}}\n"
     )
@@ -286,7 +287,7 @@ def test_a_number_stands_for_a_mass_that_says_its_source_as_well(tmp_path: Path)
         assert [family.evaluate({"components.a.mass": mass}).results["mass"] for mass in (0.5, "2 g")] == [0.5, 0.002]
 
 
-def test_what_is_adopted_is_what_the_document_says_then(tmp_path: Path) -> None:
+def test_adopted_settings_are_written_to_the_document(tmp_path: Path) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "crane.yaml").write_text(ADOPTED)
     (tmp_path / "cap.yaml").write_text("thingc: assembly/1\nname: cap\ncomponents: {knob: {frame: true, mass: 10 g}}\n")
@@ -319,8 +320,8 @@ def test_what_is_adopted_is_what_the_document_says_then(tmp_path: Path) -> None:
     assert document.read_text() == expected.replace("412.5 mm", "50 cm")
 
 
-def test_a_parameter_of_a_nested_document_is_a_number_in_si(tmp_path: Path) -> None:
-    """Which nobody has written: the document of variants says what it is, or the nested one."""
+def test_parameter_of_a_nested_document_is_in_si_units(tmp_path: Path) -> None:
+    """The parameter has no value in the outer document. The document of variants or the nested document contains its unit."""
     for name, text in {
         "thingc.toml": 'thingc = "workspace/1"\n',
         "leg.yaml": "thingc: assembly/1\nname: leg\nparameters: {length: {value: 200 mm, max: 400 mm}}\n"
@@ -373,7 +374,7 @@ modes: {{free: {{root: palm, base: free}}}}
     ("components.*.joints.bend.dynamics.damping", {"thumb/bend", "index_0/bend", "index_1/bend"}),
     ("components.t*.joints.*.dynamics.damping", {"thumb/bend"}),
 ])
-def test_stars_reach_nested_documents(tmp_path: Path, shared_store: str, pattern: str, joints: set[str]) -> None:
+def test_stars_include_nested_documents(tmp_path: Path, shared_store: str, pattern: str, joints: set[str]) -> None:
     (tmp_path / "finger.yaml").write_text(FINGER)
     (tmp_path / "hand.yaml").write_text(HAND)
     with thingc.family(tmp_path / "hand.yaml", store=shared_store) as hand:

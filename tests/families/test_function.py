@@ -1,4 +1,4 @@
-"""`family.function`: the numbers of `evaluate`, and derivatives that differences confirm."""
+"""`family.function` computes the numbers of `evaluate`. Its derivatives are compared with differences."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ modes: {{standing: {{root: post, base: fixed}}}}
 
 
 def opened(folder: Path, document: str) -> Iterator[thingc.RobotFamily]:
-    """Yield the family of a document in a workspace of its own."""
+    """Yield the family of a document in a separate workspace."""
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (folder / "robot.yaml").write_text(document)
     with thingc.family(folder / "robot.yaml") as family:
@@ -83,7 +83,7 @@ def kinked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[thingc.RobotFam
 
 
 def differences(function: FamilyFunction, x: np.ndarray, step: float = 1e-3) -> np.ndarray:
-    """Derivatives by differences with an error of the fourth power of the step."""
+    """Compute derivatives by differences with an error of the fourth power of the step."""
     columns = []
     for place in range(len(x)):
         h = np.zeros(len(x))
@@ -93,7 +93,7 @@ def differences(function: FamilyFunction, x: np.ndarray, step: float = 1e-3) -> 
     return np.array(columns).T
 
 
-def test_values_are_those_of_evaluate_to_the_last_bit(everything: thingc.RobotFamily) -> None:
+def test_values_equal_those_of_evaluate(everything: thingc.RobotFamily) -> None:
     function = everything.function(["load", "length", "joints.lift.limit.effort"], ["mass", "centre", "inertia", "length"])
     assert function.units == ("kg", "m", "N*m") and function.start.tolist() == [0.5, 0.3, 8.0]
     assert function.bounds[:2].tolist() == [[0.01, 20.0], [0.1, 0.9]] and np.isinf(function.bounds[2]).all()
@@ -113,8 +113,8 @@ def test_values_are_those_of_evaluate_to_the_last_bit(everything: thingc.RobotFa
 
 def test_many_settings_are_computed_over_columns(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     compiled: list[object] = []
-    measured = Evaluation._compiled
-    monkeypatch.setattr(Evaluation, "_compiled", lambda self, read: compiled.append(read) or measured(self, read))
+    measured = Evaluation._compile
+    monkeypatch.setattr(Evaluation, "_compile", lambda self, read: compiled.append(read) or measured(self, read))
     with thingc.family(workspace / "everything.yaml", verify=0) as family:
         settings = [{"load": load, "length": length} for load in np.linspace(0.2, 2.0, 20) for length in np.linspace(0.2, 0.5, 10)]
         calls: list[int] = []
@@ -127,23 +127,23 @@ def test_many_settings_are_computed_over_columns(workspace: Path, monkeypatch: p
 
 
 @pytest.mark.parametrize("mode", ["standing", "footed"])
-def test_shared_loads_are_on_the_plan(workspace: Path, monkeypatch: pytest.MonkeyPatch, mode: str) -> None:
-    """Two drives on a joint, a tendon and feet share loads by least squares, whose bits the plan repeats."""
+def test_shared_loads_are_planned(workspace: Path, monkeypatch: pytest.MonkeyPatch, mode: str) -> None:
+    """Two drives on a joint, a tendon and feet share loads by least squares. The plan computes the same bits."""
     compiled: list[object] = []
-    through_passes = Evaluation._compiled
-    monkeypatch.setattr(Evaluation, "_compiled", lambda self, read: compiled.append(read) or through_passes(self, read))
+    through_passes = Evaluation._compile
+    monkeypatch.setattr(Evaluation, "_compile", lambda self, read: compiled.append(read) or through_passes(self, read))
     with thingc.family(workspace / "strung.yaml", verify=0, mode=mode) as family:
         rows = [{"thickness": 0.018 + 0.0003 * k, "axle": 0.06 + 0.001 * k, "components.foot.mass": 0.1 + 0.01 * k} for k in range(24)]
         many = [family.evaluate(one) for one in rows]
         assert len(compiled) < 16
         evaluation = family._evaluation_of(family.mode)
         for one, found in zip(rows, many, strict=True):
-            assert evaluation._compiled(family._reader.read(one))[0] == found.results
+            assert evaluation._compile(family._reader.read(one))[0] == found.results
         assert len({one["torque_margin"] for one in many}) == len(rows) and None not in {one["torque_margin"] for one in many}
 
 
 @pytest.mark.parametrize("mode", ["standing", "footed"])
-def test_derivatives_are_those_of_differences(strung: thingc.RobotFamily, mode: str) -> None:
+def test_derivatives_equal_differences(strung: thingc.RobotFamily, mode: str) -> None:
     names = ["thickness", "axle", "reach", "components.foot.mass"]
     function = strung.function(names, ["mass", "centre", "inertia", "box", "site:stand", "site:thigh.drum"], mode=mode)
     x = np.array([0.021, 0.075, 0.063, 0.12])
@@ -165,7 +165,7 @@ modes: {standing: {root: plate, base: fixed}}
 """
 
 
-def test_numbers_beside_those_of_a_part_have_exact_derivatives(tmp_path: Path, shared_store: str) -> None:
+def test_numbers_without_part_have_exact_derivatives(tmp_path: Path, shared_store: str) -> None:
     with thingc.family(parts_workspace(tmp_path, plated=PLATED) / "plated.yaml", store=shared_store) as family:
         function = family.function(["side", "load", "high"], ["mass", "centre.x", "centre.z"])
         found = function.jacobian(function.start)
@@ -182,7 +182,7 @@ def test_numbers_beside_those_of_a_part_have_exact_derivatives(tmp_path: Path, s
 
 
 def test_derivatives_by_the_size_of_a_printed_part(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The layers of a plate have a formula: walls and lids, lines of infill between them, and their joins along the walls."""
+    """The layers of a plate have a closed form: walls and lids, lines of infill between them, and their joins along the walls."""
     together: list[int] = []
     records_of = Exchange._records_of
     monkeypatch.setattr(Exchange, "_records_of", lambda self, many: together.append(len(many)) or records_of(self, many))
@@ -210,7 +210,7 @@ def test_derivatives_by_the_size_of_a_printed_part(tmp_path: Path, shared_store:
 
 
 @pytest.mark.parametrize("mode", ["standing", "footed"])
-def test_only_what_a_search_computes_is_estimated(strung: thingc.RobotFamily, mode: str) -> None:
+def test_only_results_of_searches_are_estimated(strung: thingc.RobotFamily, mode: str) -> None:
     function = strung.function(["thickness", "axle", "components.foot.mass"], ["torque_margin", "mass", "centre"], mode=mode)
     x = np.array([0.021, 0.075, 0.12])
     found = function.jacobian(x)
@@ -245,7 +245,7 @@ def test_an_estimate_covers_its_error(strung: thingc.RobotFamily, monkeypatch: p
         np.testing.assert_allclose(estimated, exact, rtol=1e-4, atol=1e-10)
 
 
-def test_at_a_kink_there_is_no_derivative(kinked: thingc.RobotFamily) -> None:
+def test_kink_has_no_derivative(kinked: thingc.RobotFamily) -> None:
     function = kinked.function(["left", "right"], ["inertia.yy", "site:hand", "mass"])
     assert function.jacobian([0.15, 0.25])[0, 0] == 0.0 and function.jacobian([0.25, 0.15])[0, 0] > 0.0
     with pytest.raises(NotDifferentiable) as caught:
@@ -257,7 +257,7 @@ def test_at_a_kink_there_is_no_derivative(kinked: thingc.RobotFamily) -> None:
     assert kinked.function(["left", "right"], ["site:hand"]).jacobian([0.2, 0.2]).tolist() == [[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]
 
 
-def test_at_a_bound_there_is_a_derivative(kinked: thingc.RobotFamily) -> None:
+def test_bound_has_a_derivative(kinked: thingc.RobotFamily) -> None:
     function = kinked.function(["left", "right"], ["inertia.zz", "centre.x"])
     for x in ([0.3, 0.1], [0.1, 0.3]):
         inside = [0.299999, 0.100001] if x[0] == 0.3 else [0.100001, 0.299999]
@@ -265,8 +265,8 @@ def test_at_a_bound_there_is_a_derivative(kinked: thingc.RobotFamily) -> None:
 
 
 @pytest.mark.parametrize("load", [1.0, 0.1])
-def test_beside_special_numbers_derivatives_are_those_of_both_sides(special: thingc.RobotFamily, load: float) -> None:
-    """No turn and a whole number are special for the compiler; a limit has one side."""
+def test_derivatives_at_special_numbers(special: thingc.RobotFamily, load: float) -> None:
+    """The compiler treats a rotation by 0 and whole numbers in a special way. A limit has only one side."""
     function = special.function(["twist", "load", "count"], ["mass", "centre", "inertia"])
     x = np.array([0.0, load, 2.0])
     found = function.jacobian(x)
@@ -292,7 +292,7 @@ def test_an_estimate_covers_a_jump_of_the_second_derivative(special: thingc.Robo
         assert found.error is not None and abs(found[0, 0] - 2.0 * abs(z)) <= found.error[0, 0]
 
 
-def test_a_kink_or_a_jump_beside_is_an_error(special: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nearby_kink_or_jump_is_an_error(special: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
     function = special.function(["twist"], ["centre.z"])
     value = FamilyFunction.value
 
@@ -315,7 +315,7 @@ def test_a_kink_or_a_jump_beside_is_an_error(special: thingc.RobotFamily, monkey
                 function.jacobian([0.0])
 
 
-def test_plans_are_not_made_again(special: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plans_are_reused(special: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
     function = special.function(["twist", "load"], ["mass"])
     function.jacobian([0.0, 0.1])
     made: list[object] = []
@@ -331,12 +331,12 @@ def test_a_function_can_be_pickled(everything: thingc.RobotFamily) -> None:
     assert copy.value([0.7]).tolist() == function.value([0.7]).tolist() and copy.names == ("load",)
 
 
-def test_variants_fix_settings_and_parameters_have_their_limits(many: thingc.RobotFamily) -> None:
+def test_variants_fix_settings_and_parameters_have_bounds(many: thingc.RobotFamily) -> None:
     function = many.function(["length", "load"], ["mass"])
     assert function.bounds.tolist() == [[0.1, 0.9], [0.01, 20.0]] and function.start.tolist() == [0.3, 0.5]
 
 
-def test_a_wrong_plan_is_dropped(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_plan_is_discarded(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with thingc.family(workspace / "everything.yaml") as family:
         function = family.function("load", "mass")
         function.value([[0.3 + 0.01 * place] for place in range(20)])

@@ -1,4 +1,4 @@
-"""Runs the tests of JAX in a process of their own: JAX starts threads, and the processes of other tests fork."""
+"""Runs the tests of JAX in a separate process, because JAX starts threads, and the processes of other tests fork."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Models that come without a compilation are the compiled ones, to the last bit; what is not followed is compiled."""
+"""Models that are created without a compilation equal the compiled ones bit by bit. For all other settings, the documents are compiled."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ NUMBERS: dict[str, float] = {
     "components.tool.joints.close.dynamics.damping": 0.05, "components.tool.components.finger.mass": 0.05,
     "modes.stuck.contacts.adhesion.hook": 20.0, "joints.flip.drive.effort": 2.0,
 }
-"""What is set, about what the document says."""
+"""Settings near the values in the document."""
 
 
 UNSTATED = "components.tool.joints.close.dynamics.damping"
-"""Which no document says: a number is one in SI, and a text says of what kind it is."""
+"""Settings of values that the document does not contain. A number is in SI units, and a string contains its unit."""
 
 
 def settings(count: int, seed: int, names: Mapping[str, float] = NUMBERS) -> list[dict[str, Any]]:
@@ -43,7 +43,7 @@ def settings(count: int, seed: int, names: Mapping[str, float] = NUMBERS) -> lis
 
 
 def compiled(family: thingc.RobotFamily, one: Mapping[str, Any], mode: str) -> mujoco.MjModel:
-    """By every pass, as a document without families would have it."""
+    """Compile the model with all compiler passes, without a family."""
     return thingc.compile(
         str(family._session.environment.document), modes=[mode],
         parameters={name: f"{value!r} {UNITS[name]}" for name, value in one.items() if "." not in name},
@@ -61,7 +61,7 @@ STRUNG: dict[str, tuple[float, str]] = {
     "components.shank.mass": (0.4, "kg"), "poses.bent.knee": (-0.52, "rad"), "reach": (0.06, "m"),
     "tendons.rope.dynamics.stiffness": (40.0, "N/m"), "tendons.rope.drive.kp": (60.0, "N/m"),
 }
-"""What is set of `strung.yaml`, about what it says, and its units."""
+"""Settings of `strung.yaml` near its values, with units."""
 
 UNITS = {
     "load": "kg", "length": "m", "stiff": "N*m/rad", "components.crank.mass": "kg", "components.base.inertia.ixy": "kg*m^2",
@@ -75,8 +75,8 @@ UNITS = {
 
 
 @pytest.mark.parametrize("mode", ["standing", "hanging", "loose", "stuck"])
-def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str) -> None:
-    """What is held where it is in a pose takes a search, in the last mode."""
+def test_models_equal_compiled_models(everything: thingc.RobotFamily, mode: str) -> None:
+    """In the last mode, the position of the held mount in a pose requires a search."""
     many = settings(6, 1)
     for one, model in zip(many, everything.models(many, mode=mode, share=True, visual=True), strict=True):
         assert isinstance(model, mujoco.MjModel)
@@ -88,7 +88,7 @@ def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str)
 
 @pytest.mark.parametrize("name", [None, *STRUNG])
 def test_tendons_and_springs_are_written_into_arrays(strung: thingc.RobotFamily, name: str | None) -> None:
-    """All of them together, and each by itself: what MuJoCo works out of one may be worked out because of another."""
+    """All settings are changed together, and one at a time, because MuJoCo may compute one field from several settings."""
     source, mode = random.Random(8), "footed" if name is None else "standing"
     names = STRUNG if name is None else {name: STRUNG[name]}
     many = [{name: value * source.uniform(0.95, 1.05) for name, (value, _) in names.items()} for _ in range(4)]
@@ -106,8 +106,8 @@ def test_tendons_and_springs_are_written_into_arrays(strung: thingc.RobotFamily,
     ("components.flap.shapes.0.friction.slide", "arrays", "friction: {slide: 0.5}", "friction: {slide: {}}"),
     ("components.flap.shapes.0.at.xyz.0", "text", "at: {xyz: 10 20 30 mm}", "at: {xyz: ['{} m', 20 mm, 30 mm]}"),
 ])
-def test_values_of_vectors_and_of_lists_are_numbers(tmp_path: Path, path: str, way: str, old: str, new: str) -> None:
-    """What comes of them is what a document comes to that says them."""
+def test_elements_of_vectors_and_lists_are_numbers(tmp_path: Path, path: str, way: str, old: str, new: str) -> None:
+    """The result equals that of a document that contains the values."""
     shape = "{link: true, shapes: [{sphere: {radius: 5 mm}, at: {xyz: 10 20 30 mm}, friction: {slide: 0.5}}], mass: 0.1 kg"
     text = EVERYTHING.replace("flap: {frame: true, mass: 0.1 kg", f"flap: {shape}")
     for name, own in {**WORKSPACE, "everything.yaml": text}.items():
@@ -123,8 +123,8 @@ def test_values_of_vectors_and_of_lists_are_numbers(tmp_path: Path, path: str, w
 
 
 @pytest.mark.parametrize("name", ["drum", "axle"])
-def test_shapes_that_tendons_go_around_are_followed(strung: thingc.RobotFamily, name: str) -> None:
-    """Also where the rope comes to touch one, or no longer does."""
+def test_shapes_around_which_tendons_wrap(strung: thingc.RobotFamily, name: str) -> None:
+    """The settings include those at which a tendon begins or ceases to touch a shape."""
     value = {"drum": 0.025, "axle": 0.07}[name]
     many = [{name: value * share} for share in (1.0, 1.03, 0.21, 2.0, 1.1, 0.97)]
     for visual in (True, False):
@@ -145,7 +145,7 @@ def lengths_of(model: mujoco.MjModel) -> list[float]:
     return [*data.ten_length.tolist(), *model.tendon_lengthspring.ravel().tolist(), *data.ctrl.tolist()]
 
 
-def test_a_number_at_a_path_of_a_joint_that_nothing_is_said_at_is_si(workspace: Path) -> None:
+def test_number_at_an_unset_path_is_in_si_units(workspace: Path) -> None:
     with thingc.family(workspace / "everything.yaml", verify=0) as family:
         many = [{UNSTATED: 0.05 + 0.01 * k, "joints.l*.dynamics.stiffness": 3.0 + k} for k in range(4)]
         for one, model in zip(many, family.models(many, share=True, visual=True), strict=True):
@@ -157,7 +157,7 @@ def test_a_number_at_a_path_of_a_joint_that_nothing_is_said_at_is_si(workspace: 
         assert isinstance(refused, NoModel) and "`dynamics.damping` of joint `lift` must be at least 0" in refused.problems[0].message
 
 
-def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.RobotFamily) -> None:
+def test_shared_models_are_reused_and_others_are_copies(everything: thingc.RobotFamily) -> None:
     many = settings(3, 2)
     list(everything.models(many, mode="standing", visual=True))  # the first come by every pass
     lent = list(everything.models(many, mode="standing", share=True, visual=True))
@@ -167,8 +167,8 @@ def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.Robo
 
 
 @pytest.mark.parametrize("one", [{"load": 0.51}, {"heavy": True}])
-def test_what_a_borrower_writes_into_a_model_is_in_nobody_else_s(workspace: Path, one: dict[str, Any]) -> None:
-    """Of numbers, which are written into the arrays of the model that is lent, and of what is compiled and kept."""
+def test_changes_of_a_model_do_not_affect_others(workspace: Path, one: dict[str, Any]) -> None:
+    """This holds for models whose arrays are changed by settings, and for cached compiled models."""
     with thingc.family(workspace / "everything.yaml", verify=1) as family:
         honest = family.model(one, visual=False)
         for lent in chain((next(family.models([one], share=True)) for _ in range(5)), family.models([one] * 5, share=True)):
@@ -183,13 +183,13 @@ def test_what_a_borrower_writes_into_a_model_is_in_nobody_else_s(workspace: Path
         assert isinstance(explained, Explanation) and explained.way == "arrays"
 
 
-def test_what_has_been_compiled_is_kept_for_a_while(everything: thingc.RobotFamily) -> None:
+def test_compiled_models_are_cached(everything: thingc.RobotFamily) -> None:
     first, again = (next(everything.models([{"heavy": True}], share=True, visual=True)) for _ in range(2))
     own = everything.model({"heavy": True})
     assert first is again and own is not first and different_fields(own, first) == []
 
 
-def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thingc.RobotFamily) -> None:
+def test_errors_name_the_setting_and_others_continue(everything: thingc.RobotFamily) -> None:
     good = settings(1, 3)[0]
     wrong = [
         ({"load": 30.0}, "TC803", "parameter `load` must be at most 20 kg, found `30 kg`"),
@@ -230,12 +230,12 @@ def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thin
             everything.model({}, mode=mode)  # type: ignore[arg-type]
 
 
-def test_text_and_numbers_say_the_same(everything: thingc.RobotFamily) -> None:
+def test_strings_and_numbers_are_equivalent(everything: thingc.RobotFamily) -> None:
     first, second = (everything.model(one) for one in ({"load": "612 g", "length": "31 cm"}, {"load": 0.612, "length": np.float64(0.31)}))
     assert different_fields(first, second) == []
 
 
-def test_one_name_may_mean_many(everything: thingc.RobotFamily) -> None:
+def test_pattern_matches_several_names(everything: thingc.RobotFamily) -> None:
     model = everything.model({"joints.*.dynamics.damping": 0.3}, mode="standing")
     assert set(model.dof_damping) == {0.3}  # that of the tool, in its own document, too
     damped = everything.model({"components.*.joints.*.dynamics.damping": 0.3}, mode="standing").dof_damping
@@ -243,7 +243,7 @@ def test_one_name_may_mean_many(everything: thingc.RobotFamily) -> None:
     assert [(was, now) for was, now in zip(usual, damped, strict=True) if was != now] == [(0.0, 0.3)]  # that of the tool alone
 
 
-def test_parameters_have_stars_and_what_these_do_not_meet_is_told_what_there_is(everything: thingc.RobotFamily) -> None:
+def test_patterns_of_parameters_and_their_errors(everything: thingc.RobotFamily) -> None:
     assert everything.numbers({"l*": 0.4}) == {"load": 0.4, "length": 0.4}
     for name, hint in {
         "x*": "known parameters: `", "joints.x*.limit.upper": "known names: `", "jonts.*.limit.upper": "did you mean `joints`?",
@@ -255,7 +255,7 @@ def test_parameters_have_stars_and_what_these_do_not_meet_is_told_what_there_is(
     assert problem.help and "`lift`" in problem.help
 
 
-def test_one_is_many_of_one(everything: thingc.RobotFamily) -> None:
+def test_single_setting_equals_a_list_of_one(everything: thingc.RobotFamily) -> None:
     assert [bool(model) for model in everything.models({"load": 0.5})] == [True]
     assert [group.indices for group in everything.batched({"load": 0.5}).groups] == [(0,)]
 
@@ -269,7 +269,7 @@ def test_one_is_many_of_one(everything: thingc.RobotFamily) -> None:
     ("components.rocker.mass", "arrays", "changes body_inertia, body_ipos, body_iquat, body_mass, site_pos of one compiled model"),
     ("heavy", "passes", "heavy is compiled again: the setting is not a number in the document (mode standing)"),
 ])
-def test_explained(everything: thingc.RobotFamily, name: str, way: str, words: str) -> None:
+def test_explanations(everything: thingc.RobotFamily, name: str, way: str, words: str) -> None:
     explained = everything.explain(name)
     assert isinstance(explained, Explanation) and explained.way == way and words in str(explained)
 
@@ -280,13 +280,13 @@ def test_explained(everything: thingc.RobotFamily, name: str, way: str, words: s
     ("joints.lift", None, "`joints.lift` is not a value but a mapping"),
     ("load", 30.0, "parameter `load` must be at most 20 kg, found `30 kg`"),
 ])
-def test_what_cannot_be_set_is_not_explained(everything: thingc.RobotFamily, name: str, value: float | None, words: str) -> None:
+def test_invalid_settings_have_no_explanation(everything: thingc.RobotFamily, name: str, value: float | None, words: str) -> None:
     refused = everything.explain(name, value)
     assert isinstance(refused, NoModel) and refused.problems[0].message == words
 
 
-def test_where_a_number_decides_otherwise_it_is_compiled(everything: thingc.RobotFamily) -> None:
-    """A whole number is another kind of number to passes: a plan that was made with others is not of it."""
+def test_numbers_that_change_a_decision_are_compiled(everything: thingc.RobotFamily) -> None:
+    """The compiler treats whole numbers in a special way, so a plan of other numbers does not apply to them."""
     names = {"load": 0.5, "teeth": 3.1}
     many = [*settings(3, 4, names), {"load": 0.5, "teeth": 3.0}, *settings(2, 5, names)]
     found = list(everything.models(many, mode="standing", visual=True))
@@ -315,8 +315,8 @@ modes: {standing: {root: base, base: fixed}}
 
 
 @pytest.mark.parametrize("more", [{}, {"components.b.mass": "1.0 kg"}, {"components.b.mass": 1.0}, {"components.b.mass": "=most"}])
-def test_numbers_are_told_from_others_of_the_same_value(tmp_path: Path, more: dict[str, Any]) -> None:
-    """A plan is made at a bound, beyond which nothing is sound, of a mass that others have as well."""
+def test_equal_numbers_are_distinguished(tmp_path: Path, more: dict[str, Any]) -> None:
+    """A plan is created at a bound of a mass. Other masses have the same value."""
     (tmp_path / "twins.yaml").write_text(TWINS)
     many = [{"components.a.mass": mass, "most": 1.0, "joints.right.drive.kp": 0.0, **more} for mass in (1.5, 1.0, 1.0, 1.7, 1.8, 1.9, 1.0)]
     with thingc.family(tmp_path / "twins.yaml", verify=0) as twins:
@@ -329,12 +329,12 @@ def test_numbers_are_told_from_others_of_the_same_value(tmp_path: Path, more: di
 
 
 def with_constant_mass(plan: Any) -> None:
-    """Make a plan wrong: the mass of a body is a constant."""
+    """Make a plan wrong by replacing the mass of a body by a constant."""
     numbers = plan.made._numbers
     numbers.constants[0], numbers.inertials[0, 0] = 1.25, len(plan.program.outputs)
 
 
-def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
+def test_wrong_plan_is_found_and_discarded(workspace: Any) -> None:
     with thingc.family(workspace / "everything.yaml", verify=2) as family:
         many = settings(5, 5, {"load": 0.5})
         list(family.models(many, visual=True))
@@ -346,7 +346,7 @@ def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
             assert different_fields(model, compiled(family, one, "standing")) == []
 
 
-def test_each_plan_is_looked_at_however_many_models_others_gave(workspace: Path) -> None:
+def test_each_plan_is_checked(workspace: Path) -> None:
     with thingc.family(workspace / "everything.yaml") as family:
         list(family.models(settings(8, 5, {"load": 0.5})))
         many = settings(3, 5, {"components.crank.mass": 0.3})
@@ -358,7 +358,7 @@ def test_each_plan_is_looked_at_however_many_models_others_gave(workspace: Path)
         assert different_fields(model, compiled(family, many[2], "standing")) == []
 
 
-def test_many_are_few_models_and_arrays(everything: thingc.RobotFamily) -> None:
+def test_many_settings_share_few_models(everything: thingc.RobotFamily) -> None:
     many = [*settings(5, 6, {"load": 0.5, "poses.low.lift": -0.35}), {"load": 30.0}, {"heavy": True, "load": 0.7}]
     many.append({"components.weight.mass": "0.7 kg", "joints.lift.limit.effort": "7 N*m"})
     batches = everything.batched(many, mode="standing")
@@ -373,7 +373,7 @@ def test_many_are_few_models_and_arrays(everything: thingc.RobotFamily) -> None:
         assert different_fields(group.model, model) == []
 
 
-def test_what_no_array_of_numbers_says_is_another_group(everything: thingc.RobotFamily) -> None:
+def test_other_differences_create_groups(everything: thingc.RobotFamily) -> None:
     batches = everything.batched([{"load": 0.4}, {"simulation.integrator": "euler"}, {"load": 0.6}], mode="standing")
     assert [group.indices for group in batches.groups] == [(0, 2), (1,)] and batches.refused == {}
     assert batches.groups[1].fields == {} and batches.groups[1].model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
@@ -403,7 +403,7 @@ MIRRORED = {
 }
 
 
-def test_numbers_inside_a_mirrored_assembly_are_followed(tmp_path: Path) -> None:
+def test_numbers_in_a_mirrored_assembly(tmp_path: Path) -> None:
     for name, text in MIRRORED.items():
         (tmp_path / name).write_text(textwrap.dedent(text))
     with thingc.family(tmp_path / "legs.yaml", verify=0) as family:

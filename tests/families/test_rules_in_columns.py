@@ -47,7 +47,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def drawn(source: random.Random) -> dict[str, Any]:
-    """Settings of which some are refused, and for some a rule divides by zero."""
+    """Draw settings. Some are refused, and for some a rule divides by zero."""
     length = 0.0 if source.random() < 0.1 else source.uniform(0.0, 1.05)
     settings: dict[str, Any] = {"load": source.uniform(0.04, 1.02), "length": length}
     if source.random() < 0.1:
@@ -60,7 +60,7 @@ def drawn(source: random.Random) -> dict[str, Any]:
 
 
 def expected(settings: dict[str, Any]) -> str | None:
-    """The first rule that is violated, for numbers for which every rule can be evaluated."""
+    """Return the first rule that is violated. Every rule can be evaluated for these numbers."""
     load, length = settings["load"], settings["length"]
     centre = load * length / 2 / (0.3 + load)
     holds = {
@@ -70,11 +70,11 @@ def expected(settings: dict[str, Any]) -> str | None:
     return next((rule for rule, kept in holds.items() if not kept), None)
 
 
-def test_verdicts_of_many_are_those_of_each(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_verdicts_equal_those_of_single_settings(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source, alone = random.Random(3), []
     many = [drawn(source) for _ in range(600)]
-    judge = evaluation.Evaluation._broken
-    monkeypatch.setattr(evaluation.Evaluation, "_broken", lambda self, *given: alone.append(given) or judge(self, *given))
+    judge = evaluation.Evaluation._find_violation
+    monkeypatch.setattr(evaluation.Evaluation, "_find_violation", lambda self, *given: alone.append(given) or judge(self, *given))
     with thingc.family(folder / "booms.yaml", verify=0) as together, thingc.family(folder / "booms.yaml", verify=0) as single:
         found = together.evaluate(many)
         assert 0 < len(alone) < 250  # most verdicts need no evaluation of their own
@@ -87,7 +87,7 @@ def test_verdicts_of_many_are_those_of_each(folder: Path, monkeypatch: pytest.Mo
         assert any(one.results and not one.sound for one in found)  # a rule divided by zero
 
 
-def test_numbers_of_many_are_those_of_each(folder: Path) -> None:
+def test_numbers_equal_those_of_single_settings(folder: Path) -> None:
     source = random.Random(4)
     many = [{**drawn(source), **({"length": float("inf")} if k % 40 == 0 else {})} for k in range(400)]
     with thingc.family(folder / "booms.yaml", verify=0) as family:

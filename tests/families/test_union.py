@@ -1,4 +1,5 @@
-"""Variants of other geometry: one text with other meshes gives the compiled model; as one model each moves as its own."""
+"""Variants with different geometry: one text with other meshes gives the compiled model, and in a merged model each variant moves as in
+its own model."""
 
 from __future__ import annotations
 
@@ -53,7 +54,7 @@ def levers(tmp_path_factory: pytest.TempPathFactory, root: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_variants_move_as_in_their_own_models(levers: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
     many: list[dict[str, Any]] = [
         {"length": 0.08}, {"length": "95 mm"}, {"length": 0.08, "joints.hinge.dynamics.damping": 2e-5}, {"length": 0.095}, {"length": 9.0},
     ]
@@ -65,7 +66,7 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatc
         read = [family._read(one) for one in lengths]
         exchanged, models = family.models(lengths, share=True), family._of(None, False)
         for (_, one), model in zip(read, exchanged, strict=True):
-            assert isinstance(model, mujoco.MjModel) and different_fields(model, models._compiled(one)) == []
+            assert isinstance(model, mujoco.MjModel) and different_fields(model, models._compile(one)) == []
         found = models.form_of(read[0][1]).plan_for(read[0][1])
         assert found is not None and found[0].exchange is not None
         assert all(found[0].outputs(one.values) is not None for _, one in read)
@@ -75,10 +76,10 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatc
             models._specs.clear()
             models._kept.clear()
             for (_, one), model in zip(read, family.models(lengths), strict=True):
-                assert isinstance(model, mujoco.MjModel) and different_fields(model, models._compiled(one)) == []
+                assert isinstance(model, mujoco.MjModel) and different_fields(model, models._compile(one)) == []
             assert set(models._specs.values()) == {None}
         evaluation = family._evaluation_of(family.mode)
-        assert [one.results for one in family.evaluate(lengths)] == [evaluation._compiled(one)[0] for _, one in read]
+        assert [one.results for one in family.evaluate(lengths)] == [evaluation._compile(one)[0] for _, one in read]
         results = evaluation.form_of(read[0][1]).plan_for(read[0][1])
         assert results is not None and results[0].exchange is not None
     assert explained == (
@@ -99,7 +100,7 @@ def test_each_moves_as_its_own_model(levers: Path, shared_store: str, monkeypatc
 
 
 @pytest.mark.slow
-def test_on_a_floor_each_falls_as_in_the_scene_of_its_build(levers: Path, shared_store: str) -> None:
+def test_variants_fall_on_a_floor_as_in_their_scenes(levers: Path, shared_store: str) -> None:
     def fallen(model: mujoco.MjModel, steps: int = 400) -> Any:
         data = mujoco.MjData(model)
         mujoco.mj_step(model, data, steps)
@@ -124,7 +125,7 @@ def test_on_a_floor_each_falls_as_in_the_scene_of_its_build(levers: Path, shared
 
 
 @pytest.mark.slow
-def test_a_store_that_is_deleted_meanwhile_is_said(levers: Path, tmp_path: Path) -> None:
+def test_deleted_store_is_reported(levers: Path, tmp_path: Path) -> None:
     with thingc.family(levers, store=str(tmp_path / "store")) as family:
         assert family.write({}, tmp_path / "first") == ()
         shutil.rmtree(tmp_path / "store")

@@ -1,10 +1,8 @@
-"""`make fuzz MINUTES=30`: generated workspaces through what `thingc check --no-code` does, in this process, and what came of it.
-
-Recorded are inputs, crashes (an exception, or TC899), characters in what is printed that a terminal would obey, the slowest input,
-the peak of memory, and by Python's audit hook every file that was opened outside of the workspace, every import of one of its modules,
-every process, connection and write. Whatever is found is kept as a workspace in the folder of `--keep`, and the exit code is 1. The same
-`--seed` gives the same inputs.
-"""
+"""`make fuzz MINUTES=30`: check generated workspaces in this process, like `thingc check --no-code`, and record the results. The results
+are the number of inputs, crashes (an exception, or TC899), control characters in the output, the slowest input, and the peak of
+memory. Python's audit hook also records every file that is opened outside of the workspace, every import of a module in the
+workspace, and every process, connection and write. Each failure is stored as a workspace in the folder of `--keep`, and the exit code
+is 1. The same `--seed` gives the same inputs."""
 
 from __future__ import annotations
 
@@ -38,19 +36,19 @@ from mutations import NAMES, ROOT, Grammar, mutated, mutated_code, mutated_lock,
 sys.dont_write_bytecode = True  # a module of ours that is imported late is no write of an input
 
 HANG = 5.0
-"""Seconds of computing that no input may take."""
+"""The largest computing time [s] for an input."""
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _PROCESSES = ("os.exec", "os.fork", "os.posix_spawn", "os.system", "subprocess.", "socket.", "ctypes.", "os.remove", "os.rename",
     "os.mkdir", "shutil.")
 
 
 class Hang(Exception):
-    """An input took too long."""
+    """Raised if an input takes too long."""
 
 
 @dataclass
 class Watch:
-    """The audit hook: what happened between `begin` and `end` that must not."""
+    """The audit hook, which records forbidden events between `begin` and `end`."""
 
     allowed: tuple[str, ...]
     workspace: str = ""
@@ -91,7 +89,7 @@ class Watch:
 
 @dataclass
 class Result:
-    """What came of all inputs."""
+    """The results of all inputs."""
 
     inputs: int = 0
     accepted: int = 0
@@ -101,7 +99,7 @@ class Result:
 
 
 class Fuzzer:
-    """Generates inputs and judges what happens; failures are kept in the folder `keep`, the first of each kind."""
+    """Generates and checks inputs. The first failure of each kind is stored in the folder `keep`."""
 
     def __init__(self, seed: int, keep: Path, lock: str) -> None:
         self.random = random.Random(seed)
@@ -129,7 +127,7 @@ class Fuzzer:
         sys.addaudithook(self.watch.hook)
 
     def one(self) -> None:
-        """One input."""
+        """Check one input."""
         files, document = self._made()
         for path in self.folder.iterdir():
             if path.suffix in (".yaml", ".yml", ".toml", ".step") or path.name == "parts.lock.json":
@@ -236,7 +234,7 @@ class Fuzzer:
 
 
 def run(seconds: float, seed: int, keep: Path, lock: str, most: int | None = None, tell: Callable[[str], None] | None = None) -> Result:
-    """Inputs for so many seconds of wall time, or `most` of them."""
+    """Check inputs for a number of seconds, or at most `most` inputs."""
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise Hang
@@ -259,13 +257,13 @@ def run(seconds: float, seed: int, keep: Path, lock: str, most: int | None = Non
 
 
 def peak_memory() -> float:
-    """The most memory [MB] that this program has held; `ru_maxrss` would count what its parent held before the exec, too."""
+    """Return the peak of memory [MB] of this program. `ru_maxrss` would include the memory of its parent before the exec."""
     with open("/proc/self/status", encoding="ascii") as stream:
         return next(int(line.split()[1]) for line in stream if line.startswith("VmHWM:")) / 1024.0
 
 
 def words(fuzzer: Fuzzer) -> str:
-    """How far it is."""
+    """Describe the progress."""
     result = fuzzer.result
     peak = peak_memory()
     return (
@@ -276,7 +274,7 @@ def words(fuzzer: Fuzzer) -> str:
 
 
 def main() -> int:
-    """The command line."""
+    """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--most", type=int, help="maximum number of inputs")

@@ -1,4 +1,4 @@
-"""Generated workspaces: documents of the repository with things broken in them, and documents made from the grammar."""
+"""Generated workspaces: damaged documents of the repository, and documents generated from the schemas."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ NASTY = [
     )),
     "caf\udce9.yaml", "=cmd|' /C calc'!A0", "a" * 100_000, "`" * 3000,
 ]
-"""What people and attackers write where something else is wanted."""
+"""Texts that users and attackers may write in place of valid values."""
 
 NAMES = [
     "caf\udce9.yaml", "a\nb.yaml", "\x1b[31m.yaml", "\u202ea.yaml", "-x.yaml", " .yaml", "$(id).yaml", "a\\.yaml", "'\".yaml",
     "a:b,c%d.yaml",
     "\u200b.toml", "x" * 200 + ".yaml",
 ]
-"""What documents may be called on a file system; `\udce9` stands for a byte that is no UTF-8."""
+"""Names that documents can have in a file system. `�` stands for a byte that is not valid UTF-8."""
 
 PATHS = [
     "../x.yaml", "/etc/hostname", r'"a\0b.step"', r'"\e[31m.yaml"', *NAMES, "z_link.yaml", "z_pipe.yaml", "z_folder.yaml", "x.step",
     "document.yaml",
 ]
-"""What documents may call other files."""
+"""Paths with which documents may refer to other files."""
 
 _VALUE = re.compile(r"(?<=: )[^\n{}\[\],#]+|(?<=\[)[^\n{}\[\],#]+|(?<=, )[^\n{}\[\],#]+")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*")
@@ -65,7 +65,7 @@ class Seed:
 
 
 def seeds() -> list[Seed]:
-    """The robots of the repository and every case of a wrong document, each with what lies beside it."""
+    """Return the robots of the repository and every case of an invalid document, each with the files beside it."""
     found: list[Seed] = []
     for folder in (ROOT / "assemblies", ROOT / "assemblies" / "minchw"):
         files = _texts(folder)
@@ -84,7 +84,7 @@ def _texts(folder: Path) -> dict[str, str]:
 
 
 class Grammar:
-    """Documents made from the JSON Schemas of the document models: right in most places, nasty in some."""
+    """Generates documents from the JSON Schemas of the document models. Most values are valid, and some are not."""
 
     def __init__(self, random_: random.Random) -> None:
         self.random = random_
@@ -92,7 +92,7 @@ class Grammar:
         self.names = ["a", "b", "c", "base", "arm", "leg", "leg_0", "hand", "home", "A"]
 
     def document(self, kind: str, *, toml: bool) -> str:
-        """A document of a kind."""
+        """Generate a document of a kind."""
         schema = self.schemas[kind]
         value = self._made(schema, schema.get("$defs", {}), 0)
         if not isinstance(value, dict):
@@ -145,7 +145,8 @@ class Grammar:
 
 
 def _yaml(value: Any) -> str:
-    """Flow style, one key of the first level a line; text as it stands, so that what is nasty stays nasty."""
+    """Write a document in flow style, with one key of the first level per line. Texts are not quoted, so that damaged texts stay
+    damaged."""
     return "\n".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "\n" if isinstance(value, dict) else _flow(value)
 
 
@@ -168,7 +169,7 @@ def _toml(value: Any) -> str:
 
 
 def mutated(text: str, choose: random.Random, donors: list[str]) -> str:
-    """The text with one to five things changed: a value, a word, a line, an indentation, a byte, a piece of another document."""
+    """Return the text with one to five changes: a value, a word, a line, an indentation, a byte, or a piece of another document."""
     for _ in range(choose.choice([1, 1, 1, 2, 3, 5])):
         lines = text.split("\n")
         number = choose.randrange(len(lines))
@@ -209,7 +210,7 @@ def mutated(text: str, choose: random.Random, donors: list[str]) -> str:
 
 
 def mutated_code(text: str, choose: random.Random) -> str:
-    """The text of a part file with one to three things changed: bytes, words, texts, nesting."""
+    """Return the text of a part file with one to three changes: bytes, words, texts or nesting."""
     for _ in range(choose.choice([1, 1, 2, 3])):
         at = choose.randrange(len(text) + 1)
         new = choose.choice(['"\\ud800"', "'\\0'", "\0", "\x1b[31m", "\u202e", '"\udce9"', "(" * 300, "def f(:", "\f", "\\", "'''", "0x",
@@ -219,7 +220,7 @@ def mutated_code(text: str, choose: random.Random) -> str:
 
 
 def mutated_lock(text: str, choose: random.Random) -> str:
-    """The lock with one to four things changed."""
+    """Return the lock with one to four changes."""
     for _ in range(choose.choice([1, 1, 2, 4])):
         kind = choose.randrange(4)
         places = list(re.finditer(r"-?\d+(?:\.\d+)?(?:e-?\d+)?|\"[^\"\n]*\"|true|false|null|\[[^\[\]\n]*\]", text))

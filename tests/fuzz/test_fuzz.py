@@ -1,4 +1,4 @@
-"""A short run of the fuzzer, with a fixed seed, in a process of its own (its audit hook cannot be taken away)."""
+"""A short run of the fuzzer with a fixed seed. It runs in a separate process, because its audit hook cannot be removed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 INPUTS = 40
 
 
-def test_a_short_run_finds_nothing(tmp_path: Path, root: Path, shared_store: str) -> None:
+def test_short_run_has_no_failures(tmp_path: Path, root: Path, shared_store: str) -> None:
     robots = tmp_path / "robots"
     robots.mkdir()
     for name in ("assemblies", "parts"):
@@ -43,8 +43,8 @@ def test_a_short_run_finds_nothing(tmp_path: Path, root: Path, shared_store: str
     assert slowest is not None and float(slowest.group(1)) < 5.0
 
 
-def test_the_fuzzer_sees_what_it_looks_for(tmp_path: Path, root: Path) -> None:
-    """Its oracles, tried on code that does what must not be done."""
+def test_fuzzer_detects_forbidden_events(tmp_path: Path, root: Path) -> None:
+    """The fuzzer runs code that does what its checks forbid."""
     program = (
         f"import sys; sys.path.insert(0, {str(root / 'tests' / 'fuzz')!r})\n"
         "import fuzz, pathlib\n"

@@ -1,4 +1,4 @@
-"""The robots of the gallery: nothing is said of them, their own tests pass, and every mode is simulated from where it starts."""
+"""The robots of the gallery: they have no diagnostics, their tests pass, and every mode can be simulated from its start pose."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def document(name: str) -> str:
 
 
 def compiled(name: str, store: str) -> thingc.Compiled:
-    """The robot, compiled once; warnings are errors."""
+    """The robot, compiled once. Warnings are errors."""
     if name not in _MADE:
         _MADE[name] = thingc.compile(document(name), store=store, strict=True)
     return _MADE[name]
 
 
 def scene(mode: thingc.CompiledMode) -> mujoco.MjModel:
-    """The mode's scene: the robot on its floor."""
+    """The scene of the mode: the robot on its floor."""
     files = {path.removeprefix("mjcf/"): data for path, data in mode.files.items() if path.endswith(".xml")}
     name = next(path for path in files if path == f"scene_{mode.name}.xml")
     return mujoco.MjModel.from_xml_string(files[name].decode(), {**files, **mode.assets()})
@@ -55,8 +55,9 @@ def test_every_folder_is_a_robot() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_mode_is_simulated(name: str, shared_store: str) -> None:
-    """Half a second from its first keyframe, drives set to it: finite, no warnings of MuJoCo, loops closed, nothing flung away."""
+def test_modes_can_be_simulated(name: str, shared_store: str) -> None:
+    """Half a second from the first keyframe, with drives at its positions: values are finite, MuJoCo does not warn, loops stay closed,
+    and no body moves far."""
     robot = compiled(name, shared_store)
     assert robot.diagnostics == ()
     roots, number = ROOTS[name]
@@ -78,12 +79,12 @@ def test_every_mode_is_simulated(name: str, shared_store: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_its_own_tests_pass(name: str, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tests_of_the_robot_pass(name: str, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["test", document(name), "--strict", "--store", shared_store]) == 0, capsys.readouterr()
 
 
-def test_the_platform_of_the_delta_never_turns(shared_store: str) -> None:
-    """In no pose of any mode: its loops close in other ways, too, with the rods crossed."""
+def test_platform_of_the_delta_does_not_rotate(shared_store: str) -> None:
+    """In all poses of all modes. The loops can also be closed in other ways, with crossed rods."""
     for mode in compiled("delta", shared_store).modes.values():
         robot = mode.robot
         names = [robot.assembly.links[body.link].name for body in robot.bodies]
@@ -93,8 +94,8 @@ def test_the_platform_of_the_delta_never_turns(shared_store: str) -> None:
             assert np.allclose(turned, np.eye(3), atol=1e-6), (mode.name, keyframe.name)
 
 
-def test_the_balancer_balances(shared_store: str) -> None:
-    """A lean and its rate, fed back to both wheels, keep it up; without them it falls."""
+def test_balancer_stays_upright(shared_store: str) -> None:
+    """Feedback of the inclination and its rate to both wheels keeps the robot upright. Without feedback, it falls."""
     model = scene(compiled("balancer", shared_store).modes["balancing"])
     body, (left, right) = model.body("body").id, (model.joint(name).dofadr[0] for name in ("left", "right"))
     signs = [np.sign(model.joint(name).axis[2]) for name in ("left", "right")]
@@ -118,7 +119,7 @@ def test_the_balancer_balances(shared_store: str) -> None:
     assert leans(1.0) < 0.2
 
 
-def test_the_dropper_holds_its_ball_until_the_motor_opens_it(shared_store: str) -> None:
+def test_dropper_holds_its_ball_until_it_opens(shared_store: str) -> None:
     """The command acts after 10 ms, also if the mode changes in between. Then the ball falls."""
     robot = compiled("dropper", shared_store)
     bench, carried = (mujoco.MjData(scene(robot.modes[name])) for name in ("bench", "carried"))

@@ -1,4 +1,5 @@
-"""The SO-101 of the gallery against the files of its authors, read by other means: poses, masses, zeros, motors, and data of servos."""
+"""The SO-101 of the gallery, compared with the files of its authors, which are read independently: poses, masses, zeros, motors, and
+data of servos."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "gallery/so101"
 SOURCE = FOLDER / "source"
 PAIRS = [("so101.yaml", "so101_new_calib.urdf"), ("old_calibration.yaml", "so101_old_calib.urdf")]
 SERVO = 1e-9
-"""The mass of a servo beside its link [kg]. Its true mass is part of the link, in the source as well."""
+"""The mass of a servo that is a separate component [kg]. Its true mass is part of the link, as in the source."""
 
 
 def compiled(document: str, store: str) -> Robot:
@@ -31,7 +32,7 @@ def compiled(document: str, store: str) -> Robot:
 
 
 def transform(element: ET.Element | None) -> np.ndarray:
-    """The `<origin>` of an element of URDF."""
+    """Parse the `<origin>` of an URDF element."""
     pose = np.eye(4)
     if element is not None:
         pose[:3, :3] = Rotation.from_euler("xyz", [float(x) for x in element.attrib["rpy"].split()]).as_matrix()
@@ -40,7 +41,7 @@ def transform(element: ET.Element | None) -> np.ndarray:
 
 
 def urdf_poses(root: ET.Element, q: dict[str, float]) -> dict[str, np.ndarray]:
-    """The poses of all links in the frame of the root link."""
+    """Return the poses of all links in the frame of the root link."""
     joints = root.findall("joint")
     children = {joint.find("child").attrib["link"]: joint for joint in joints}  # type: ignore[union-attr]
 
@@ -57,7 +58,7 @@ def urdf_poses(root: ET.Element, q: dict[str, float]) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize(("document", "source"), PAIRS)
-def test_links_are_where_the_urdf_has_them(document: str, source: str, shared_store: str) -> None:
+def test_link_poses_equal_those_of_the_urdf(document: str, source: str, shared_store: str) -> None:
     robot, root = compiled(document, shared_store), ET.parse(SOURCE / source).getroot()
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
     moving = [joint.attrib["name"] for joint in root.findall("joint") if joint.attrib["type"] == "revolute"]
@@ -77,7 +78,7 @@ def test_links_are_where_the_urdf_has_them(document: str, source: str, shared_st
 
 
 @pytest.mark.parametrize(("document", "source"), PAIRS)
-def test_masses_are_those_of_the_urdf(document: str, source: str, shared_store: str) -> None:
+def test_masses_equal_those_of_the_urdf(document: str, source: str, shared_store: str) -> None:
     robot = compiled(document, shared_store)
     links = {link.name: link.properties for link in robot.assembly.links}
     for link in ET.parse(SOURCE / source).getroot().findall("link"):
@@ -94,7 +95,7 @@ def test_masses_are_those_of_the_urdf(document: str, source: str, shared_store: 
             assert abs(found.inertia["xyz".index(key[1])]["xyz".index(key[2])] - value) < 2e-11, (name, key)
 
 
-def test_both_calibrations_and_the_mjcf_are_one_mechanism(capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
+def test_both_calibrations_and_mjcf_are_one_mechanism(capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
     def same(other: Path) -> list[str]:
         assert main(["same", str(FOLDER / "so101.yaml"), str(other), "--store", shared_store]) == 0
         return capsys.readouterr().out.splitlines()
@@ -104,8 +105,8 @@ def test_both_calibrations_and_the_mjcf_are_one_mechanism(capsys: pytest.Capture
     assert same(SOURCE / "so101_new_calib.xml")[0].endswith("so101_new_calib.xml: the same mechanism")
 
 
-def test_drives_are_those_of_the_stock_servo(shared_store: str) -> None:
-    """30 kgf cm and 45 rpm, as Feetech states; the URDF has 10 N m and 10 rad/s, and the MJCF 3.35 N m."""
+def test_drives_equal_those_of_the_stock_servo(shared_store: str) -> None:
+    """30 kgf cm and 45 rpm, as published by Feetech. The URDF has 10 N m and 10 rad/s, and the MJCF 3.35 N m."""
     for document, source in PAIRS:
         limits = ET.parse(SOURCE / source).getroot().findall("joint/limit")
         assert {(limit.attrib["effort"], limit.attrib["velocity"]) for limit in limits} == {("10", "10")}
@@ -115,16 +116,16 @@ def test_drives_are_those_of_the_stock_servo(shared_store: str) -> None:
             assert joint.limit.effort == pytest.approx(30 * 0.0980665) and joint.limit.velocity == pytest.approx(45 * np.pi / 30)
 
 
-def test_the_elbow_hits_the_shoulder_within_the_limit_of_the_source(capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
-    """The limit of the file with the old calibration, 180 deg, is 90 deg here."""
+def test_elbow_collides_within_the_limit_of_the_source(capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
+    """The limit in the file with the old calibration, 180 deg, is 90 deg here."""
     for upper, code in (("1.5708 rad", 0), ("1.62 rad", 1), ("1.69 rad", 1)):
         words = ["--only", "elbow", "--set", f"joints.elbow_flex.limit.upper={upper}", "--store", shared_store]
         assert main(["test", str(FOLDER / "so101.yaml"), *words]) == code, upper
         assert ("`shoulder_lift_servo` and `lower_arm_link` overlap" in capsys.readouterr().out) == bool(code)
 
 
-def test_the_servo_is_where_the_source_draws_it(shared_store: str) -> None:
-    """The case of the stock servo in the box of the mesh of the source, in each link."""
+def test_servo_is_at_the_place_of_the_source_mesh(shared_store: str) -> None:
+    """The case of the stock servo is inside the box of the source mesh in each link."""
     robot = compiled("so101.yaml", shared_store)
     boxes = {}
     for name in ("sts3215_03a_v1", "sts3215_03a_no_horn_v1"):
@@ -147,8 +148,8 @@ def test_the_servo_is_where_the_source_draws_it(shared_store: str) -> None:
                 assert np.ptp(corners, axis=0)[:2] == pytest.approx(high[:2] - low[:2], abs=1e-4), servo
 
 
-def test_the_motors_are_those_of_the_urdf(capsys: pytest.CaptureFixture[str]) -> None:
-    """LeRobot numbers the motors from the base to the gripper; so do the transmissions of the URDF."""
+def test_motors_equal_those_of_the_urdf(capsys: pytest.CaptureFixture[str]) -> None:
+    """LeRobot and the transmissions of the URDF number the motors from the base to the gripper."""
     assert main(["calibration", str(FOLDER / "so101.yaml"), str(FOLDER / "nominal.calibration.yaml"), "--emit", "lerobot_motors"]) == 0
     told = json.loads(capsys.readouterr().out)
     root = ET.parse(SOURCE / PAIRS[0][1]).getroot()
@@ -160,6 +161,6 @@ def test_the_motors_are_those_of_the_urdf(capsys: pytest.CaptureFixture[str]) ->
     assert list(told) == sorted(told, key=lambda name: int(told[name]["id"]))
 
 
-def test_the_licence_is_kept() -> None:
+def test_licence_is_included() -> None:
     assert "Apache License" in (SOURCE / "LICENSE").read_text() and "TheRobotStudio/SO-ARM100" in (SOURCE / "README.md").read_text()
     assert sum(path.stat().st_size for path in FOLDER.rglob("*") if path.is_file() and "build" not in path.parts) < 300_000

@@ -1,4 +1,4 @@
-"""The arm as somebody's repository."""
+"""A repository that contains the arm."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ IDENTITY = ("-c", "user.name=a", "-c", "user.email=a@b.c", "-c", "init.defaultBr
 
 
 def git(folder: Path, *words: str) -> str:
-    """Run git; its standard output."""
+    """Run git, and return its standard output."""
     return subprocess.run(["git", *IDENTITY, *words], cwd=folder, check=True, capture_output=True, text=True).stdout
 
 
@@ -22,7 +22,7 @@ def commit(folder: Path, message: str) -> None:
 
 
 def fork(folder: Path) -> Path:
-    """A repository of the arm: its documents and parts in one commit on `main`, and `branch` checked out."""
+    """Create a repository of the arm, with one commit on `main`, and check out `branch`."""
     (folder / "assemblies").mkdir(parents=True)
     (folder / "parts").mkdir()
     for name in ("arm", "end_effector", "materials"):

@@ -1,4 +1,4 @@
-"""The gate as others use it: the steps of the action and the hooks, run as their runners run them."""
+"""The GitHub Action and the pre-commit hooks. The steps and hooks run as their runners run them."""
 
 from __future__ import annotations
 
@@ -26,14 +26,15 @@ BIN = Path(sys.executable).parent
 
 
 def steps() -> list[dict[str, Any]]:
-    """The steps of the action that run something of ours."""
+    """The steps of the action that run commands."""
     action = yaml.safe_load((ROOT / "action.yml").read_text())
     return [step for step in action["runs"]["steps"] if "run" in step and step["name"] != "Install thingc"]
 
 
 @dataclass
 class Job:
-    """Runs the `run` steps of `action.yml` as GitHub's runner does: expressions filled in, a shell for each, outputs by file."""
+    """Runs the `run` steps of `action.yml` like GitHub's runner: it evaluates expressions, starts a shell for each step, and reads
+    outputs from files."""
 
     folder: Path
     temp: Path
@@ -57,7 +58,7 @@ class Job:
         return bool(self.value(condition)) and ("cancelled()" in condition or not self.failed)
 
     def value(self, expression: str) -> Any:
-        """A `${{ }}` expression of the few kinds that the action uses."""
+        """Evaluate a `${{ }}` expression. Only the kinds of expressions that the action uses are supported."""
         text = re.fullmatch(r"\s*\$\{\{(.*)\}\}\s*", expression, re.DOTALL)
         assert text is not None, expression
         python = re.sub(r"(?:inputs|steps|github|runner)(?:\.[\w-]+)+", lambda name: repr(self.name(name.group())), text.group(1))
@@ -98,7 +99,7 @@ class Job:
 
 
 def outputs(text: str) -> dict[str, str]:
-    """The file of a step's outputs: `name=value`, and `name<<mark` with lines up to the mark."""
+    """Parse the output file of a step: lines `name=value`, or `name<<mark` followed by lines up to the mark."""
     found: dict[str, str] = {}
     lines = iter(text.split("\n")[:-1])
     for line in lines:
@@ -113,7 +114,7 @@ def outputs(text: str) -> dict[str, str]:
 
 @pytest.fixture
 def repository(tmp_path: Path) -> Path:
-    """The arm's documents and parts as a repository with one commit, `main`, and a branch off it."""
+    """A repository of the arm with one commit on `main` and a branch."""
     return fork(tmp_path / "repository")
 
 
@@ -123,7 +124,7 @@ def job(repository: Path, tmp_path: Path, shared_store: str) -> Job:
 
 
 def pull_request(repository: Path, folder: Path, store: str) -> Job:
-    """The job for the branch of a repository."""
+    """Return the job for the branch of a repository."""
     temp = folder / "temp"
     temp.mkdir()
     return Job(folder=repository, temp=temp, store=store, github={
@@ -134,7 +135,7 @@ def pull_request(repository: Path, folder: Path, store: str) -> Job:
 
 @pytest.fixture(scope="module")
 def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A repository whose branch changes the arm, for tests that change nothing in it."""
+    """A repository whose branch changes the arm. Tests that use it do not change it."""
     folder = fork(tmp_path_factory.mktemp("changed") / "repository")
     edit(folder, "assemblies/arm.yaml", "reach: {value: 100 mm", "reach: {value: 102 mm")
     return folder
@@ -148,7 +149,7 @@ def edit(folder: Path, name: str, old: str, new: str) -> None:
     commit(folder, f"edit {name}")
 
 
-def test_a_good_change_is_checked_and_built(job: Job) -> None:
+def test_valid_change_is_checked_and_built(job: Job) -> None:
     edit(job.folder, "assemblies/arm.yaml", "reach: {value: 100 mm", "reach: {value: 102 mm")
     job.run()
     assert not job.failed, job.printed
@@ -159,7 +160,7 @@ def test_a_good_change_is_checked_and_built(job: Job) -> None:
     assert "::error" not in job.printed["Check"]
 
 
-def test_a_wrong_change_is_annotated_at_its_line(job: Job) -> None:
+def test_error_is_annotated_at_its_line(job: Job) -> None:
     edit(job.folder, "assemblies/arm.yaml", "attach: {back: plate.servo_seat}", "attach: {back: plate.servo_seet}")
     line = next(n for n, text in enumerate((job.folder / "assemblies/arm.yaml").read_text().splitlines(), 1) if "seet" in text)
     job.run()
@@ -169,7 +170,7 @@ def test_a_wrong_change_is_annotated_at_its_line(job: Job) -> None:
 
 
 @pytest.mark.parametrize("head", ["us/robots", "stranger/robots"])
-def test_a_changed_robot_file_is_annotated_at_its_line(job: Job, head: str) -> None:
+def test_changed_robot_file_is_annotated_at_its_line(job: Job, head: str) -> None:
     job.github["event.pull_request.head.repo.full_name"] = head
     (job.folder / "robot.urdf").write_text('<robot name="r">\n<link name="a">\n<inertial><mass value="-1"/></inertial></link></robot>')
     (job.folder / "package.xml").write_text("<package/>")
@@ -180,7 +181,7 @@ def test_a_changed_robot_file_is_annotated_at_its_line(job: Job, head: str) -> N
     assert job.printed["Check"].count("::error") == 1
 
 
-def test_part_code_of_a_fork_is_not_run(job: Job, tmp_path: Path) -> None:
+def test_part_code_from_fork_does_not_run(job: Job, tmp_path: Path) -> None:
     subprocess.run([BIN / "thingc", "lock"], cwd=job.folder, env={**os.environ, "THINGC_STORE": job.store}, check=True)
     commit(job.folder, "lock")
     job.github["event.pull_request.base.sha"] = git(job.folder, "rev-parse", "HEAD").strip()
@@ -210,7 +211,7 @@ def test_part_code_of_a_fork_is_not_run(job: Job, tmp_path: Path) -> None:
     ("workflow_run", None, "yes", "yes"),
     ("push", None, "no", "no"),
 ])
-def test_part_code_runs_only_where_its_author_may_push(tmp_path: Path, event: str, head: str | None, trust: str, code: str) -> None:
+def test_part_code_runs_only_for_authors_with_push_access(tmp_path: Path, event: str, head: str | None, trust: str, code: str) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     github = {"event_name": event, "repository": "us/robots"} | ({} if head is None else {"event.pull_request.head.repo.full_name": head})
     job = Job(folder=tmp_path, temp=tmp_path, store=str(tmp_path / "store"), github=github)
@@ -221,7 +222,7 @@ def test_part_code_runs_only_where_its_author_may_push(tmp_path: Path, event: st
 
 
 @pytest.mark.parametrize("trust", ["true", "false", "No", "", "::error::x"])
-def test_an_unknown_trust_fails(tmp_path: Path, trust: str) -> None:
+def test_unknown_trust_fails(tmp_path: Path, trust: str) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     job = Job(folder=tmp_path, temp=tmp_path, store=str(tmp_path / "store"), github={"event_name": "push", "repository": "us/robots"})
     job.inputs = {"folder": ".", "since": "", "trust": trust}
@@ -230,7 +231,7 @@ def test_an_unknown_trust_fails(tmp_path: Path, trust: str) -> None:
     assert "code" not in job.outputs["touched"] and commands(job.printed["Find affected documents"]) == []
 
 
-def test_a_change_of_something_else_builds_nothing(job: Job) -> None:
+def test_unrelated_change_builds_nothing(job: Job) -> None:
     (job.folder / "README.md").write_text("# Robots\n")
     commit(job.folder, "readme")
     job.run()
@@ -240,7 +241,7 @@ def test_a_change_of_something_else_builds_nothing(job: Job) -> None:
     assert job.printed["Check"] == "the change affects no document\n"
 
 
-def test_without_a_base_everything_is_checked(job: Job) -> None:
+def test_all_documents_are_checked_without_a_base(job: Job) -> None:
     job.github = {"event_name": "push", "repository": "us/robots"}
     job.inputs = {"build": "false"}
     job.run()
@@ -251,7 +252,7 @@ def test_without_a_base_everything_is_checked(job: Job) -> None:
     assert "Build" not in job.printed
 
 
-def test_layout_is_asked_for(job: Job) -> None:
+def test_layout_check_is_optional(job: Job) -> None:
     edit(job.folder, "assemblies/arm.yaml", "name: arm\n", "name:    arm   \n")
     job.run()
     assert job.failed == ["Format"], job.printed
@@ -259,9 +260,9 @@ def test_layout_is_asked_for(job: Job) -> None:
 
 
 def commands(text: str) -> list[str]:
-    """What GitHub's runner takes for its commands in what a step prints: `::name ...::` at the beginning of a line, after spaces, and
-    `##[name]` anywhere (actions/runner, `ActionCommand.TryParseV2` and `TryParse`), but for what stands between `stop-commands` and
-    its token."""
+    """Return the commands that GitHub's runner finds in the output of a step: `::name ...::` at the beginning of a line, after spaces,
+    and `##[name]` anywhere (actions/runner, `ActionCommand.TryParseV2` and `TryParse`). Commands between `stop-commands` and its
+    token are ignored."""
     found: list[str] = []
     token = None
     for line in re.split("\r\n|\n|\r", text):
@@ -276,7 +277,7 @@ def commands(text: str) -> list[str]:
     return found
 
 
-def test_the_runner_is_read_as_it_reads() -> None:
+def test_command_parser() -> None:
     assert commands("a\n::error file=x::b\n  ::warning::c\nx ##[debug]d\n") == ["::error file=x::b", "  ::warning::c", "x ##[debug]d"]
     assert commands("::stop-commands::k\n::error::b\n::x::\n::k::\n::notice::c") == ["::notice::c"]
 
@@ -288,18 +289,18 @@ ODD = (
     "!x.yaml", "%0A.yaml", "&.yaml", "$IFS.yaml", "\\n.yaml", "#.yaml",
     "é.yaml", "{a,b}.yaml", "<x>|y.yaml",
 )
-"""Names that a shell, a program or the runner could take for something else; they are good names of documents."""
+"""Valid names of documents that a shell, a program or the runner could misinterpret."""
 BUILT = ODD[:5]
-"""Those that are built, too: a build takes a second."""
+"""The names for which the test also runs a build, which takes a second."""
 HIDDEN = (
     b"a\nb.yaml", b"assemblies\n.yaml", b"\n::error::forged.yaml", b"x\r::error::forged.yaml", b"\x1b[31m.yaml", b"caf\xe9.yaml",
     "\u202e.yaml".encode(), b"tab\t.yaml",
 )
-"""Names that no document may have."""
+"""Names that no document can have."""
 
 
 def robots(job: Job, names: Sequence[str]) -> None:
-    """A small robot of each name, committed."""
+    """Commit a small robot for each name."""
     for number, name in enumerate(names):
         path = job.folder / "assemblies" / name
         path.write_text(f"thingc: assembly/1\nname: robot_{number}\ncomponents:\n  base: {{frame: true, mass: 1 g}}\n")
@@ -307,7 +308,7 @@ def robots(job: Job, names: Sequence[str]) -> None:
     job.inputs = {"folder": "assemblies", "options": "--emit bom"}
 
 
-def test_names_that_look_like_something_else(job: Job) -> None:
+def test_unusual_document_names(job: Job) -> None:
     robots(job, ODD)
     job.inputs["build"] = "false"
     job.run()
@@ -322,7 +323,7 @@ def test_names_that_look_like_something_else(job: Job) -> None:
     assert [line for text in job.printed.values() for line in commands(text)] == []
 
 
-def test_names_that_nobody_can_read_are_refused_one_by_one(job: Job) -> None:
+def test_unreadable_names_are_rejected_one_by_one(job: Job) -> None:
     robots(job, ["good.yaml", *(os.fsdecode(name) for name in HIDDEN)])
     job.run()
     assert job.failed == ["Check"], job.printed
@@ -337,8 +338,8 @@ def test_names_that_nobody_can_read_are_refused_one_by_one(job: Job) -> None:
     assert job.failed == ["Check", "Build"] and job.outputs["build"]["built"] == "good.yaml"
 
 
-def test_a_document_cannot_speak_to_the_runner(job: Job) -> None:
-    """What is not laid out well is shown as it is, between the lines of a difference."""
+def test_documents_cannot_send_commands_to_the_runner(job: Job) -> None:
+    """The diff of a document with a wrong layout is printed unchanged, between `stop-commands` and its token."""
     hostile = (
         "thingc:   assembly/1\nname: x\n# ##[error]forged\ndescription: |\n ::stop-commands::x\n ::error::forged\n"
         "components: {a: {frame: true}}\n"
@@ -356,8 +357,8 @@ def test_a_document_cannot_speak_to_the_runner(job: Job) -> None:
     "$(touch stolen)", "`touch stolen`", "; touch stolen", "--output=stolen", "-", "--all", "--", "main main", "main\nHEAD", "\n", "../..",
     "HEAD^{/x}", "\x1b[31m", "@{u}", ":/arm", "main..branch", "caf\udce9", "'", '"', "*", "refs/heads/*", "-h", "--help",
 ])
-def test_refs_that_look_like_something_else(changed: Path, tmp_path: Path, shared_store: str, ref: str) -> None:
-    """The base of a pull request is GitHub's to say, but `since` is an input: it is a revision or a message, and nothing more."""
+def test_unusual_refs(changed: Path, tmp_path: Path, shared_store: str, ref: str) -> None:
+    """GitHub sets the base of a pull request, but `since` is an input. It must be a revision, or else the action reports an error."""
     job = pull_request(changed, tmp_path, shared_store)
     job.inputs = {"since": ref, "build": "false", "fmt": "false"}
     job.run()
@@ -371,7 +372,7 @@ def test_refs_that_look_like_something_else(changed: Path, tmp_path: Path, share
 
 
 def hook(folder: Path, identifier: str, store: str) -> subprocess.CompletedProcess[str]:
-    """Run a hook of this repository on the staged files with pre-commit; thingc is the one that is installed here."""
+    """Run a hook of this repository on the staged files with pre-commit. The hook uses the installed thingc."""
     hooks = {one["id"]: one for one in yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text())}
     settings = {"repos": [{"repo": "local", "hooks": [{**hooks[identifier], "language": "system"}]}]}
     (folder / ".pre-commit-config.yaml").write_text(yaml.safe_dump(settings))
@@ -382,12 +383,12 @@ def hook(folder: Path, identifier: str, store: str) -> subprocess.CompletedProce
     )
 
 
-def test_the_hooks_are_well_formed() -> None:
+def test_hooks_are_well_formed() -> None:
     done = subprocess.run([BIN / "pre-commit", "validate-manifest", ROOT / ".pre-commit-hooks.yaml"], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
 
 
-def test_the_action_is_well_formed() -> None:
+def test_action_is_well_formed() -> None:
     done = subprocess.run(
         [BIN / "check-jsonschema", "--builtin-schema", "vendor.github-actions", ROOT / "action.yml"], capture_output=True, text=True,
     )
@@ -395,7 +396,7 @@ def test_the_action_is_well_formed() -> None:
 
 
 def test_actions_and_dependencies_are_pinned() -> None:
-    """Nobody can change what the action runs by moving a tag or by publishing a release."""
+    """Nobody can change the commands of the action by moving a tag or by publishing a release."""
     action = yaml.safe_load((ROOT / "action.yml").read_text())
     used = [step["uses"] for step in action["runs"]["steps"] if "uses" in step]
     assert len(used) == 3 and all(re.fullmatch(r"actions/[\w-]+@[0-9a-f]{40}", one) for one in used)

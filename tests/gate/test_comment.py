@@ -1,4 +1,4 @@
-"""The comment of the action on a pull request, posted to a local stand-in of GitHub's API."""
+"""The comment of the action on a pull request, with a local server in place of GitHub's API."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BIN = Path(sys.executable).parent
 
 
 class StandIn(ThreadingHTTPServer):
-    """What the API knows of one pull request: its comments. Without the right token nothing is written."""
+    """The comments of one pull request. Requests without the right token change nothing."""
 
     def __init__(self) -> None:
         super().__init__(("127.0.0.1", 0), _Answers)
@@ -62,7 +62,7 @@ class _Answers(BaseHTTPRequestHandler):
         self.wfile.write(json.dumps(value).encode())
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Nothing: the test's output is the script's."""
+        """Suppress the log."""
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def said(folder: Path, temp: Path, api: StandIn, store: str, code: int = 0, **en
     return done.stdout
 
 
-def test_one_comment_is_posted_and_then_updated(api: StandIn, tmp_path: Path, shared_store: str) -> None:
+def test_comment_is_posted_once_and_then_updated(api: StandIn, tmp_path: Path, shared_store: str) -> None:
     folder, temp = tmp_path / "robots", tmp_path / "temp"
     temp.mkdir()
     write(folder)

@@ -1,4 +1,4 @@
-"""`thingc touched`: exactly the documents that depend on a file, found without running any of its code."""
+"""`thingc touched` lists exactly the documents that depend on a file, without running part code."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ MATERIALS = "thingc: materials/1\nmaterials:\n  petg: {density: 1270 kg/m^3}\n"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A repository with a robot of a nested document, materials, part code in two modules, and one that is apart."""
+    """A repository with a robot, its nested document, materials, part code in two modules, and an independent robot."""
     (tmp_path / "parts").mkdir()
     (tmp_path / "robots").mkdir()
     for name, text in {
@@ -81,11 +81,11 @@ WALKER, FOOT_FILE, LONE_FILE, MATERIALS_FILE = (f"robots/{name}.yaml" for name i
     ("thingc.toml", [FOOT_FILE, LONE_FILE, MATERIALS_FILE, WALKER]),
     ("parts.lock.json", [FOOT_FILE, LONE_FILE, MATERIALS_FILE, WALKER]),
 ])
-def test_what_a_file_concerns(touched: Run, changed: str, expected: list[str]) -> None:
+def test_documents_that_depend_on_a_file(touched: Run, changed: str, expected: list[str]) -> None:
     assert touched(changed) == expected
 
 
-def test_roots_have_modes_or_are_what_nothing_else_nests(folder: Path, touched: Run) -> None:
+def test_roots_have_modes_or_are_not_nested(folder: Path, touched: Run) -> None:
     assert touched("robots/foot.yaml", "--roots") == [WALKER]
     assert touched("robots/materials.yaml", "robots/lone.yaml", "--roots") == [LONE_FILE, WALKER]
     assert touched("--all") == [FOOT_FILE, LONE_FILE, MATERIALS_FILE, WALKER]
@@ -93,20 +93,20 @@ def test_roots_have_modes_or_are_what_nothing_else_nests(folder: Path, touched: 
     assert touched("robots/foot.yaml", "--roots") == [FOOT_FILE, WALKER]
 
 
-def test_a_document_that_cannot_be_read_concerns_itself(folder: Path, touched: Run) -> None:
+def test_unreadable_document_is_listed(folder: Path, touched: Run) -> None:
     (folder / "robots" / "torn.yaml").write_text("thingc: assembly/1\ncomponents: {")
     assert touched("robots/torn.yaml") == ["robots/torn.yaml"]
     assert touched("parts/blocks.py") == [WALKER]
 
 
-def test_a_virtual_environment_and_hidden_folders_are_passed_over(folder: Path, touched: Run) -> None:
+def test_virtual_environments_and_hidden_folders_are_ignored(folder: Path, touched: Run) -> None:
     for name in ("venv", ".cache", "node_modules"):
         shutil.copytree(folder / "robots", folder / name)
     (folder / "venv" / "pyvenv.cfg").write_text("")
     assert touched("--all") == [FOOT_FILE, LONE_FILE, MATERIALS_FILE, WALKER]
 
 
-def test_the_real_robots(shared_store: str) -> None:
+def test_robots_of_the_repository(shared_store: str) -> None:
     def run(*words: str) -> list[str]:
         return thingc("touched", *words, store=shared_store, cwd=ROOT / "assemblies").out.splitlines()
 
@@ -148,7 +148,7 @@ def test_since_a_revision(folder: Path, touched: Run) -> None:
     ([], "expected files that have changed, or --since"),
     (["--since", "nowhere"], "--since nowhere: fatal: not a git repository"),
 ])
-def test_what_is_said_where_git_cannot_say(folder: Path, shared_store: str, words: list[str], said: str) -> None:
+def test_errors_of_git(folder: Path, shared_store: str, words: list[str], said: str) -> None:
     done = thingc("touched", *words, store=shared_store, cwd=folder)
     assert done.code == 2
     assert said in done.err
@@ -158,7 +158,7 @@ def test_what_is_said_where_git_cannot_say(folder: Path, shared_store: str, word
     assert found["code"] == "TC801"
 
 
-def test_a_revision_is_no_option_of_git(folder: Path, shared_store: str) -> None:
+def test_revision_cannot_be_an_option_of_git(folder: Path, shared_store: str) -> None:
     git(folder, "init", "-q")
     git(folder, "add", "-A")
     git(folder, "commit", "-qm", "first")

@@ -1,7 +1,6 @@
-"""Resolved models, part records and occurrences made by hand, and the mating formulas written out once more in numpy.
+"""Resolved models, part records and occurrences for tests, and the mating formulas written independently in numpy.
 
-Nothing here calls the code under test: poses go in as numpy matrices and come out the same way.
-"""
+Nothing here calls the code under test: poses are passed and returned as numpy matrices."""
 
 from __future__ import annotations
 
@@ -95,7 +94,7 @@ LEAD = 0.05
 
 
 def motion(kind: str, *q: float) -> Array:
-    """What a kind of joint does, written by hand: every kind but `ball` and `free` has a line here."""
+    """Motion of a joint of this kind, independent of the code under test. `ball` and `free` are not included."""
     by_hand: dict[str, Callable[..., Array]] = {
         "revolute": rz, "continuous": rz, "prismatic": lambda d: t(0, 0, d), "fixed": lambda *_: np.eye(4),
         "screw": lambda a: rz(a) @ t(0, 0, LEAD * a / (2 * np.pi)), "cylindrical": lambda a, d: rz(a) @ t(0, 0, d),
@@ -109,7 +108,7 @@ def mated(
     X_PA: Array, X_CB: Array, *, turn: float = 0.0, gap: float = 0.0, kind: str = "fixed", q: float | Sequence[float] = 0.0,
     offset: float = 0.0,
 ) -> Array:
-    """X_PC = X_PA Rz(turn) Tz(gap) X_J(q + offset) M inv(X_CB); of several coordinates each has the offset."""
+    """X_PC = X_PA Rz(turn) Tz(gap) X_J(q + offset) M inv(X_CB). With several coordinates, each has the offset."""
     values = [one + offset for one in (q if isinstance(q, Sequence) else [q])]
     return X_PA @ rz(turn) @ t(0, 0, gap) @ motion(kind, *values) @ MATE @ inv(X_CB)
 
@@ -128,13 +127,13 @@ def as_matrix(pose: Pose) -> Array:
 
 
 def box_inertia(size: tuple[float, float, float]) -> Array:
-    """Of a box at density 1, about its centre [m^5]: V/12 (b^2 + c^2) and so on."""
+    """Inertia of a box of density 1 about its centre [m^5]: V/12 (b^2 + c^2) and so on."""
     a, b, c = size
     return np.diag([b * b + c * c, a * a + c * c, a * a + b * b]) * (a * b * c / 12.0)
 
 
 def record(name: str, **said: Any) -> PartRecord:
-    """What is not said does not exist: no geometry, no mounts, nothing stated."""
+    """A part record. Without further arguments, it has no geometry, no mounts and no stated values."""
     blank = {
         "material": None,
         "color": None,
@@ -196,7 +195,7 @@ def bare(name: str, **over: Any) -> PartRecord:
 
 
 def binary_stl(vertices: Any, faces: Any) -> bytes:
-    """Triangles (indices of vertices) with normals of zero, which readers work out."""
+    """Binary STL of triangles (vertex indices). Normals are 0, because readers compute them."""
     points = np.asarray(vertices)
     out = [b"\0" * 80, struct.pack("<I", len(faces))]
     for face in faces:
@@ -205,7 +204,7 @@ def binary_stl(vertices: Any, faces: Any) -> bytes:
 
 
 def kept(store: Store, data: bytes, vertices: int, faces: int, *, closed: bool = True, flat: bool = False) -> Mesh:
-    """A mesh in a store."""
+    """Store the data of a mesh and return its record."""
     return Mesh(sha256=store.put(data), size=len(data), vertices=vertices, faces=faces, closed=closed, flat=flat)
 
 
@@ -224,18 +223,18 @@ PETG = material("petg")
 
 
 def ref(text: str, line: int = 1) -> Reference:
-    """`hand.cap.pen` is the mount `pen` of `hand.cap`."""
+    """Reference to a mount: `hand.cap.pen` is the mount `pen` of `hand.cap`."""
     *path, mount = text.split(".")
     return Reference(path=tuple(path), mount=mount, origin=where(line))
 
 
 def whole(text: str, line: int = 1) -> Reference:
-    """`hand.cap` is the component itself."""
+    """Reference to a component: `hand.cap` is the component itself."""
     return Reference(path=tuple(text.split(".")), mount=None, origin=where(line))
 
 
 def attach(mine: str, to: str, *, turn: float = 0.0, gap: float = 0.0, line: int = 1) -> Attach:
-    """`mine` with the component's own name in front."""
+    """An attachment. `mine` starts with the name of the component itself."""
     return Attach(mount=ref(mine, line), to=ref(to, line), turn=turn, gap=gap, origin=where(line))
 
 
@@ -311,13 +310,13 @@ def joint(
 
 
 def coordinates_of(name: str, parent: str, child: str, kind: str, **said: Any) -> list[Joint]:
-    """A joint of any kind, as many as it has coordinates (a screw with the lead `LEAD`)."""
+    """The coordinates of a joint of any kind. A screw has the lead `LEAD`."""
     found = KINDS[kind]
     twists = found.with_lead(LEAD) if found.leads else found.twists
     one = joint(name, parent, child, kind, **said)
     if len(twists) < 2:
         return [replace(one, twist=next(iter(twists), None))]
-    return [replace(one, name=one.name.numbered(k), twist=twist) for k, twist in enumerate(twists)]
+    return [replace(one, name=one.name.with_number(k), twist=twist) for k, twist in enumerate(twists)]
 
 
 def mimic(leader: str, multiplier: float, offset: float = 0.0, higher: tuple[float, ...] = ()) -> Mimic:
@@ -325,7 +324,7 @@ def mimic(leader: str, multiplier: float, offset: float = 0.0, higher: tuple[flo
 
 
 def pose(name: str, line: int = 300, **values: float) -> NamedPose:
-    """Joint paths with `__` for `/`."""
+    """A named pose. Joint paths are keywords with `__` for `/`."""
     by_path = {key.replace("__", "/"): value for key, value in values.items()}
     origins = {key: where(line + 1 + k) for k, key in enumerate(by_path)}
     return NamedPose(name=name, values=by_path, origins=origins, origin=where(line))
@@ -406,7 +405,7 @@ def occurrence(
     bom: BomEntry | None = None,
     **said: Any,
 ) -> Occurrence:
-    """An occurrence of a part, or a frame; without a mass, a colour and mounts where none are said."""
+    """An occurrence of a part, or of a frame. By default it has no mass, no colour and only the mount `origin`."""
     component = Component(
         name=path.rpartition("/")[2],
         key=path.rpartition("/")[2],
@@ -448,7 +447,7 @@ def occurrence(
 
 
 def linked(model: AssemblyDefinition, *records: PartRecord, but: Collection[Code] = ()) -> Assembly:
-    """The assembly of a model that nothing is wrong with, `but` what random ones may have."""
+    """Link a model and assert that it has no diagnostics, except those in `but`, which random models may have."""
     report = Report()
     found = link(model, {record.text: record for record in records}, report)
     assert [d.message for d in report.diagnostics if d.code not in but] == []
@@ -468,7 +467,7 @@ def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> t
 
 
 def faults(model: AssemblyDefinition, *records: PartRecord | PartFailure) -> Report:
-    """The report of a model that has errors."""
+    """Link a model that has errors and return the report."""
     report = Report()
     found = link(model, {r.subject if isinstance(r, PartFailure) else r.text: r for r in records}, report)
     assert found is None
@@ -477,12 +476,12 @@ def faults(model: AssemblyDefinition, *records: PartRecord | PartFailure) -> Rep
 
 
 def said(report: Report) -> list[tuple[str, str, str | None, int | None]]:
-    """(code name, message, help, line) of every diagnostic."""
+    """Code name, message, help and line of every diagnostic."""
     return [(d.code.name, d.message, d.help, d.span.line if d.span else None) for d in report.diagnostics]
 
 
 def warnings(model: AssemblyDefinition, *records: PartRecord) -> Report:
-    """The report of a model that links, with warnings only."""
+    """Link a model that has only warnings and return the report."""
     report = Report()
     assert link(model, {record.text: record for record in records}, report) is not None
     assert all(d.severity is Severity.WARNING for d in report.diagnostics)
@@ -543,7 +542,7 @@ CAP = box("p:Cap", mounts={"top": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.0
 
 
 def notes(report: Report, index: int = 0) -> list[tuple[str, str | None, int | None]]:
-    """Of one diagnostic: message, file and line of each note."""
+    """Message, file and line of each note of one diagnostic."""
     return [
         (n.message, n.span.file if n.span else None, n.span.line if n.span else None) for n in report.diagnostics[index].notes
     ]

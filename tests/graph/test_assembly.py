@@ -1,4 +1,4 @@
-"""The rest of what `link` answers with: the HAG, links, exported mounts, modes, raw attributes, bills of materials."""
+"""Further results of `link`: the HAG, links, exported mounts, modes, raw attributes and bills of materials."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LEG = assembly(
 )
 
 
-def test_the_hag_has_one_node_per_definition_and_labelled_edges() -> None:
+def test_hag_has_a_node_per_definition_and_labelled_edges() -> None:
     found = linked(
         assembly(
             "body",
@@ -74,7 +74,8 @@ def test_the_hag_has_one_node_per_definition_and_labelled_edges() -> None:
     )
 
 
-def test_equal_definitions_are_one_node_even_as_two_objects() -> None:
+def test_equal_definition_objects_share_a_node() -> None:
+    """Equal definitions share a node even if they are two objects. Other parameters or another document make another node."""
     twin = assembly("leg", [component("hip", part("p:Plate"))])
     other = assembly("leg", [component("hip", part("p:Plate"))])
     longer = assembly("leg", [component("hip", part("p:Plate"))], text="leg(length=0.2)")
@@ -120,8 +121,8 @@ BODY = assembly(
 )
 
 
-def test_links_are_numbered_named_and_framed() -> None:
-    """torso + front/hip + rear/toe + rear/shin are one link; the outermost name wins; nested names get their path."""
+def test_links_have_index_name_and_frame() -> None:
+    """torso + front/hip + rear/toe + rear/shin are one link. The outermost name is used, and nested names are prefixed with their path."""
     found = linked(BODY, PLATE)
     assert [o.path for o in found.occurrences] == [
         "torso",
@@ -144,7 +145,8 @@ def test_links_are_numbered_named_and_framed() -> None:
     assert [s.line for s in found.links[1].origin] == [110, 1]
 
 
-def test_modes_are_worked_out() -> None:
+def test_modes_are_resolved() -> None:
+    """Roots, excluded pairs, adhesions and actuators of modes refer to occurrences of the linked robot."""
     found = linked(BODY, PLATE)
     walk, stand, hang, hang2 = found.modes
     assert (walk.root.occurrence, walk.root.mount, walk.root.path) == (0, "origin", "torso/origin")
@@ -160,7 +162,7 @@ def test_modes_are_worked_out() -> None:
     assert (stand.base, stand.actuators, walk.actuators) == ("held", ("front/knee",), None)
 
 
-def test_exported_mounts_of_every_level() -> None:
+def test_exported_mounts_of_all_levels_are_listed() -> None:
     found = linked(BODY, PLATE)
     assert [(m.path, m.occurrence, m.mount) for m in found.exported] == [
         ("lens", 0, "top"),
@@ -169,7 +171,7 @@ def test_exported_mounts_of_every_level() -> None:
     ]
 
 
-def test_raw_attributes_of_nested_documents_name_paths_of_the_robot() -> None:
+def test_nested_raw_attributes_get_robot_paths() -> None:
     found = linked(BODY, PLATE)
     assert [(raw.path, raw.value) for raw in found.raw] == [
         (("joint", "front/knee", "range"), "0 1"),
@@ -181,7 +183,8 @@ def test_raw_attributes_of_nested_documents_name_paths_of_the_robot() -> None:
     assert found.raw[1].origin == where(130) + where(1)
 
 
-def test_bills_of_materials_merge() -> None:
+def test_bom_entries_are_merged() -> None:
+    """Values of the document override those of the Thing; other values are kept."""
     servo = box("p:Servo", bom={"make": "buy", "supplier": "Robotis", "number": "902-0135-000"})
     model = assembly("a", [component("servo", "p:Servo", bom=BomEntry(supplier="elsewhere", cost="12.50 EUR"))])
     assert linked(model, servo).occurrences[0].bom == BomEntry(
@@ -189,5 +192,5 @@ def test_bills_of_materials_merge() -> None:
     )
 
 
-def test_same_input_same_answer() -> None:
+def test_linking_is_deterministic() -> None:
     assert linked(BODY, PLATE) == linked(BODY, PLATE)

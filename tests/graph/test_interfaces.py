@@ -1,4 +1,4 @@
-"""Mounts that meet, in pairs whose outcome was worked out by hand on paper. Two frames need no kernel."""
+"""Interfaces of mated mounts: pairs with a known result. Components are frames, so no CAD kernel is needed."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ PAIRS = {
 
 
 def check(folder: Path, text: str) -> list[Diagnostic]:
-    """The diagnostics of a document."""
+    """Diagnostics of a document."""
     document = folder / "robot.yaml"
     document.write_text(text)
     with Environment(str(document), Options(store=str(folder / "store"))) as environment:
@@ -98,7 +98,8 @@ def two(parent: str, child: str, placement: str, more: str = "") -> str:
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_a_pair(tmp_path: Path, name: str) -> None:
+def test_attached_interfaces_are_compared(tmp_path: Path, name: str) -> None:
+    """Incompatible interfaces of attached mounts are reported once as TC534."""
     parent, child, turn, expected = PAIRS[name]
     found = check(tmp_path, two(f"{{{parent}}}", f"{{{child}}}", f", attach: {{mount: n, to: a.m, turn: {turn}}}"))
     assert [one.code.code for one in found] == ([] if expected is None else ["TC534"])
@@ -106,15 +107,16 @@ def test_a_pair(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_the_same_pair_from_the_other_side(tmp_path: Path, name: str) -> None:
-    """The frame of the child as parent: whether they fit does not depend on the root."""
+def test_compatibility_does_not_depend_on_the_parent(tmp_path: Path, name: str) -> None:
+    """Exchanging parent and child does not change whether the interfaces fit."""
     parent, child, turn, expected = PAIRS[name]
     found = check(tmp_path, two(f"{{{child}}}", f"{{{parent}}}", f", attach: {{mount: n, to: a.m, turn: {turn}}}"))
     assert bool(found) == (expected is not None)
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_a_mirrored_pair(tmp_path: Path, name: str) -> None:
+def test_mirrored_interfaces_are_compared(tmp_path: Path, name: str) -> None:
+    """The pair in a mirrored nested assembly has the same result."""
     parent, child, turn, expected = PAIRS[name]
     check(tmp_path, two(f"{{{parent}}}", f"{{{child}}}", f", attach: {{mount: n, to: a.m, turn: {turn}}}"))
     (tmp_path / "inner.yaml").write_text((tmp_path / "robot.yaml").read_text())
@@ -131,12 +133,14 @@ LIMIT = ", limit: {lower: -10 deg, upper: 10 deg}"
     ("revolute", "45 deg", LIMIT, True),  # the holes turn
     ("prismatic", "45 deg", ", limit: {lower: 0, upper: 10 mm}", False),
 ])
-def test_joints_compare_the_start_only_if_the_holes_do_not_turn(tmp_path: Path, kind: str, turn: str, more: str, fits: bool) -> None:
+def test_joint_angle_matters_unless_the_holes_rotate(tmp_path: Path, kind: str, turn: str, more: str, fits: bool) -> None:
+    """For a revolute joint, the orientation of bolt holes is not compared. For fixed and prismatic joints it is."""
     found = check(tmp_path, two(f"{{{M3}}}", f"{{{M3}}}", "", JOINT.format(kind=kind, turn=turn, more=more)))
     assert [one.code.code for one in found] == ([] if fits else ["TC534"])
 
 
-def test_a_revolute_joint_compares_circles_and_its_origin_is_the_joint(tmp_path: Path) -> None:
+def test_revolute_joint_compares_bolt_circles(tmp_path: Path) -> None:
+    """The diagnostic is at the joint, with notes at both mounts."""
     other = "{bolts: {thread: M3, count: 4, circle: 22 mm}}"
     found = check(tmp_path, two(f"{{{M3}}}", other, "", JOINT.format(kind="revolute", turn="0", more=LIMIT)))
     assert [one.message for one in found] == ["`b.n` does not fit `a.m`: bolt circle 16 mm on `a.m`, bolt circle 22 mm on `b.n`"]
@@ -145,23 +149,25 @@ def test_a_revolute_joint_compares_circles_and_its_origin_is_the_joint(tmp_path:
     assert [note.span.line for note in found[0].notes if note.span is not None] == [4, 5]
 
 
-def test_a_gap_pulls_the_boss_out(tmp_path: Path) -> None:
+def test_gap_reduces_boss_engagement(tmp_path: Path) -> None:
+    """A boss 8 mm long fits a bore 5 mm deep only with a gap of 3 mm."""
     bore, boss = "{bore: {diameter: 6 mm, depth: 5 mm}}", "{boss: {diameter: 6 mm, length: 8 mm}}"
     assert check(tmp_path, two(bore, boss, ", attach: {mount: n, to: a.m, gap: 3 mm}")) == []
     assert len(check(tmp_path, two(bore, boss, ", attach: {mount: n, to: a.m, gap: 2.9 mm}"))) == 1
 
 
-def test_texts_are_names(tmp_path: Path) -> None:
+def test_interface_names_are_not_compared(tmp_path: Path) -> None:
+    """Interfaces given as text are names and are never reported as incompatible."""
     assert check(tmp_path, two("x430-horn", "x540-horn", ", attach: {n: a.m}")) == []
     assert check(tmp_path, two("x430-horn", f"{{{M3}}}", ", attach: {n: a.m}")) == []
 
 
-def test_a_repeat_is_reported_once(tmp_path: Path) -> None:
+def test_repeated_mismatch_is_reported_once(tmp_path: Path) -> None:
     text = two(f"{{{M3}}}", "{connector: USB-C}", ", repeat: {count: 3}, attach: {n: a.m}")
     assert [one.code.code for one in check(tmp_path, text)] == ["TC534"]
 
 
-def test_expressions(tmp_path: Path) -> None:
+def test_interface_values_may_be_expressions(tmp_path: Path) -> None:
     text = two(f"{{{M3}}}", "{bolts: {thread: M3, count: =2 * pair, circle: =size}}", ", attach: {n: a.m}")
     parameters = "parameters: {pair: 2, size: 16 mm}\n"
     assert check(tmp_path, text.replace("components:", f"{parameters}components:")) == []
@@ -188,7 +194,8 @@ def test_expressions(tmp_path: Path) -> None:
     ("5", "TC203", ""),
     ("[x430-horn]", "TC203", ""),
 ])
-def test_an_interface_that_is_not_one(tmp_path: Path, interface: str, code: str, words: str) -> None:
+def test_invalid_interfaces_are_reported(tmp_path: Path, interface: str, code: str, words: str) -> None:
+    """Each invalid interface is one error at its line."""
     found = check(tmp_path, two(interface, f"{{{M3}}}", ", attach: {n: a.m}"))
     assert [one.code.code for one in found] == [code], [one.message for one in found]
     assert words in found[0].message
@@ -223,13 +230,14 @@ components:
     ("8 mm", "M2.5", 10, "has the thread M2.5, but the hole at `base.top` has the thread M3"),
     ("12 mm", "M3", 9, None),  # beside the hole
 ])
-def test_a_screw_through_a_lid(tmp_path: Path, length: str, thread: str, x: int, said: str | None) -> None:
+def test_screw_length_and_thread_are_checked(tmp_path: Path, length: str, thread: str, x: int, said: str | None) -> None:
+    """A screw through a 3 mm lid into a threaded hole 6 mm deep. Too long, too short and wrong threads are reported."""
     found = check(tmp_path, SCREW.format(length=length, thread=thread, x=x))
     assert [(one.code.code, one.message) for one in found] == ([] if said is None else [("TC535", f"`screw` on `lid.head` {said}")])
 
 
-def test_every_variant_is_compared(tmp_path: Path) -> None:
-    """The numbers of an interface are numbers of the plan of a batch: bores of 5.5 mm to 6.5 mm around a boss of 6 mm."""
+def test_interfaces_are_checked_for_every_variant(tmp_path: Path) -> None:
+    """Interface values are part of the plan of a batch: bores of 5.5 mm to 6.5 mm around a boss of 6 mm."""
     (tmp_path / "robot.yaml").write_text(
         two("{bore: {diameter: =d}}", "{boss: {diameter: 6 mm}}", ", attach: {n: a.m}")
         .replace("components:", "parameters: {d: 6 mm}\ncomponents:")

@@ -1,4 +1,4 @@
-"""What `link` says of bad input: exact texts, exact places, one fault one message."""
+"""Errors of `link` for invalid input: exact messages and positions, and one diagnostic per fault."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from thingc.model.resolve.types import AssemblyDefinition
 # --- mounts --------------------------------------------------------------------------------------------------------
 
 
-def test_a_misspelled_mount_of_a_part() -> None:
+def test_misspelled_mount_is_reported_with_suggestion() -> None:
     model = assembly(
         "a", [component("plate", "p:Plate"), component("cap", "p:Cap", attach("cap.foot", "plate.servo_set", line=8))]
     )
@@ -41,7 +41,7 @@ def test_a_misspelled_mount_of_a_part() -> None:
     assert report.diagnostics[0].path == "plate/servo_set"
 
 
-def test_both_sides_and_every_placement_are_checked_in_one_run() -> None:
+def test_all_placements_are_checked_in_one_run() -> None:
     model = assembly(
         "a",
         [
@@ -67,7 +67,7 @@ def hand(**exported: str) -> AssemblyDefinition:
     return assembly("hand", [component("cap", "p:Cap")], mounts=exported, line=60)
 
 
-def test_a_mount_that_a_nested_assembly_does_not_show() -> None:
+def test_unexported_mount_of_nested_assembly_is_reported() -> None:
     model = assembly(
         "a", [component("plate", "p:Plate"), component("h", hand(grip="cap.foot"), attach("h.gripp", "plate.foot", line=8))]
     )
@@ -76,7 +76,8 @@ def test_a_mount_that_a_nested_assembly_does_not_show() -> None:
     assert notes(report) == [("`hand` exports its mounts here", "/robots/robot.yaml", 80)]
 
 
-def test_a_wrong_exported_mount_is_said_where_it_is_exported_and_not_where_it_is_used() -> None:
+def test_invalid_exported_mount_is_reported_at_its_export() -> None:
+    """The error is at the export, not at its two uses."""
     inner = hand(grip="cap.fooot")
     model = assembly(
         "a",
@@ -91,14 +92,14 @@ def test_a_wrong_exported_mount_is_said_where_it_is_exported_and_not_where_it_is
     assert notes(report)[1] == ("included from here", "/robots/robot.yaml", 3)
 
 
-def test_a_mount_deep_inside_is_named_as_written() -> None:
+def test_nested_mount_is_shown_as_written() -> None:
     model = assembly("a", [component("plate", "p:Plate"), component("h", hand(), attach("h.cap.foof", "plate.foot", line=8))])
     assert said(faults(model, PLATE, CAP)) == [
         ("UNKNOWN_MOUNT", "`h.cap` (`p:Cap`) has no mount `foof`", "did you mean `foot`?", 8)
     ]
 
 
-def test_unknown_components_on_the_way() -> None:
+def test_unknown_components_in_a_path_are_reported() -> None:
     model = assembly(
         "a",
         [
@@ -115,13 +116,13 @@ def test_unknown_components_on_the_way() -> None:
     ]
 
 
-def test_exported_mounts_that_stand_for_each_other() -> None:
+def test_circular_exported_mounts_are_reported() -> None:
     inner = hand(one="two", two="one")
     model = assembly("a", [component("plate", "p:Plate"), component("h", inner, attach("h.one", "plate.foot", line=8))])
     assert {d.message for d in faults(model, PLATE, CAP).diagnostics} >= {"the mount `one` of `hand` refers to itself"}
 
 
-def test_a_mount_that_the_part_already_has() -> None:
+def test_added_mount_with_an_existing_name_is_reported() -> None:
     model = assembly(
         "a",
         [
@@ -141,7 +142,7 @@ def test_a_mount_that_the_part_already_has() -> None:
 # --- placement -----------------------------------------------------------------------------------------------------
 
 
-def test_components_in_a_circle() -> None:
+def test_placement_cycle_is_reported() -> None:
     model = assembly(
         "a",
         [
@@ -166,7 +167,7 @@ def test_components_in_a_circle() -> None:
     assert notes(report) == [("`c` is placed here", "/robots/robot.yaml", 9), ("`b` is placed here", "/robots/robot.yaml", 8)]
 
 
-def test_a_joint_between_two_mounts_of_one_component() -> None:
+def test_joint_within_one_component_is_reported() -> None:
     model = assembly("a", [component("plate", "p:Plate"), component("a", "p:Cap")], [joint("j", "a.top", "a.foot", line=9)])
     assert said(faults(model, PLATE, CAP)) == [
         ("PLACED_ON_ITSELF", "joint `j` connects `a` with itself: its mounts are `a.top` and `a.foot`",
@@ -174,13 +175,13 @@ def test_a_joint_between_two_mounts_of_one_component() -> None:
     ]
 
 
-def test_a_joint_of_one_component_that_names_a_mount_of_another() -> None:
-    """What is wrong is the mount that does not exist, at its own place, and not that both sides are one component."""
+def test_unknown_mount_is_reported_before_self_connection() -> None:
+    """The error is the unknown mount at its own position, not that both sides are one component."""
     model = assembly("a", [component("plate", "p:Plate"), component("a", "p:Cap")], [joint("j", "a.foott", "a.foot", line=9)])
     assert said(faults(model, PLATE, CAP)) == [("UNKNOWN_MOUNT", "`a` (`p:Cap`) has no mount `foott`", "did you mean `foot`?", 9)]
 
 
-def test_a_component_on_itself() -> None:
+def test_component_placed_on_itself_is_reported() -> None:
     model = assembly("a", [component("plate", "p:Plate"), component("a", "p:Cap", attach("a.foot", "a.top", line=7))])
     assert said(faults(model, PLATE, CAP)) == [
         (
@@ -192,7 +193,7 @@ def test_a_component_on_itself() -> None:
     ]
 
 
-def test_two_bases() -> None:
+def test_two_unplaced_components_are_reported() -> None:
     model = assembly("a", [component("plate", "p:Plate", line=3), component("cap", "p:Cap", line=4)])
     assert said(faults(model, PLATE, CAP)) == [
         (
@@ -204,8 +205,8 @@ def test_two_bases() -> None:
     ]
 
 
-def test_a_component_placed_twice_cannot_be_linked() -> None:
-    """The resolver says so; were it to slip through, there is still a diagnostic and no exception."""
+def test_component_placed_twice_is_reported() -> None:
+    """The resolver already reports this. `link` still gives a diagnostic instead of an exception."""
     model = assembly(
         "a",
         [component("plate", "p:Plate", line=3), component("cap", "p:Cap", attach("cap.foot", "plate.foot", line=5), line=4)],
@@ -216,7 +217,8 @@ def test_a_component_placed_twice_cannot_be_linked() -> None:
     ]
 
 
-def test_what_has_been_reported_is_left_out_without_a_word() -> None:
+def test_earlier_errors_are_not_reported_again() -> None:
+    """Components that failed in an earlier pass are omitted silently; new faults are reported."""
     model = assembly(
         "a",
         [
@@ -236,7 +238,7 @@ def test_what_has_been_reported_is_left_out_without_a_word() -> None:
     assert [d.message for d in report.diagnostics[1:]] == ["`cap` (`p:Cap`) has no mount `nothing`", "`a` has no component `arm`"]
 
 
-def test_an_unsound_model_is_never_passed_on_in_silence() -> None:
+def test_incomplete_model_is_always_reported() -> None:
     model = assembly("a", [component("plate", "p:Plate"), component("gone", "p:Unknown", attach("gone.foot", "plate.foot"))])
     assert said(faults(model, PLATE)) == [
         ("INCOMPLETE", "`a` is not connected to the base of `a`", "place every component once, on another component", 100)
@@ -246,7 +248,7 @@ def test_an_unsound_model_is_never_passed_on_in_silence() -> None:
 # --- links ---------------------------------------------------------------------------------------------------------
 
 
-def test_two_names_for_one_link() -> None:
+def test_two_names_for_one_link_are_reported() -> None:
     model = assembly(
         "a",
         [component("plate", "p:Plate"), component("cap", "p:Cap", attach("cap.foot", "plate.foot"))],
@@ -259,7 +261,8 @@ def test_two_names_for_one_link() -> None:
     assert notes(report) == [("`base` is written here", "/robots/robot.yaml", 110)]
 
 
-def test_two_links_of_one_name() -> None:
+def test_duplicate_link_names_are_reported() -> None:
+    """A name that equals another link's name is reported. Exchanging two names is valid."""
     model = assembly(
         "a",
         [component("plate", "p:Plate", line=3), component("cap", "p:Cap", line=4)],
@@ -311,7 +314,7 @@ def arm(
     )
 
 
-def test_a_pose_outside_the_limits() -> None:
+def test_pose_outside_limits_is_reported() -> None:
     report = faults(arm([pose("home", yaw=np.radians(150), slide=-0.001)]), PLATE, CAP)
     assert said(report) == [
         (
@@ -330,11 +333,12 @@ def test_a_pose_outside_the_limits() -> None:
     assert notes(report) == [("`yaw` is defined here", "/robots/robot.yaml", 30)]
 
 
-def test_a_pose_at_a_limit_is_within() -> None:
+def test_pose_at_a_limit_is_valid() -> None:
     linked(arm([pose("home", yaw=2.0, slide=0.02), pose("low", yaw=-1.0, slide=0.0)], used=("home", "low")), PLATE, CAP)
 
 
-def test_a_joint_that_a_used_pose_does_not_set() -> None:
+def test_unset_joint_outside_limits_is_reported_if_used() -> None:
+    """The default 0 of a joint is checked only for poses that a mode uses."""
     linked(arm([pose("home", slide=0.01)], yaw=(0.5, 1.0)), PLATE, CAP)
     assert said(faults(arm([pose("home", slide=0.01)], yaw=(0.5, 1.0), used=("home",)), PLATE, CAP)) == [
         (
@@ -346,7 +350,7 @@ def test_a_joint_that_a_used_pose_does_not_set() -> None:
     ]
 
 
-def test_a_joint_that_follows_out_of_its_limits() -> None:
+def test_mimic_joint_outside_limits_is_reported() -> None:
     assert said(faults(arm([pose("home", yaw=1.0)], follows=mimic("yaw", 0.03), used=("home",)), PLATE, CAP)) == [
         (
             "POSE_LIMITS",
@@ -357,14 +361,14 @@ def test_a_joint_that_follows_out_of_its_limits() -> None:
     ]
 
 
-def test_poses_and_joints_that_are_not_there() -> None:
+def test_unknown_poses_and_joints_are_reported() -> None:
     assert said(faults(arm([pose("home", yav=1.0)], used=("hme",)), PLATE, CAP)) == [
         ("UNKNOWN_POSE", "mode `m` uses pose `hme`, which the document does not define", "did you mean `home`?", 200),
         ("UNKNOWN_JOINT", "pose `home` sets `yav`, which is not a moving joint", "did you mean `yaw`?", 301),
     ]
 
 
-def test_wrong_references_of_a_mode() -> None:
+def test_wrong_references_of_a_mode_are_reported() -> None:
     model = assembly(
         "a",
         [component("plate", "p:Plate")],
@@ -384,7 +388,8 @@ def test_wrong_references_of_a_mode() -> None:
     ]
 
 
-def test_a_drive_by_an_assembly_and_by_a_frame() -> None:
+def test_drive_without_actuator_part_is_reported() -> None:
+    """A drive that refers to an assembly or a frame is an error."""
     model = assembly(
         "a",
         [

@@ -1,4 +1,4 @@
-"""Mass, centre and inertia of occurrences and links, against textbook formulas in numpy."""
+"""Mass, centre and inertia of occurrences and links, compared with textbook formulas in numpy."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def only(record: object, **over: object) -> Occurrence:
     return linked(model, record).occurrences[0]  # type: ignore[arg-type]
 
 
-def test_material_times_volume() -> None:
-    """Placeholder inertia was a defect of the prototype: a box has a box's inertia, to the last digits."""
+def test_mass_is_density_times_volume() -> None:
+    """A box has the inertia of a box up to rounding. Placeholder inertias were a defect of the prototype."""
     found = only(box("p:Box", SIZE, centre=(0.01, 0.02, 0.03)))
     assert found.properties.mass == pytest.approx(0.24, rel=1e-15)
     assert found.properties.centre == (0.01, 0.02, 0.03)
@@ -63,7 +63,7 @@ def test_material_times_volume() -> None:
     assert found.mass_source == "derived"
 
 
-def test_the_documents_material_comes_before_the_things() -> None:
+def test_document_material_overrides_the_thing() -> None:
     steel = material("steel", 7850.0, color="#888888")
     found = only(box("p:Box", SIZE), material=steel)
     assert found.properties.mass == pytest.approx(7850 * VOLUME)
@@ -71,7 +71,8 @@ def test_the_documents_material_comes_before_the_things() -> None:
     assert only(box("p:Box", SIZE, color="#ff0000"), material=steel).color == "#ff0000"
 
 
-def test_infill() -> None:
+def test_skin_estimate_of_infill() -> None:
+    """The skin is area * walls * line width; the rest is filled by the infill fraction."""
     found = only(box("p:Box", SIZE), materials=(material("petg", 1270.0, process=PRINTED),))
     skin = AREA * 3 * 0.0004
     mass = 1270 * (skin + 0.15 * (VOLUME - skin))
@@ -81,12 +82,12 @@ def test_infill() -> None:
     assert found.mass_source == "estimated"
 
 
-def test_infill_of_a_part_that_is_all_skin() -> None:
+def test_infill_of_a_thin_part_is_solid() -> None:
     thin = Process(kind="fdm", walls=100, line_width=0.01, infill=0.15, estimate="skin")
     assert only(box("p:Box", SIZE), materials=(material("petg", process=thin),)).properties.mass == pytest.approx(MASS)
 
 
-def test_process_of_the_component_lies_over_the_materials() -> None:
+def test_component_process_overrides_the_material() -> None:
     found = only(box("p:Box", SIZE), materials=(material("petg", process=PRINTED),), process=Process(infill=0.5))
     skin = AREA * 3 * 0.0004
     assert found.properties.mass == pytest.approx(1000 * (skin + 0.5 * (VOLUME - skin)))
@@ -94,26 +95,26 @@ def test_process_of_the_component_lies_over_the_materials() -> None:
     assert (full.properties.mass, full.mass_source) == (pytest.approx(MASS), "derived")
 
 
-def test_a_things_density_comes_before_the_materials() -> None:
+def test_thing_density_overrides_the_material() -> None:
     found = only(box("p:Box", SIZE, density=DeclaredValue(value=2000.0)))
     assert (found.properties.mass, found.mass_source) == (pytest.approx(2000 * VOLUME), "derived")
     guess = only(box("p:Box", SIZE, material=None, density=DeclaredValue(value=2000.0, source="estimated")))
     assert guess.mass_source == "estimated"
 
 
-def test_a_things_mass_scales_its_inertia_and_moves_no_centre() -> None:
+def test_thing_mass_scales_inertia_and_keeps_centre() -> None:
     found = only(box("p:Box", SIZE, centre=(0.01, 0.0, 0.0), mass=DeclaredValue(value=0.082, source="vendor")))
     assert (found.properties.mass, found.mass_source) == (0.082, "vendor")
     assert found.properties.centre == (0.01, 0.0, 0.0)
     assert np.array(found.properties.inertia) == pytest.approx(box_inertia(SIZE) * 0.082 / VOLUME)
 
 
-def test_a_vendors_mass_needs_no_material() -> None:
+def test_vendor_mass_needs_no_material() -> None:
     found = only(box("p:Box", SIZE, material=None, mass=DeclaredValue(value=0.082, source="vendor")), materials=())
     assert found.properties.mass == 0.082
 
 
-def test_a_things_centre_and_matrix() -> None:
+def test_thing_centre_and_inertia_are_used() -> None:
     matrix = ((2e-5, 1e-6, 0.0), (1e-6, 3e-5, 0.0), (0.0, 0.0, 4e-5))
     found = only(box("p:Box", SIZE, com=DeclaredValue(value=(0.001, 0.002, 0.003)), matrix=DeclaredValue(value=matrix)))
     assert found.properties.centre == (0.001, 0.002, 0.003)
@@ -121,7 +122,7 @@ def test_a_things_centre_and_matrix() -> None:
     assert (found.properties.mass, found.mass_source) == (pytest.approx(MASS), "derived")
 
 
-def test_a_documents_mass_scales_whatever_inertia_there_is() -> None:
+def test_document_mass_scales_the_inertia() -> None:
     matrix = ((2e-5, 1e-6, 0.0), (1e-6, 3e-5, 0.0), (0.0, 0.0, 4e-5))
     derived = only(box("p:Box", SIZE), mass=stated(0.5, source="measured"))
     assert np.array(derived.properties.inertia) == pytest.approx(box_inertia(SIZE) * 0.5 / VOLUME)
@@ -135,8 +136,8 @@ def test_a_documents_mass_scales_whatever_inertia_there_is() -> None:
     assert no_mass_to_scale_by.properties.inertia == matrix
 
 
-def test_a_documents_centre_moves_the_inertia_unchanged() -> None:
-    """The prototype scaled the centre of mass twice (millimetres to metres, and again)."""
+def test_document_centre_keeps_the_inertia() -> None:
+    """The prototype converted the centre of mass from millimetres to metres twice."""
     record = box("p:Box", SIZE, com=DeclaredValue(value=(0.004, 0.0, 0.0)))
     assert only(record).properties.centre == (0.004, 0.0, 0.0)
     found = only(record, com=stated(0.01, -0.02, 0.03))
@@ -145,13 +146,13 @@ def test_a_documents_centre_moves_the_inertia_unchanged() -> None:
     assert found.properties.mass == pytest.approx(MASS)
 
 
-def test_a_documents_inertia_is_taken_as_it_is() -> None:
+def test_document_inertia_is_used_unchanged() -> None:
     six = (2e-4, 3e-4, 4e-4, 1e-6, 2e-6, 3e-6)
     found = only(box("p:Box", SIZE, mass=DeclaredValue(value=0.25)), mass=stated(0.5), inertia=stated(*six))
     assert found.properties.inertia == ((2e-4, 1e-6, 2e-6), (1e-6, 3e-4, 3e-6), (2e-6, 3e-6, 4e-4))
 
 
-def test_frames_and_things_without_geometry() -> None:
+def test_masses_of_frames_and_empty_things() -> None:
     model = assembly(
         "a",
         [
@@ -181,8 +182,8 @@ def test_frames_and_things_without_geometry() -> None:
 
 
 def parallel_axis(assembly: Assembly, frames: dict[int, np.ndarray]) -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass, centre and inertia about the centre, summed over point clouds: 8 masses at the corners of every box's
-    equimomental box (a box's inertia is that of its corners scaled by 1/sqrt(3))."""
+    """Mass, centre and inertia about it, summed over point masses: eight points at the corners of each box's equimomental box, which is
+    the box scaled by 1/sqrt(3)."""
     points, weights = [], []
     for index, frame in frames.items():
         own = assembly.occurrences[index].properties
@@ -199,7 +200,8 @@ def parallel_axis(assembly: Assembly, frames: dict[int, np.ndarray]) -> tuple[fl
     return weight.sum(), centre, inertia
 
 
-def test_a_link_sums_its_members_in_the_frame_it_is_named_after() -> None:
+def test_link_inertia_is_in_its_named_frame() -> None:
+    """The oracle is `parallel_axis`. The link's frame is that of the component it is named after."""
     seat, back, cap = t(0.05, 0.01, 0.02) @ ry(0.7), t(-0.03, 0.02, -0.02) @ rx(2.0), t(0.1, 0, 0) @ rz(0.3)
     record = box("p:Box", SIZE, centre=(0.01, 0.02, -0.01), mounts={"seat": seat, "back": back, "cap": cap})
     model = assembly(
@@ -229,7 +231,7 @@ def test_a_link_sums_its_members_in_the_frame_it_is_named_after() -> None:
 # --- what can be wrong ---------------------------------------------------------------------------------------------
 
 
-def test_neither_material_nor_mass() -> None:
+def test_missing_material_and_mass_is_reported() -> None:
     model = assembly("a", [component("humerus", "p:Box", line=7)])
     assert said(faults(model, box("p:Box", material=None))) == [
         (
@@ -241,7 +243,7 @@ def test_neither_material_nor_mass() -> None:
     ]
 
 
-def test_default_material_that_is_not_in_scope() -> None:
+def test_unknown_default_material_is_reported() -> None:
     model = assembly("a", [component("humerus", "p:Box", line=7)])
     report = faults(model, box("p:Box", material="pteg"))
     assert said(report) == [
@@ -259,7 +261,7 @@ def test_default_material_that_is_not_in_scope() -> None:
     assert (note.span.file, note.span.line) == ("/robots/parts/boxes.py", 12)
 
 
-def test_default_material_that_is_not_in_scope_and_not_needed() -> None:
+def test_unneeded_unknown_material_is_a_warning() -> None:
     model = assembly("a", [component("humerus", "p:Box", mass=stated(0.1), line=7)])
     assert said(warnings(model, box("p:Box", material="abs"))) == [
         (
@@ -272,7 +274,7 @@ def test_default_material_that_is_not_in_scope_and_not_needed() -> None:
     ]
 
 
-def test_material_without_density() -> None:
+def test_material_without_density_is_reported() -> None:
     model = assembly("a", [component("humerus", "p:Box", line=7)], materials=[material("petg", None)])
     assert said(faults(model, box("p:Box"))) == [
         (
@@ -287,7 +289,7 @@ def test_material_without_density() -> None:
 @pytest.mark.parametrize(("process", "missing"), [
     (Process(infill=0.2), "`walls` and `line_width`"), (Process(infill=0.2, walls=2), "`line_width`"),
 ])
-def test_infill_that_cannot_be_estimated(process: Process, missing: str) -> None:
+def test_infill_without_process_values_is_reported(process: Process, missing: str) -> None:
     model = assembly("a", [component("humerus", "p:Box", process=process, line=7)])
     assert said(faults(model, box("p:Box"))) == [
         (
@@ -299,7 +301,7 @@ def test_infill_that_cannot_be_estimated(process: Process, missing: str) -> None
     ]
 
 
-def test_inertia_that_no_solid_has() -> None:
+def test_unphysical_inertia_is_reported() -> None:
     model = assembly("a", [component("humerus", "p:Box", line=7, inertia=stated(1e-4, 1e-4, 3e-4, 0, 0, 0, line=9))])
     assert said(faults(model, box("p:Box"))) == [
         (
@@ -312,8 +314,8 @@ def test_inertia_that_no_solid_has() -> None:
     ]
 
 
-def test_an_inertia_is_judged_with_its_link() -> None:
-    """What no solid has is no fault on a link that is sound with it; to write 0 is one all the same."""
+def test_inertia_is_checked_for_the_whole_link() -> None:
+    """An unphysical inertia is accepted if the inertia of its link is physical. An explicit inertia of 0 is always an error."""
     at = laid("humerus.origin", np.eye(4))
     flat = component("label", None, at, frame=True, mass=stated(0.001), inertia=stated(1e-9, 1e-9, 3e-9, 0, 0, 0))
     whole_link = component("humerus", "p:Box", inertia=stated(1e-4, 1e-4, 1e-4, 0, 0, 0))
@@ -327,7 +329,7 @@ def test_an_inertia_is_judged_with_its_link() -> None:
     ]
 
 
-def test_matrix_of_a_thing_that_no_solid_has() -> None:
+def test_unphysical_inertia_of_a_thing_is_reported() -> None:
     matrix = ((1e-4, 0.0, 0.0), (0.0, -1e-4, 0.0), (0.0, 0.0, 1e-4))
     assert said(faults(assembly("a", [component("humerus", "p:Box", line=7)]), box("p:Box", matrix=DeclaredValue(value=matrix)))) == [
         (
@@ -343,7 +345,7 @@ def test_matrix_of_a_thing_that_no_solid_has() -> None:
 SWING = box("p:Box", SIZE, mounts={"top": t(0, 0, 0.02), "low": rx(np.pi) @ t(0, 0, 0.02)})
 
 
-def test_moving_link_without_mass() -> None:
+def test_moving_link_without_mass_is_reported() -> None:
     model = assembly(
         "a",
         [
@@ -365,7 +367,7 @@ def test_moving_link_without_mass() -> None:
     ]
 
 
-def test_moving_link_without_inertia() -> None:
+def test_moving_link_without_inertia_is_reported() -> None:
     model = assembly(
         "a",
         [component("plate", "p:Box"), component("dot", None, frame=True, line=9, mass=stated(0.1))],
@@ -383,7 +385,8 @@ def test_moving_link_without_inertia() -> None:
     ]
 
 
-def test_a_massless_link_may_be_held_in_every_mode() -> None:
+def test_static_massless_link_is_valid() -> None:
+    """A massless link is valid if it does not move in any mode."""
     def model(base: str) -> object:
         return assembly(
             "a",
@@ -399,7 +402,7 @@ def test_a_massless_link_may_be_held_in_every_mode() -> None:
     )
 
 
-def test_one_massless_definition_is_said_once() -> None:
+def test_massless_definition_is_reported_once() -> None:
     leg = assembly(
         "leg", [component("hip", "p:Box"), component("toe", None, frame=True, line=9)], [joint("j", "hip.top", "toe.origin")]
     )
@@ -427,7 +430,8 @@ def driven(drive: Drive, servo: ActuatorRecord | None = SERVO, **over: object) -
     return model, box("p:Servo", mounts={"top": t(0, 0, 0.02)}, actuator=servo), SWING
 
 
-def test_a_drive_fills_in_what_the_joint_leaves_open() -> None:
+def test_drive_fills_missing_joint_values() -> None:
+    """Effort, velocity and armature come from the actuator unless the joint has its own."""
     edge = linked(*driven(Drive(component=whole("servo", 21)))).mates[0].joints[0]  # type: ignore[arg-type]
     assert edge is not None
     assert edge.actuator is not None
@@ -445,14 +449,14 @@ def test_a_drive_fills_in_what_the_joint_leaves_open() -> None:
     )
 
 
-def test_an_inline_drive() -> None:
+def test_inline_drive_sets_joint_values() -> None:
     edge = linked(*driven(Drive(component=None, kind="motor", effort=2.0, armature=0.01))).mates[0].joints[0]  # type: ignore[arg-type]
     assert edge is not None
     assert edge.actuator is not None
     assert (edge.actuator.kind, edge.limit.effort, edge.dynamics.armature, edge.actuator.kp) == ("motor", 2.0, 0.01, None)
 
 
-def test_effort_above_the_actuators() -> None:
+def test_effort_above_the_actuator_is_a_warning() -> None:
     assert said(warnings(*driven(Drive(component=whole("servo")), effort=5.0))) == [  # type: ignore[arg-type]
         (
             "EFFORT",
@@ -463,7 +467,7 @@ def test_effort_above_the_actuators() -> None:
     ]
 
 
-def test_a_drive_without_an_actuator() -> None:
+def test_drive_component_without_actuator_is_reported() -> None:
     model, _, swing = driven(Drive(component=whole("arm", 33)))
     report = faults(model, box("p:Servo", mounts={"top": t(0, 0, 0.02)}, actuator=SERVO), swing)  # type: ignore[arg-type]
     assert said(report) == [
@@ -477,7 +481,7 @@ def test_a_drive_without_an_actuator() -> None:
     assert report.diagnostics[0].notes[0].message == "`p:Box` is defined here"
 
 
-def test_a_position_drive_without_a_gain() -> None:
+def test_position_drive_without_gain_is_reported() -> None:
     weak = ActuatorRecord(kind="position", stall_torque=4.1)
     assert said(faults(*driven(Drive(component=whole("servo"), origin=()), weak))) == [  # type: ignore[arg-type]
         (

@@ -1,4 +1,4 @@
-"""Poses of linked occurrences against chains of matrices written out by hand."""
+"""Poses of linked occurrences, compared with written-out chains of matrices."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def at(found: Assembly, path: str, q: dict[str, float] | None = None) -> np.ndar
     return as_matrix(poses(found, q or {})[index])
 
 
-def test_attach_is_the_mate_with_turn_and_gap() -> None:
+def test_attach_applies_turn_and_gap() -> None:
     model = assembly(
         "a",
         [
@@ -59,8 +59,8 @@ def test_attach_is_the_mate_with_turn_and_gap() -> None:
     assert (found.mates[0].parent_mount, found.mates[0].child_mount) == ("seat", "back")
 
 
-def test_mated_faces_look_at_each_other() -> None:
-    """By construction, without the formula: z opposed, origins together, child x along parent -y."""
+def test_mated_faces_face_each_other() -> None:
+    """Checked without the formula: z axes are opposite, origins coincide, and the child's x is along the parent's -y."""
     model = assembly("a", [component("plate", "p:Plate"), component("servo", "p:Servo", attach("servo.back", "plate.seat"))])
     found = linked(model, box("p:Plate", mounts={"seat": SEAT}), box("p:Servo", mounts={"back": BACK}))
     mine = at(found, "servo") @ BACK
@@ -70,7 +70,7 @@ def test_mated_faces_look_at_each_other() -> None:
     assert mine[:3, 1] == pytest.approx(-SEAT[:3, 0])
 
 
-def test_at_is_plain() -> None:
+def test_at_places_without_the_mate_rotation() -> None:
     local = t(0.1, -0.2, 0.3) @ rz(0.5) @ ry(0.2) @ rx(0.1)
     model = assembly(
         "a",
@@ -88,7 +88,7 @@ def test_at_is_plain() -> None:
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
 @pytest.mark.parametrize("q", [0.0, 0.4, -1.1])
-def test_joints_move_after_turn_and_gap_and_before_the_mate(kind: str, q: float) -> None:
+def test_joint_motion_is_between_gap_and_mate(kind: str, q: float) -> None:
     model = assembly(
         "a",
         [component("plate", "p:Plate"), component("arm", "p:Arm")],
@@ -101,8 +101,8 @@ def test_joints_move_after_turn_and_gap_and_before_the_mate(kind: str, q: float)
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_turn_and_gap_are_about_and_along_the_axis_of_a_joint(kind: str) -> None:
-    """A joint with an `axis` has no mate: at q = 0 without `turn` and `gap` both mounts coincide."""
+def test_turn_and_gap_follow_the_joint_axis(kind: str) -> None:
+    """A joint with an `axis` has no mate rotation: at q = 0, without `turn` and `gap`, both mounts coincide."""
     axis = (0.6, 0.0, 0.8)
     twist = Twist(angular=axis) if kind == "revolute" else Twist(linear=axis)
     one = replace(joint("j", "plate.seat", "arm.back", kind, turn=0.3, gap=0.002, lower=-1.0, upper=1.0), axis=axis, twist=twist)
@@ -113,7 +113,7 @@ def test_turn_and_gap_are_about_and_along_the_axis_of_a_joint(kind: str) -> None
     assert at(found, "arm", {"j": 0.4}) == pytest.approx(SEAT @ tilted @ moved @ inv(tilted) @ inv(BACK), abs=1e-14)
 
 
-def test_a_fixed_joint_fuses() -> None:
+def test_fixed_joint_merges_links() -> None:
     model = assembly(
         "a",
         [component("plate", "p:Plate"), component("arm", "p:Arm")],
@@ -126,7 +126,7 @@ def test_a_fixed_joint_fuses() -> None:
 
 
 def hand(joint_line: int = 50) -> object:
-    """A nested assembly with a joint inside: `cap` is the base, `finger` turns on it and carries the exported `tip`."""
+    """A nested assembly with a joint: `cap` is the base, and `finger` turns on it and has the exported mount `tip`."""
     return assembly(
         "hand",
         [component("cap", "p:Cap"), component("finger", "p:Finger")],
@@ -142,7 +142,7 @@ INNER = mated(SEAT, BACK, kind="revolute")
 
 
 @pytest.mark.parametrize("mine", ["hand.grip", "hand.cap.grip"])
-def test_a_nested_assembly_is_attached_by_a_mount_it_exports_or_one_inside(mine: str) -> None:
+def test_nested_assembly_attaches_by_exported_or_inner_mount(mine: str) -> None:
     found = linked(
         assembly("a", [component("plate", "p:Plate"), component("hand", hand(), attach(mine, "plate.seat"))]), PLATE, CAP, FINGER
     )
@@ -153,7 +153,8 @@ def test_a_nested_assembly_is_attached_by_a_mount_it_exports_or_one_inside(mine:
     )
 
 
-def test_a_nested_assembly_attached_beyond_its_joint_fixes_that_link() -> None:
+def test_attaching_beyond_a_joint_fixes_that_link() -> None:
+    """If a nested assembly is attached by a mount beyond its joint, the link with that mount is fixed, and the base moves."""
     found = linked(
         assembly("a", [component("plate", "p:Plate"), component("hand", hand(), attach("hand.tip", "plate.seat"))]),
         PLATE,
@@ -170,7 +171,7 @@ def test_a_nested_assembly_attached_beyond_its_joint_fixes_that_link() -> None:
     assert [link.members for link in found.links] == [(0, 2), (1,)]
 
 
-def test_a_joint_on_a_nested_mount_and_things_on_it() -> None:
+def test_joint_and_frames_on_nested_mounts() -> None:
     model = assembly(
         "a",
         [
@@ -192,7 +193,7 @@ def test_a_joint_on_a_nested_mount_and_things_on_it() -> None:
     assert [j.path for j in joints_of(found)] == ["wrist", "hand/knuckle"]
 
 
-def test_the_frame_of_an_assembly_is_that_of_its_base_at_every_depth() -> None:
+def test_assembly_frame_is_the_frame_of_its_base() -> None:
     outer = assembly("outer", [component("deep", hand()), component("lid", "p:Plate", attach("lid.side", "deep.cap.top"))])
     local = t(0.3, 0, 0) @ rz(0.2)
     found = linked(
@@ -203,7 +204,8 @@ def test_the_frame_of_an_assembly_is_that_of_its_base_at_every_depth() -> None:
     assert [m.path for m in found.exported] == ["o/deep/tip", "o/deep/grip"]
 
 
-def test_a_base_written_last_and_several_components_on_one_mount() -> None:
+def test_component_order_and_shared_mounts() -> None:
+    """The base may be written last, and several components may be attached to one mount."""
     model = assembly(
         "a",
         [
@@ -220,7 +222,7 @@ def test_a_base_written_last_and_several_components_on_one_mount() -> None:
     assert at(found, "c") == pytest.approx(mated(SEAT, SEAT), abs=1e-14)
 
 
-def test_mounts_that_the_document_adds() -> None:
+def test_added_mounts_are_usable() -> None:
     model = assembly(
         "a",
         [
@@ -238,7 +240,7 @@ def test_mounts_that_the_document_adds() -> None:
     assert as_matrix(cap.mounts[found.mates[0].child_mount].pose) == pytest.approx(t(0.01, 0, 0) @ rx(1.0))
 
 
-def test_an_exported_mount_of_an_exported_mount() -> None:
+def test_exported_mounts_can_be_exported_again() -> None:
     outer = assembly("outer", [component("h", hand())], mounts={"point": "h.tip"})
     model = assembly(
         "a", [component("o", outer), component("dot", None, laid("o.point", np.eye(4)), frame=True)], mounts={"far": "o.point"}
@@ -255,7 +257,7 @@ def test_an_exported_mount_of_an_exported_mount() -> None:
     ]
 
 
-def test_two_uses_of_one_definition_have_two_joints() -> None:
+def test_two_uses_of_a_definition_have_separate_joints() -> None:
     """The prototype shared the state of a joint between the uses of its definition."""
     leg = hand()
     model = assembly(
@@ -277,7 +279,7 @@ def test_two_uses_of_one_definition_have_two_joints() -> None:
     assert only_front[2] != found.rest[2]
 
 
-def test_mimic_follows_along_chains_and_is_named_by_path() -> None:
+def test_mimic_chains_are_resolved_by_path() -> None:
     inner = assembly(
         "hand",
         [component("cap", "p:Cap"), component("a", "p:Finger"), component("b", "p:Finger"), component("c", "p:Finger")],
@@ -295,7 +297,7 @@ def test_mimic_follows_along_chains_and_is_named_by_path() -> None:
     assert at(found, "hand/c", {"hand/first": 0.3}) == pytest.approx(mated(BACK, BACK, kind="revolute", q=-0.5), abs=1e-14)
 
 
-def test_origins_carry_the_chain_of_documents() -> None:
+def test_origins_include_the_chain_of_documents() -> None:
     deep = assembly(
         "hand",
         [component("cap", "p:Cap", line=5), component("finger", "p:Finger", line=6)],
@@ -307,7 +309,7 @@ def test_origins_carry_the_chain_of_documents() -> None:
     assert found.occurrences[0].origin == where(5) + where(30)
 
 
-def test_a_component_reference_without_a_mount_is_its_origin() -> None:
+def test_reference_without_mount_means_origin() -> None:
     placement = laid("plate.seat", np.eye(4))
     bare_reference = type(placement)(
         to=Reference(path=("plate",), mount=None, origin=where(1)), pose=placement.pose, origin=where(1)
@@ -316,8 +318,8 @@ def test_a_component_reference_without_a_mount_is_its_origin() -> None:
     assert at(found, "dot") == pytest.approx(np.eye(4))
 
 
-def test_a_thousand_components_touch_each_mate_a_few_times(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Linear in the components: counted, not timed."""
+def test_linking_is_linear_in_the_components(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of pose products is counted instead of the time."""
     from thingc.base.pose import Pose
 
     products = 0
@@ -342,7 +344,7 @@ def test_a_thousand_components_touch_each_mate_a_few_times(monkeypatch: pytest.M
     assert large < 12 * 1000
 
 
-def test_a_chain_of_thousands_needs_no_recursion() -> None:
+def test_long_chain_does_not_exceed_recursion_limit() -> None:
     chain = [component("c0", "p:Plate")] + [component(f"c{k}", "p:Plate") for k in range(1, 3000)]
     joints = [joint(f"j{k}", f"c{k - 1}.top", f"c{k}.bottom") for k in range(1, 3000)]
     record = box("p:Plate", mounts={"top": t(0, 0, 0.1), "bottom": rx(math.pi)})
@@ -351,7 +353,7 @@ def test_a_chain_of_thousands_needs_no_recursion() -> None:
     assert found.rest[-1].translation == pytest.approx((0, 0, 299.9), abs=1e-6)
 
 
-def test_thing_without_geometry_is_an_occurrence() -> None:
+def test_thing_without_geometry_has_zero_mass() -> None:
     found = linked(
         assembly("a", [component("plate", "p:Plate"), component("mark", "p:Mark", attach("mark.origin", "plate.seat"))]),
         PLATE,

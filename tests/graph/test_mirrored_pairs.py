@@ -1,4 +1,4 @@
-"""Mirrored pairs: a warning exactly where the points of one side are not the mirror images of those of the other."""
+"""Mirrored pairs: a warning appears exactly if the points of one side are not the mirror images of those of the other."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ modes: {bench: {root: chassis}}
 """
 
 
-def compiled(folder: Path, left: int, right: int, mirror: str = "mirror: y,", place: str = "10 -50 5") -> thingc.Compiled:
+def compile_pair(folder: Path, left: int, right: int, mirror: str = "mirror: y,", place: str = "10 -50 5") -> thingc.Compiled:
     folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
     text = DOCUMENT.replace("LEFT", str(left)).replace("RIGHT", str(right)).replace("MIRROR", mirror).replace("PLACE", place)
     folder.joinpath("pair.yaml").write_text(text)
@@ -35,9 +35,9 @@ def compiled(folder: Path, left: int, right: int, mirror: str = "mirror: y,", pl
 
 @pytest.mark.parametrize("left", [-90, 20])
 @pytest.mark.parametrize("off", [0, 90, 180, 270, 45])
-def test_a_turned_side_is_reported(tmp_path: Path, left: int, off: int) -> None:
-    """A point (x, y, z) of the left part is (x, -y, z) of its mirror image. One that is off by 45 deg may be meant."""
-    robot = compiled(tmp_path, left, 180 - left + off)
+def test_rotated_side_is_reported(tmp_path: Path, left: int, off: int) -> None:
+    """A point (x, y, z) of the left part is (x, -y, z) of its mirror image. An offset of 45 deg may be intended, so it is not reported."""
+    robot = compile_pair(tmp_path, left, 180 - left + off)
     assembly = robot.modes["bench"].robot.assembly
     by_path = {one.path: assembly.rest[one.index] for one in assembly.occurrences}
     points = [(0.05, 0.003, 0.02), (0.0, -0.003, 0.01), (-0.05, 0.001, 0.0)]
@@ -52,6 +52,6 @@ def test_a_turned_side_is_reported(tmp_path: Path, left: int, off: int) -> None:
 
 
 @pytest.mark.parametrize(("mirror", "place"), [("", "10 -50 5"), ("mirror: y,", "-10 -50 5")])
-def test_parts_that_are_no_mirrored_pair_are_not_compared(tmp_path: Path, mirror: str, place: str) -> None:
-    """Two of the same part, and mounts that are not opposite."""
-    assert not [one for one in compiled(tmp_path, 0, 180, mirror, place).diagnostics if one.code.code == "TC528"]
+def test_unmirrored_pairs_are_not_compared(tmp_path: Path, mirror: str, place: str) -> None:
+    """Two copies of one part, and mounts that are not opposite, are not compared."""
+    assert not [one for one in compile_pair(tmp_path, 0, 180, mirror, place).diagnostics if one.code.code == "TC528"]

@@ -1,4 +1,4 @@
-"""What `link` says of parts: those that failed, those that warn, and those put where another one was expected."""
+"""Diagnostics of `link` about parts: failed parts, warnings of parts, and parts where another one is expected."""
 
 from __future__ import annotations
 
@@ -83,7 +83,8 @@ def hand(**exported: str) -> AssemblyDefinition:
         ("invalid", "PART_INVALID", "`pen` (`p:Pen(length=-100 mm)`) is not valid: length must be above 0", "fix the part file"),
     ],
 )
-def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help: str) -> None:
+def test_failed_part_is_reported_once(kind: str, code: str, words: str, help: str) -> None:
+    """One error at the first use, with notes for other uses, the parameters and the line in the part file."""
     pen = replace(
         part("p:Pen(length=-0.1)", length=-0.1, diameter=0.015), label="p:Pen(length=-100 mm)", words=("15 mm", "-100 mm")
     )
@@ -119,7 +120,7 @@ def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help:
     assert [d.message for d in report.diagnostics[1:]] == ["`plate` (`p:Plate`) has no mount `nowhere_near`"]
 
 
-def test_warnings_of_a_part_are_said_once() -> None:
+def test_part_warnings_are_reported_once() -> None:
     odd = box(
         "p:Plate",
         mounts={"foot": t(0, 0, 0.02)},
@@ -131,8 +132,8 @@ def test_warnings_of_a_part_are_said_once() -> None:
     assert notes(report) == [("location in the part file", "/robots/parts/p.py", 9)]
 
 
-def test_a_repeated_warning_is_not_suppressed() -> None:
-    """The second is a duplicate of the first."""
+def test_duplicate_warning_counts_as_reported() -> None:
+    """The second warning is a duplicate of the first, but `warn` still returns True."""
     report = Report()
     findings = LinkReport(report)
     assert [findings.warn(Code.APART, "two solids", where(3)) for _ in range(2)] == [True, True]
@@ -143,8 +144,8 @@ def test_a_repeated_warning_is_not_suppressed() -> None:
     ("part", "its part class has no `collision()`"), ("decompose", "the part has no convex decomposition"),
     ("capsule", "no capsule could be fitted to it"),
 ])
-def test_collision_shapes_that_are_not_there(choice: str, why: str) -> None:
-    """Of a part whose meshes are known: of others nobody can tell."""
+def test_missing_collision_shapes_are_reported(choice: str, why: str) -> None:
+    """Reported only for parts whose meshes are known."""
     mesh = Mesh(sha256="0" * 64, size=1, vertices=8, faces=12, closed=True, flat=False)
     model = assembly("a", [component("one", "p:Plate", line=3, collision=choice)])
     message = f"`one` (p:Plate) has `collision: {choice}`, but {why}"
@@ -166,7 +167,7 @@ def board(*others: Component, **over: object) -> tuple[AssemblyDefinition, PartR
     return assembly("a", [component("board", "p:Board", line=3, **over), *others]), BOARD, CAP, PLATE  # type: ignore[arg-type]
 
 
-def test_expectations_that_are_met() -> None:
+def test_met_expectations_are_silent() -> None:
     linked(*board(component("cap", "p:Cap", attach("cap.foot", "board.cap_seat"))))
     linked(
         assembly("a", [component("cap", "p:Cap"), component("board", "p:Board", attach("board.cap_seat", "cap.foot"))]),
@@ -183,7 +184,7 @@ def test_expectations_that_are_met() -> None:
     )
 
 
-def test_expectations_that_are_not_met() -> None:
+def test_unmet_expectations_are_warnings() -> None:
     help = "attach the mount `foot` of `p:Cap` to `board.cap_seat`"
     assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` expects `p:Cap`, but nothing is attached to it", help, 3)]
     plain = component("cap", "p:Cap", laid("board.cap_seat", np.eye(4)), line=5)
@@ -197,7 +198,7 @@ def test_expectations_that_are_not_met() -> None:
     ]
 
 
-def test_other_parameters_are_another_part() -> None:
+def test_expectation_compares_parameters() -> None:
     wide = box("p:Cap(width=0.2)", mounts={"foot": rx(np.pi)})
     model = assembly(
         "a", [component("board", "p:Board"), component("cap", "p:Cap(width=0.2)", attach("cap.foot", "board.cap_seat"), line=5)]
@@ -208,26 +209,29 @@ def test_other_parameters_are_another_part() -> None:
     )
 
 
-def test_a_mirror_image_was_cut_for_a_mirror_image_or_for_the_part_itself() -> None:
+def test_mirrored_part_accepts_original_or_mirrored_child() -> None:
+    """A mirrored part that expects `p:Cap` accepts the part or its mirror image; an unmirrored one does not accept the mirror image."""
     image = replace(BOARD, text="p:Board(mirror=y)")
     wide = box("p:Cap(width=0.2)", mounts={"foot": rx(np.pi)})
-    for cap, fits in ((part("p:Cap"), True), (part("p:Cap").mirrored("x"), True), (part(wide.text), False)):
+    for cap, fits in ((part("p:Cap"), True), (part("p:Cap").mirror_image("x"), True), (part(wide.text), False)):
         placed = component("cap", cap, attach("cap.foot", "board.cap_seat"))
-        model = assembly("a", [component("board", part("p:Board").mirrored("y")), placed])
+        model = assembly("a", [component("board", part("p:Board").mirror_image("y")), placed])
         records = (image, CAP, wide, replace(CAP, text="p:Cap(mirror=x)"))
         if fits:
             linked(model, *records)
         else:
             assert [code for code, *_ in said(warnings(model, *records))] == ["EXPECTATION"]
-    cap_x = component("cap", part("p:Cap").mirrored("x"), attach("cap.foot", "board.cap_seat"))
+    cap_x = component("cap", part("p:Cap").mirror_image("x"), attach("cap.foot", "board.cap_seat"))
     model = assembly("a", [component("board", "p:Board"), cap_x])
     assert said(warnings(model, BOARD, replace(CAP, text="p:Cap(mirror=x)")))[0][1] == (
         "`board.cap_seat` expects `p:Cap`, but `cap` (`p:Cap(mirror=x)`) is attached to it"
     )
 
 
-def test_mirror_images_that_nobody_sells_or_that_are_the_part_itself() -> None:
-    left = part("p:Plate").mirrored("y")
+def test_mirrored_bought_or_symmetric_parts_are_warnings() -> None:
+    """A mirrored purchased part, or a mirrored part that equals its mirror image, is a warning. A BOM entry of the component suppresses
+    the first."""
+    left = part("p:Plate").mirror_image("y")
     bought, own = box(left.text, bom={"make": "buy"}), box(left.text, bom={"make": "buy"}, own_image=True)
     twice = [component("one", left, line=3), component("two", left, laid("one.origin", np.eye(4)))]
 
@@ -247,8 +251,8 @@ def test_mirror_images_that_nobody_sells_or_that_are_the_part_itself() -> None:
         linked(assembly("a", [sold]), bought)
 
 
-def test_a_length_that_went_through_a_part_is_the_same_length() -> None:
-    """Parts count in millimetres, with 15 digits: the last ones of a length in metres do not come back."""
+def test_rounded_lengths_are_equal() -> None:
+    """Parts use millimetres with 15 digits, so the last digits of a length in metres are not preserved."""
     board = box("p:Board", mounts={"seat": t(0, 0, 0.02)}, expectations=(
         MountExpectation(mount="seat", text="p:Cap(width=0.187672239581141)", label="p:Cap(width=187.672 mm)", child_mount="foot"),
     ))
@@ -264,7 +268,8 @@ def test_a_length_that_went_through_a_part_is_the_same_length() -> None:
             ), "where labels are the same, the texts tell them apart"
 
 
-def test_expectations_that_are_not_asked_for() -> None:
+def test_exported_expectations_are_not_checked() -> None:
+    """The mount is exported, so the enclosing assembly is responsible for it."""
     shown = assembly("a", [component("board", "p:Board")], mounts={"seat": "board.cap_seat"})
     linked(shown, BOARD)  # whoever nests this assembly puts the cap there
     nested = assembly("b", [component("plate", "p:Plate"), component("h", shown, attach("h.board.foot", "plate.foot"))])

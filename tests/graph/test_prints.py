@@ -1,4 +1,4 @@
-"""Masses of what is printed in layers: which slicing is asked for, what goes before it, and what is said where there is none."""
+"""Masses of parts printed in layers: requested slicings, precedence of stated values, and the fallback without a slicing."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ HOW = Slicing(up=(0.0, 0.0, 1.0), layer=0.0002, line_width=0.00045, walls=3, top
 SCHEMA = PartSchema(reference="p:Box", kind="thing", doc="", parameters=(), material="petg", actuator=False, file="p.py", line=1)
 
 
-def part_of_the_box(share: float, lift: float = 0.0) -> Moments:
-    """A share of the box's matter, with the box's own distribution, `lift` [m] higher."""
+def fraction_of_box(share: float, lift: float = 0.0) -> Moments:
+    """A fraction of the box's matter, distributed like the box and shifted up by `lift` [m]."""
     volume = share * VOLUME
     a, b, c = (volume * size * size / 12 for size in SIZE)
     return Moments.of([volume, 0, 0, volume * lift, a, b, c + volume * lift * lift, 0, 0, 0])
 
 
-SLICED = SliceResult(solid=part_of_the_box(0.4, lift=0.01), joins=part_of_the_box(0.05, lift=0.01), sparse=part_of_the_box(0.5, lift=0.01))
+SLICED = SliceResult(solid=fraction_of_box(0.4, lift=0.01), joins=fraction_of_box(0.05, lift=0.01), sparse=fraction_of_box(0.5, lift=0.01))
 
 
 def printed(*, process: Process = PRINTED, slices: dict[Slicing, Any] | None = None, **over: Any) -> Occurrence:
@@ -53,8 +53,8 @@ def printed(*, process: Process = PRINTED, slices: dict[Slicing, Any] | None = N
 
 
 @pytest.mark.parametrize("infill", [0.05, 0.15, 0.5, 0.999])
-def test_what_is_laid_weighs(infill: float) -> None:
-    """All three terms have the box's distribution, 10 mm above its centre: so has their sum."""
+def test_mass_from_slicing(infill: float) -> None:
+    """All three terms are distributed like the box, 10 mm above its centre, so their sum is as well."""
     found = printed(process=replace(PRINTED, infill=infill))
     share = 0.45 + 0.5 * infill
     assert found.properties.mass == pytest.approx(1270 * VOLUME * share, rel=1e-12)
@@ -63,14 +63,14 @@ def test_what_is_laid_weighs(infill: float) -> None:
     assert (found.mass_source, found.estimate) == ("estimated", "layers")
 
 
-def test_no_infill_has_no_joins_and_a_full_one_is_exact() -> None:
+def test_zero_and_full_infill() -> None:
     assert printed(process=replace(PRINTED, infill=0.0)).properties.mass == pytest.approx(1270 * VOLUME * 0.4)
     full = printed(process=replace(PRINTED, infill=1.0))
     assert (full.properties.mass, full.properties.centre) == (pytest.approx(1270 * VOLUME, rel=1e-15), (0.0, 0.0, 0.0))
     assert (full.mass_source, full.estimate) == ("derived", None)
 
 
-def test_skin_where_the_process_says_so_and_for_every_other_kind() -> None:
+def test_skin_estimate_by_option_and_process_kind() -> None:
     area = 2 * (0.1 * 0.06 + 0.06 * 0.04 + 0.1 * 0.04)
     skin = area * 3 * 0.00045
     for process in (replace(PRINTED, estimate="skin"), replace(PRINTED, kind="resin"), replace(PRINTED, kind=None)):
@@ -80,8 +80,8 @@ def test_skin_where_the_process_says_so_and_for_every_other_kind() -> None:
     assert printed(process=replace(PRINTED, kind="resin", estimate="layers")).estimate == "layers"
 
 
-def test_what_is_stated_goes_before_what_is_laid() -> None:
-    """A mass scales the inertia of what is printed, and leaves the centre where that is; centres and inertias replace."""
+def test_stated_values_override_slicing() -> None:
+    """A mass scales the inertia of the print and keeps its centre. A stated centre or inertia replaces the computed one."""
     shape = np.array(printed().properties.inertia) / printed().properties.mass
     for found in (printed(mass=stated(0.2, source="measured")), printed(record={"mass": DeclaredValue(value=0.2, source="measured")})):
         assert (found.properties.mass, found.mass_source, found.estimate) == (0.2, "measured", None)
@@ -95,7 +95,7 @@ def test_what_is_stated_goes_before_what_is_laid() -> None:
 
 
 def asked(process: Process, *components: Any, **record: Any) -> set[Slicing]:
-    """What is asked for of the box, which is what was likely as long as nobody looked at it."""
+    """Slicings requested for the box, which must equal the slicings predicted before its geometry is known."""
     made = box("p:Box", SIZE, **record)
     model = assembly("a", components or [component("part", "p:Box")], materials=(material("petg", process=process),))
     found = slicings_of(model, {"p:Box": made}).get("p:Box", set())
@@ -104,7 +104,7 @@ def asked(process: Process, *components: Any, **record: Any) -> set[Slicing]:
     return found
 
 
-def test_which_slicing_is_asked_for() -> None:
+def test_requested_slicing_follows_the_process() -> None:
     assert asked(PRINTED) == {HOW}
     assert asked(replace(PRINTED, overlap=0.1, bridge_flow=0.8)) == {replace(HOW, overlap=0.1, bridge_flow=0.8)}
     assert asked(replace(PRINTED, overlap=0.0)) == {replace(HOW, overlap=0.0)}
@@ -117,19 +117,19 @@ def test_which_slicing_is_asked_for() -> None:
     assert asked(PRINTED, volume=0.0) == set()
 
 
-def test_how_it_lies_is_said_by_the_component_before_the_thing() -> None:
+def test_component_print_direction_overrides_the_thing() -> None:
     assert asked(PRINTED, up=(1.0, 0.0, 0.0)) == {replace(HOW, up=(1.0, 0.0, 0.0))}
     assert asked(PRINTED, component("part", "p:Box", up=(0.0, 1.0, 0.0)), up=(1.0, 0.0, 0.0)) == {replace(HOW, up=(0.0, 1.0, 0.0))}
 
 
-def test_equal_copies_are_one_and_others_are_not() -> None:
+def test_equal_copies_share_a_slicing() -> None:
     copies = [component(f"part_{k}", "p:Box") for k in range(3)]
     assert asked(PRINTED, *copies) == {HOW}
     others = [component("lying", "p:Box", up=(0.0, 1.0, 0.0)), component("thick", "p:Box", process=Process(walls=5))]
     assert asked(PRINTED, *copies, *others) == {HOW, replace(HOW, up=(0.0, 1.0, 0.0)), replace(HOW, walls=5)}
 
 
-def test_a_part_without_layers_is_estimated_by_its_skin_with_a_word() -> None:
+def test_unsliceable_part_uses_skin_with_a_warning() -> None:
     record = box("p:Box", SIZE, slices={HOW: SliceFailure(reason="has a mesh that is not closed")})
     model = assembly("a", [component("part", "p:Box", line=7)], materials=(material("petg", process=PRINTED),))
     report = warnings(model, record)
@@ -145,7 +145,7 @@ def test_a_part_without_layers_is_estimated_by_its_skin_with_a_word() -> None:
     assert not warnings(stated_mass, record).diagnostics
 
 
-def test_what_the_process_lacks_is_said_all_at_once() -> None:
+def test_missing_process_values_are_reported_together() -> None:
     bare = material("petg", process=Process(kind="fdm", walls=3, line_width=0.00045, infill=0.15))
     model = assembly("a", [component("part", "p:Box", process=Process(layer=0.0002))], materials=(bare,))
     assert [message for _, message, _, _ in said(faults(model, box("p:Box", SIZE)))] == [
@@ -157,7 +157,7 @@ def test_what_the_process_lacks_is_said_all_at_once() -> None:
     ]
 
 
-def test_lines_are_at_least_as_wide_as_high() -> None:
+def test_layer_above_line_width_is_an_error() -> None:
     high = component("part", "p:Box", process=Process(layer=0.001), line=9)
     model = assembly("a", [high], materials=(material("petg", process=PRINTED),))
     assert said(faults(model, box("p:Box", SIZE))) == [(
@@ -166,7 +166,7 @@ def test_lines_are_at_least_as_wide_as_high() -> None:
     )]
 
 
-def test_records_compare_by_what_is_laid() -> None:
+def test_records_compare_by_slices() -> None:
     one, other = box("p:Box", SIZE, slices={HOW: SLICED}), box("p:Box", SIZE)
     assert isinstance(one, PartRecord)
     assert one != other

@@ -1,4 +1,4 @@
-"""`thingc build --twice`: parts that come out differently are named, with what differs, and nothing is written for them."""
+"""`thingc build --twice`: parts with different results are reported with the differences, and no file is written."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Asks(Thing):
 def build(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> Callable[..., tuple[int, str]]:
-    """Builds a robot of some of the parts above: the exit code, and standard error."""
+    """Build a robot from some of the parts above. Returns the exit code and standard error."""
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["."]\n')
     (tmp_path / "odd.py").write_text(PARTS)
     monkeypatch.setenv("THINGC_STORE", str(tmp_path / "store"))
@@ -84,13 +84,14 @@ def build(
     return build
 
 
-def heads(said: str) -> list[str]:
+def error_messages(said: str) -> list[str]:
     return [line.removeprefix("error[TC412]: ") for line in said.splitlines() if line.startswith("error")]
 
 
-def test_parts_that_follow_a_set_are_named_and_nothing_is_written(build: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
+def test_nondeterministic_parts_are_reported(build: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
+    """Parts that depend on the order of a set, or fail the second time, are named with their differences, and no file is written."""
     code, said = build("Plain", "Hashed", "Holes", "Fails", options=("--twice",))
-    hashed, holes, fails = heads(said)
+    hashed, holes, fails = error_messages(said)
     differ = r"two builds of `odd:Hashed` differ: its volume is 0\.(\d) cm\^3 in the first build and 0\.(\d) cm\^3 in the second"
     volumes = re.fullmatch(differ, hashed)
     assert volumes is not None and volumes[1] != volumes[2]
@@ -102,7 +103,8 @@ def test_parts_that_follow_a_set_are_named_and_nothing_is_written(build: Callabl
     assert re.search(r"location in the part file\n    --> odd\.py:34:1\n", said)
 
 
-def test_a_part_that_the_store_has_from_something_else_is_named(build: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
+def test_stale_cached_part_is_reported(build: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
+    """A part reads a file that changed after it was cached, so the rebuilt part differs from the cached one."""
     (tmp_path / "height.txt").write_text("3")
     assert build("Plain", "Asks")[0] == 0
     (tmp_path / "height.txt").write_text("4")
@@ -111,7 +113,7 @@ def test_a_part_that_the_store_has_from_something_else_is_named(build: Callable[
     before = {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
     code, said = build("Plain", "Asks", options=("--twice",))
     differ = "two builds of `odd:Asks` differ: its volume is 0.3 cm^3 in the first build and 0.4 cm^3 in the second"
-    assert (code, heads(said)) == (1, [differ])
+    assert (code, error_messages(said)) == (1, [differ])
     assert before == {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
     (tmp_path / "height.txt").write_text("3")
     code, said = build("Plain", "Asks", options=("--twice",))
@@ -148,7 +150,7 @@ OTHERS: dict[str, tuple[Any, str]] = {
     "pieces": ((A_MESH,), "its collision geometry differs"),
     "fits": ({"box": Primitive(shape="box", size=(1.0, 1.0, 1.0), pose=NO_POSE)}, "its smallest enclosing shapes differ: `box`"),
 }
-"""By field of a record: another value, and what is said."""
+"""By field of a record: another value and the expected message."""
 
 
 @pytest.fixture(scope="module")
@@ -160,12 +162,12 @@ def one() -> PartRecord:
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_each_difference_is_said_by_itself(name: str, one: PartRecord) -> None:
+def test_each_difference_has_its_message(name: str, one: PartRecord) -> None:
     value, words = OTHERS[name]
     assert [found.words for found in differences(one, replace(one, **{name: value}))] == [words]
     assert differences(one, replace(one)) == []
 
 
-def test_every_field_of_a_record_is_compared_or_left_out_on_purpose() -> None:
+def test_all_record_fields_are_compared_or_excluded() -> None:
     assert set(OTHERS) == set(FIELDS)
     assert set(PartRecord.__struct_fields__) == set(FIELDS) | LEFT_OUT and not LEFT_OUT & set(FIELDS)

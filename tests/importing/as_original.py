@@ -1,4 +1,4 @@
-"""How far the MuJoCo model of an imported robot is from the model of the MJCF file that it was, read by MuJoCo itself."""
+"""Compare the MuJoCo model of an imported robot with the model that MuJoCo compiles from the original MJCF file."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from thingc.tools.importing.importing import Imported
 
 FREE, BALL, HIDDEN = 0, 1, 3
 SIZES = {2: 1, 3: 2, 5: 2}
-"""How many numbers a sphere, a capsule and a cylinder have, by MuJoCo's numbers of kinds."""
+"""The number of size parameters of a sphere, a capsule and a cylinder, by MuJoCo's geom type."""
 MISSING = math.inf
 DEEP, NOTHING = 1e-3, 1e-6
 CLOSED = numpy.zeros((8, 8), bool)
-"""Kinds of geoms, by MuJoCo's numbers in ascending order, whose contacts it works out by a formula; its convex solver finds the others."""
+"""Geom types in ascending order whose contacts MuJoCo computes analytically; its convex solver handles all others."""
 CLOSED[0] = True
 CLOSED[[2, 2, 2, 2, 3, 3, 6], [2, 3, 5, 6, 3, 6, 6]] = True
 
@@ -35,7 +35,8 @@ SECTIONS = {"links": "components", "frames": "mounts", "sites": "mounts", "loops
 
 
 def in_files(imported: Imported) -> dict[str, dict[str, str]]:
-    """What files call everything of a source, by kind: as the document says under `names:`, else as the document calls it."""
+    """Return the names that built files use for every element of a source, by kind: the name under `names:` in the document, or else the
+    name in the document itself."""
     given = YAML(typ="safe").load(imported.files[imported.document]).get("names", {})
     known = json.loads(imported.files["import.json"])["names"]
     found = {
@@ -49,7 +50,8 @@ def in_files(imported: Imported) -> dict[str, dict[str, str]]:
 
 
 def nearest_closed(model: mujoco.MjModel, qpos: numpy.ndarray) -> numpy.ndarray:
-    """The qpos nearest to this one (rad and m alike) within the limits of its joints, with all equalities met: by MuJoCo's Jacobians."""
+    """Return the nearest qpos (rad and m weighted equally) within the joint limits that meets all equalities, computed with MuJoCo's
+    Jacobians."""
     model = copy.copy(model)
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     data, q, back = mujoco.MjData(model), numpy.array(qpos), numpy.zeros(model.nv)
@@ -71,7 +73,7 @@ def nearest_closed(model: mujoco.MjModel, qpos: numpy.ndarray) -> numpy.ndarray:
 
 
 def back_to(model: mujoco.MjModel, q: numpy.ndarray, back: numpy.ndarray) -> numpy.ndarray:
-    """The step that takes every limited joint to the limit on the side of which it is, or wants to go."""
+    """Return the step that moves every limited joint to the limit that it exceeds or moves towards."""
     step = numpy.array(back)
     for k in (k for k in range(model.njnt) if model.jnt_limited[k] and model.jnt_type[k] > BALL):
         at, dof = int(model.jnt_qposadr[k]), int(model.jnt_dofadr[k])
@@ -81,7 +83,7 @@ def back_to(model: mujoco.MjModel, q: numpy.ndarray, back: numpy.ndarray) -> num
 
 
 def beyond(model: mujoco.MjModel, q: numpy.ndarray, step: numpy.ndarray) -> numpy.ndarray:
-    """Which dofs a step takes beyond the limits of their joints."""
+    """Return which dofs a step moves beyond the limits of their joints."""
     past = numpy.zeros(model.nv, bool)
     for k in (k for k in range(model.njnt) if model.jnt_limited[k] and model.jnt_type[k] > BALL):
         at, dof = int(model.jnt_qposadr[k]), int(model.jnt_dofadr[k])
@@ -90,7 +92,7 @@ def beyond(model: mujoco.MjModel, q: numpy.ndarray, step: numpy.ndarray) -> nump
 
 
 def closed_residual(model: mujoco.MjModel, qpos: numpy.ndarray) -> float:
-    """How far the equalities are from met [m, rad]: the largest of them."""
+    """Return the largest residual of the equalities [m, rad]."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_fwdPosition(model, data)
@@ -99,8 +101,9 @@ def closed_residual(model: mujoco.MjModel, qpos: numpy.ndarray) -> float:
 
 @dataclass
 class Pair:
-    """Two models, and what in `ours` each body, joint, site, tendon and actuator of `theirs` is called. `named` are the names of theirs by
-    number, made up where the file has none; `words` what ours calls them. What is not of the robot touches nothing in theirs."""
+    """Two models, and the name in `ours` of each body, joint, site, tendon and actuator of `theirs`. `named` contains the names of
+    theirs by number, generated if the file has none; `words` maps them to ours. Elements outside the robot have no contacts in
+    theirs."""
 
     theirs: mujoco.MjModel
     ours: mujoco.MjModel
@@ -129,7 +132,7 @@ class Pair:
                 self.theirs.geom_contype[geom] = self.theirs.geom_conaffinity[geom] = 0
 
     def _addresses(self, k: int, word: str) -> tuple[slice, slice, slice, slice]:
-        """Of qpos and of qvel, theirs and ours."""
+        """Return the slices of qpos (theirs, ours) and qvel (theirs, ours) of a joint."""
         kind = int(self.theirs.jnt_type[k])
         n, m = (7, 6) if kind == FREE else (4, 3) if kind == BALL else (1, 1)
         ours = self.ours.joint(word)
@@ -138,14 +141,14 @@ class Pair:
         return first, second, third, fourth
 
     def say(self, kind: str, ours: object, theirs: object, *, relative: bool = False) -> None:
-        """Keep the largest difference of a kind, relative to the largest entry if asked."""
+        """Record the largest difference of a kind, optionally relative to the largest entry."""
         mine, other = numpy.asarray(ours, float), numpy.asarray(theirs, float)
         size = max(float(numpy.abs(other).max(initial=0.0)), NOTHING) if relative else 1.0
         far = MISSING if mine.shape != other.shape else float(numpy.abs(mine - other).max(initial=0.0)) / size
         self.worst[kind] = max(self.worst.get(kind, 0.0), far)
 
     def put(self, random: numpy.random.Generator) -> None:
-        """The same random state in both."""
+        """Set both to the same random state."""
         for data, model in ((self.a, self.theirs), (self.b, self.ours)):
             mujoco.mj_resetData(model, data)
         for at, here, dof, place in self.dofs:
@@ -158,7 +161,7 @@ class Pair:
             self.a.qvel[dof] = self.b.qvel[place] = random.uniform(-1.0, 1.0, dof.stop - dof.start)
 
     def control(self, random: numpy.random.Generator) -> None:
-        """The same controls for drives that both have; theirs alone are off."""
+        """Set the same controls for all drives that both have; other drives are off."""
         self.a.ctrl[:] = 0.0
         for k, word in self.drives.items():
             low, high = self.theirs.actuator_ctrlrange[k] if self.theirs.actuator_ctrllimited[k] else (-1.0, 1.0)
@@ -169,7 +172,7 @@ class Pair:
         mujoco.mj_forward(self.ours, self.b)
 
     def compare(self, states: int = 50, steps: int = 200) -> dict[str, float]:
-        """All of it; by kind the largest difference."""
+        """Compare everything and return the largest difference by kind."""
         random = numpy.random.default_rng(3)
         rows = [numpy.concatenate([numpy.arange(one[k].start, one[k].stop) for one in self.dofs] or [numpy.array([], int)]) for k in (2, 3)]
         for _ in range(states):
@@ -199,9 +202,10 @@ class Pair:
     def compare_rooted(
         self, model: mujoco.MjModel, root: str, repaired: Mapping[str, MassProperties] | None = None, states: int = 1,
     ) -> None:
-        """Of `model`, which is ours rooted at the link that theirs calls `root`: poses relative to it, and the mass matrix with it held,
-        that of theirs in which everything moves relative to that link; `repaired` is what links weigh there that weigh nothing in theirs.
-        Balls, which have other axes where they are crossed backwards, are at 0, and so are their velocities."""
+        """Compare with `model`, which is ours rooted at the link named `root` in theirs: poses relative to it, and the mass matrix with
+        it fixed. The reference is the mass matrix of theirs with all motions relative to that link. `repaired` contains the masses of
+        links that have none in theirs. Ball joints have different axes if traversed backwards, so their positions and velocities are
+        zero."""
         random, data = numpy.random.default_rng(5), mujoco.MjData(model)
         body = next(k for k, name in self.named["body"].items() if name == root)
         single = {k: word for k, word in self.joints.items() if self.theirs.jnt_type[k] != BALL}
@@ -227,7 +231,7 @@ class Pair:
             self.say("rooted mass matrix", full[numpy.ix_(ours, ours)], self._held(body, dofs, weights), relative=True)
 
     def _held(self, body: int, dofs: list[int], weights: Mapping[int, MassProperties]) -> numpy.ndarray:
-        """The mass matrix of theirs, as it stands, with a body held: of every body how it moves relative to that."""
+        """Return the mass matrix of theirs at the current state with a body fixed: every body moves relative to it."""
         theirs, data = self.theirs, self.a
         held = self._jacobian(body, data.xpos[body])
         full = numpy.diag(theirs.dof_armature)
@@ -249,13 +253,13 @@ class Pair:
         return full[numpy.ix_(dofs, dofs)]
 
     def _jacobian(self, body: int, point: numpy.ndarray) -> tuple[numpy.ndarray, numpy.ndarray]:
-        """Of a point of a body of theirs, and of its turns."""
+        """Return the Jacobians of the translation of a point on a body of theirs, and of the rotation of the body."""
         moves, turns = numpy.zeros((3, self.theirs.nv)), numpy.zeros((3, self.theirs.nv))
         mujoco.mj_jac(self.theirs, self.a, moves, turns, point, body)
         return moves, turns
 
     def without_contacts(self) -> Pair:
-        """The same two, in which nothing touches."""
+        """Return the same pair with contacts disabled."""
         models = [copy.copy(model) for model in (self.theirs, self.ours)]
         for model in models:
             model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
@@ -270,8 +274,8 @@ class Pair:
             self.say("poses", (*ours.xpos, *ours.xmat), (*self.a.site_xpos[k], *self.a.site_xmat[k]))
 
     def contacts(self) -> None:
-        """How deep bodies touch, and whether they do: a contact that one model alone has is off by as deep as it is. Those that MuJoCo
-        finds by iteration are a kind of their own, compared where they are less than a millimetre deep: deeper ones are not unique."""
+        """Compare the penetration depths between bodies. A contact that only one model has differs by its depth. Contacts that MuJoCo
+        finds by iteration are compared separately, and only up to a depth of one millimetre, because deeper ones are not unique."""
         ours_of = {k: self._body(word) for k, word in self.bodies.items()}
         theirs, ours = self._deepest(self.theirs, self.a, ours_of), self._deepest(self.ours, self.b, None)
         for key in theirs.keys() | ours.keys():
@@ -282,7 +286,8 @@ class Pair:
     def _deepest(
         self, model: mujoco.MjModel, data: mujoco.MjData, ours_of: Mapping[int, int] | None,
     ) -> dict[tuple[int, int, bool], float]:
-        """For two bodies, by ours' numbers, and whether it is found by iteration, the contact that is nearest, from its margin on [m]."""
+        """Return the distance of the deepest contact [m], less its margin, for each pair of bodies (by ours' numbers) and whether it is
+        found by iteration."""
         found: dict[tuple[int, int, bool], float] = {}
         for contact, iterated in zip(data.contact, _by_iteration(model, data), strict=True):
             bodies = [int(model.geom_bodyid[geom]) for geom in contact.geom]
@@ -296,7 +301,7 @@ class Pair:
         return body if body >= 0 else int(self.ours.site(word).bodyid[0])
 
     def shapes(self) -> None:
-        """How far what is drawn, or touches, is from one of its kind on the same link of ours."""
+        """Compare each visual and collision shape with the closest one of its kind on the same link of ours."""
         for data, model in ((self.a, self.theirs), (self.b, self.ours)):
             mujoco.mj_resetData(model, data)
         for at, here, _, _ in self.dofs:
@@ -358,7 +363,8 @@ class Pair:
                 self.say("keyframes", self.ours.key_ctrl[at][self.ours.actuator(drive).id], self.theirs.key_ctrl[number][k])
 
     def keyframe(self, at: int, number: int) -> None:
-        """Values are as in theirs; or, where theirs breaks limits or equalities, closed and as near to them as it gets."""
+        """Compare a keyframe: values equal those of theirs, or, if theirs violates limits or equalities, ours is the closest state that
+        meets them."""
         wanted, q, apart = self.theirs.key_qpos[number], numpy.array(self.theirs.key_qpos[number]), numpy.zeros(self.theirs.nv)
         for qpos, here, _, _ in self.dofs:
             q[qpos] = self.ours.key_qpos[at][here]
@@ -370,7 +376,7 @@ class Pair:
             self.say("keyframes", q, wanted)
 
     def trajectory(self, random: numpy.random.Generator, steps: int) -> None:
-        """From where theirs begins, with random controls; then it is known whether a contact was found by iteration on the way."""
+        """Simulate both from the initial state of theirs with random controls, and record whether any contact was found by iteration."""
         for data, model in ((self.a, self.theirs), (self.b, self.ours)):
             mujoco.mj_resetData(model, data)
         for at, here, _, _ in self.dofs:
@@ -388,8 +394,8 @@ class Pair:
 
 
 def _form(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> numpy.ndarray:
-    """What tells a geom from another of its kind where it stands: of a mesh the ends of its points along x, y and z of the world [m], else
-    its pose and sizes."""
+    """Return what distinguishes a geom from others of its type in the world: for a mesh the bounds of its points along x, y and z [m],
+    otherwise its pose and sizes."""
     place, turn = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
     mesh = int(model.geom_dataid[geom])
     if mesh < 0:
@@ -400,13 +406,13 @@ def _form(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> numpy.ndarra
 
 
 def _by_iteration(model: mujoco.MjModel, data: mujoco.MjData) -> numpy.ndarray:
-    """Of each contact whether MuJoCo's convex solver found it."""
+    """Return for each contact whether MuJoCo's convex solver found it."""
     kinds = numpy.sort(model.geom_type[data.contact.geom], axis=1)
     return ~CLOSED[kinds[:, 0], kinds[:, 1]]
 
 
 def _placed(data: mujoco.MjData, word: str) -> numpy.ndarray:
-    """4 x 4, of the site of that name, else the body."""
+    """Return the pose (4, 4) of the site with this name, or else of the body."""
     is_site = mujoco.mj_name2id(data.model, mujoco.mjtObj.mjOBJ_SITE, word) >= 0
     return _matrix(data.site(word) if is_site else data.body(word))
 

@@ -1,4 +1,4 @@
-"""What the tests of STEP assemblies and of proposed joints share."""
+"""Fixtures for the tests of STEP assemblies and of proposed joints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What URDF files say to Gazebo, ROS and MuJoCo: taken where a document says it, else a loss with its line and its reason."""
+"""Blocks for Gazebo, ROS and MuJoCo in URDF files: imported if documents support them, otherwise a loss with its line and reason."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def imported() -> Imported:
     return found
 
 
-def test_friction_and_drives(imported: Imported, tmp_path: Path) -> None:
+def test_friction_and_drives_are_imported(imported: Imported, tmp_path: Path) -> None:
     text = imported.files["blocks.yaml"].decode()
     assert "- {box: 200 200 200 mm, friction: {slide: 0.8}}\n" in text
     (tmp_path / "blocks.yaml").write_text(text)
@@ -37,8 +37,8 @@ def test_friction_and_drives(imported: Imported, tmp_path: Path) -> None:
     assert "    actuator: {kind: motor}\n    joint: shoulder\n    ratio: -50\n" in text
 
 
-def test_sensors_are_where_they_were(imported: Imported, tmp_path: Path) -> None:
-    """At q = 0: the eye looks along y there, with z up, and 2 atan(tan(45 deg) / 2) from bottom to top."""
+def test_sensor_poses_are_imported(imported: Imported, tmp_path: Path) -> None:
+    """At q = 0 the camera looks along y with z up. Its vertical field of view is 2 atan(tan(45 deg) / 2)."""
     text = imported.files["blocks.yaml"].decode()
     assert "  imu: {type: imu, at: imu_link}\n  gyro: {type: imu, at: gyro}\n" in text
     (tmp_path / "blocks.yaml").write_text(text)
@@ -56,7 +56,7 @@ def test_sensors_are_where_they_were(imported: Imported, tmp_path: Path) -> None
     assert model.cam_fovy[0] == pytest.approx(math.degrees(2.0 * math.atan(0.5)))
 
 
-def test_what_is_lost_has_its_line_and_its_reason(imported: Imported) -> None:
+def test_losses_have_a_line_and_a_reason(imported: Imported) -> None:
     lost = [(one["line"], one["what"], one["why"]) for one in json.loads(imported.files["import.json"])["losses"]]
     assert lost == [
         (4, "`boundmass` of `<compiler>`", "masses and shapes are imported as they are in the file"),
@@ -74,16 +74,16 @@ def test_what_is_lost_has_its_line_and_its_reason(imported: Imported) -> None:
     ]
 
 
-def test_frictions_that_are_none_are_said(tmp_path: Path) -> None:
+def test_invalid_friction_values_are_reported(tmp_path: Path) -> None:
     path, report = tmp_path / "robot.urdf", Report()
     path.write_text(SOURCE.read_text().replace("<mu1>0.8", "<mu1>much").replace('value="0.8"', 'value="-1"'))
     assert import_robot(str(path), report) is None
-    assert [(d.span.line, d.message) for d in report.ordered() if d.span is not None] == [
+    assert [(d.span.line, d.message) for d in report.sorted_diagnostics() if d.span is not None] == [
         (29, "`<mu1>`: expected a number, found `much`"), (30, "`<mu2>`: expected a number of at least 0, found -1"),
     ]
 
 
-def test_meshes_may_be_where_mujoco_finds_them(tmp_path: Path) -> None:
+def test_meshes_are_found_in_the_mujoco_meshdir(tmp_path: Path) -> None:
     mesh = '<visual><geometry><mesh filename="package://nowhere/a/part.stl"/></geometry></visual>'
     path = tmp_path / "robot" / "robot.urdf"
     (path.parent / "assets").mkdir(parents=True)
@@ -98,8 +98,8 @@ def test_meshes_may_be_where_mujoco_finds_them(tmp_path: Path) -> None:
     assert import_robot(str(path), Report()) is None, "it stays in the folder above"
 
 
-def test_a_joint_that_mimics_none_moves_by_itself_and_is_a_warning(tmp_path: Path) -> None:
-    """As with pinocchio, which `benchmarks/importing/run.py` has read alex_psyonic_hands with."""
+def test_mimic_of_a_missing_joint_is_a_warning(tmp_path: Path) -> None:
+    """The joint then moves independently, as in pinocchio: `benchmarks/importing/run.py` has read alex_psyonic_hands with it."""
     path, report = tmp_path / "robot.urdf", Report()
     text = (SOURCE.parent / "constructs.urdf").read_text()
     line = next(number for number, one in enumerate(text.splitlines(), start=1) if "<mimic" in one)
@@ -116,7 +116,7 @@ def test_a_joint_that_mimics_none_moves_by_itself_and_is_a_warning(tmp_path: Pat
     '<ros2_control name="c"><joint name="JOINT"><command_interface name="effort"/></joint></ros2_control>',
     '<transmission name="t"><joint name="JOINT"><hardwareInterface>EffortJointInterface</hardwareInterface></joint></transmission>',
 ])
-def test_what_drives_a_joint_that_is_not_there_is_a_warning_and_a_loss(block: str, tmp_path: Path) -> None:
+def test_drive_of_a_missing_joint_is_a_warning_and_a_loss(block: str, tmp_path: Path) -> None:
     path, found = tmp_path / "robot.urdf", []
     links = '<link name="a"/><joint name="yaw" type="continuous"><parent link="a"/><child link="b"/></joint><link name="b"/>'
     for name in ("yaw", "yah"):

@@ -41,7 +41,7 @@ SLIPS = {
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder with the robots, in which a command must neither write nor leave temporary files."""
+    """Yield a folder with the robots, in which a command must neither write nor leave temporary files."""
     shutil.copytree(ROBOTS, tmp_path / "robots")
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
@@ -58,7 +58,7 @@ def spoil(file: Path, old: str, new: str) -> str:
 
 
 @pytest.mark.parametrize("slip", SLIPS)
-def test_a_wrong_value_is_reported_at_its_element(here: Path, slip: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_value_is_reported_at_its_element(here: Path, slip: str, capsys: pytest.CaptureFixture[str]) -> None:
     name, old, new, code, start = SLIPS[slip]
     text = spoil(here / name, old, new)
     before = {path: path.read_bytes() for path in here.rglob("*") if path.is_file()}
@@ -72,7 +72,7 @@ def test_a_wrong_value_is_reported_at_its_element(here: Path, slip: str, capsys:
 
 
 @pytest.mark.parametrize("name", ["constructs.urdf", "constructs.sdf", "constructs.xml", "cranks.xml", "fixed.urdf"])
-def test_a_good_robot_is_ok(here: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_valid_robot_file_is_ok(here: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", name, "--strict"]) == 0
     assert capsys.readouterr().out.startswith(f"{name}: ok\n")
 
@@ -86,7 +86,7 @@ def test_losses_are_counted_in_one_line(here: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.parametrize("name", ["shapes.urdf", "constructs.sdf", "tendons.xml"])
-def test_the_codes_are_those_of_the_imported_document(here: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_codes_equal_those_of_the_imported_document(here: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     text = (here / name).read_text()
     for digit in ("0.02", "0.05", "1.5"):
         text = text.replace(digit, f"{digit}e3", 1)
@@ -101,7 +101,7 @@ def test_the_codes_are_those_of_the_imported_document(here: Path, name: str, cap
         assert sorted(direct) == sorted(one["code"] for one in json.loads(capsys.readouterr().out)["diagnostics"]) != []
 
 
-def test_names_are_those_of_the_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_messages_use_the_names_of_the_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = (here / "constructs.urdf").read_text().replace("shoulder", "shoulder-1").replace('upper="1.5707963267948966"', 'upper="90"')
     (here / "constructs.urdf").write_text(text)
     main(["check", "constructs.urdf"])
@@ -109,13 +109,13 @@ def test_names_are_those_of_the_file(here: Path, capsys: pytest.CaptureFixture[s
 
 
 def places_with(file: Path, key: str) -> list[str]:
-    """The texts at which the places of a robot whose paths contain a key begin."""
+    """Return the source text at each place of a robot whose path contains a key."""
     imported, lines = import_robot(str(file), Report()), file.read_text().splitlines()
     assert imported is not None
     return [lines[where.line - 1][where.column - 1 :] for path, where in imported.places.items() if key in path]
 
 
-def test_places_of_shapes_and_mimics(here: Path) -> None:
+def test_source_locations_of_shapes_and_mimics(here: Path) -> None:
     starts = {}
     for name in ("shapes.urdf", "constructs.urdf"):
         imported, lines = import_robot(name, Report()), (here / name).read_text().splitlines()
@@ -130,7 +130,7 @@ def test_places_of_shapes_and_mimics(here: Path) -> None:
     assert starts["components", "motor", "mounts", "spin"].startswith('<joint name="spin"')
 
 
-def test_a_workspace_around_a_robot_does_not_matter(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_workspace_around_a_robot_file_is_ignored(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "thingc.toml").write_text("nonsense")
     assert main(["check", "fixed.urdf"]) == 0
     (here / "thingc.toml").unlink()
@@ -141,7 +141,7 @@ def test_a_workspace_around_a_robot_does_not_matter(here: Path, capsys: pytest.C
     assert "`fixed.urdf` is not a document" in capsys.readouterr().out
 
 
-def test_info_shows_a_robot_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_accepts_a_robot_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", "constructs.urdf", "--format", "json"]) == 0
     data = json.loads(capsys.readouterr().out)
     text = (here / "constructs.urdf").read_text()
@@ -174,7 +174,7 @@ def test_diff_of_two_robot_files(here: Path, capsys: pytest.CaptureFixture[str])
     assert main(["diff", "fixed.urdf", "fixed.urdf", "--no-code"]) == 2
 
 
-def test_what_a_new_file_removes_is_shown_in_the_old_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_removed_elements_are_shown_in_the_old_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     old = (here / "constructs.urdf").read_text().splitlines()
     link = next(number for number, line in enumerate(old) if '<link name="1st_tool"/>' in line)
     joint = next(number for number, line in enumerate(old) if '<child link="1st_tool"/>' in line)
@@ -187,7 +187,7 @@ def test_what_a_new_file_removes_is_shown_in_the_old_file(here: Path, capsys: py
     assert sorted(removed) == [("constructs.urdf", link + 1), ("constructs.urdf", joint + 1)]
 
 
-def test_formats_and_exit_codes(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_output_formats_and_exit_codes(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = spoil(here / "constructs.urdf", 'upper="1.5707963267948966"', 'upper="90"')
     line = text[: text.index('<joint name="shoulder"')].count("\n") + 1
     assert main(["check", "constructs.urdf"]) == 0
@@ -209,7 +209,7 @@ def test_formats_and_exit_codes(here: Path, capsys: pytest.CaptureFixture[str]) 
     ("mesh.urdf", '<robot name="r"><link name="a">\n<visual><geometry><mesh filename="no.stl"/></geometry></visual></link></robot>', 1,
      "--> mesh.urdf:2:"),
 ])
-def test_what_cannot_be_read(here: Path, name: str, text: str | None, code: int, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unreadable_files(here: Path, name: str, text: str | None, code: int, words: str, capsys: pytest.CaptureFixture[str]) -> None:
     if text is not None:
         (here / name).write_text(text)
     assert main(["check", name, "fixed.urdf"]) == code
@@ -217,7 +217,7 @@ def test_what_cannot_be_read(here: Path, name: str, text: str | None, code: int,
     assert words in said and "fixed.urdf: ok\n" in said and "Traceback" not in said
 
 
-def test_xacro_is_checked_at_its_own_lines(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_xacro_errors_have_the_lines_of_the_xacro_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copytree(HERE / "xacro", here / "xacro")
     arm = here / "xacro" / "bot" / "urdf" / "arm.xacro"
     bot = "xacro/bot/urdf/bot.urdf.xacro"
@@ -230,7 +230,7 @@ def test_xacro_is_checked_at_its_own_lines(here: Path, capsys: pytest.CaptureFix
     assert f"--> xacro/bot/urdf/arm.xacro:{line}:5\n" in capsys.readouterr().out
 
 
-def test_without_code(here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_check_without_code_skips_xacro(here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thingc.tools.cli.console.refuse_modules_of_others", lambda: None)
     spoil(here / "constructs.xml", 'range="0 120"', 'range="0 2000"')
     (here / "robot.xacro").write_text('<robot name="r"/>')
@@ -240,12 +240,12 @@ def test_without_code(here: Path, capsys: pytest.CaptureFixture[str], monkeypatc
     assert "the file was not checked, because xacro evaluates Python expressions" in said
 
 
-def test_an_mjcf_file_without_code_in_a_new_process(here: Path) -> None:
+def test_mjcf_check_without_code_in_a_new_process(here: Path) -> None:
     done = subprocess.run([sys.executable, "-I", "-m", "thingc", "check", "--no-code", "cranks.xml"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "cranks.xml: ok\n"), done.stdout + done.stderr
 
 
-def test_touched_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_touched_files_select_complete_robots(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "package.xml").write_text("<package/>")
     (here / "macros.xacro").write_text('<?xml version="1.0"?>\n<!-- <robot name="r"/> -->\n<robot xmlns:xacro="http://wiki.ros.org/xacro"/>')
     (here / "cut.urdf").write_text("<robot")

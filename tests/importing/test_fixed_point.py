@@ -1,4 +1,4 @@
-"""A robot that came in, was written, and came in again is written as before: whatever a format says of it is read again."""
+"""Importing and exporting a robot repeatedly gives the same file: everything that the exporter writes is read again."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ CASES = [
     *((f"{name}.xml", f"mjcf/{name}_source.xml", 1) for name in ("cables", "constructs", "cranks", "loops", "suckers", "tendons")),
     ("world.xml", "mjcf/two_arms_source.xml", 1),
 ]
-"""A file, where its format is built, and after how many rounds nothing changes: one where shapes, meshes or a base get other names."""
+"""A file, the location of the built output, and the number of rounds after which nothing changes: one if shapes, meshes or a base get
+new names."""
 
 
 def written(source: Path, where: str, folder: Path) -> Path:
-    """The file of a format that is built of what another file comes to."""
+    """Import a file and return the file of a format that is built from it."""
     imported = import_robot(str(source), Report())
     assert imported is not None
     for name, content in imported.files.items():
@@ -39,7 +40,7 @@ def written(source: Path, where: str, folder: Path) -> Path:
 
 
 def built(document: Path, where: str, folder: Path) -> Path:
-    """The file of a format that is built of a document."""
+    """Build a document and return the file of a format."""
     said = thingc.family(document).write({}, folder, emit=[where.partition("/")[0]])
     assert not [one for one in said if one.severity is Severity.ERROR]
     (found,) = folder.glob(where)
@@ -47,14 +48,14 @@ def built(document: Path, where: str, folder: Path) -> Path:
 
 
 def turned(found: re.Match[str]) -> str:
-    """Angles as a matrix: where one is a quarter turn the other two are not unique."""
+    """Replace angles by a rotation matrix: if one angle is a quarter turn, the other two are not unique."""
     *place, roll, pitch, yaw = map(float, found[0].split())
     return " ".join(f"{one:.17g}" for one in (*place, *euler_matrix(roll, pitch, yaw)[:3, :3].ravel()))
 
 
 @pytest.mark.parametrize(("name", "where", "rounds"), CASES)
-def test_after_one_round_nothing_changes(name: str, where: str, rounds: int, tmp_path: Path) -> None:
-    """But for the last digits of what is worked out of rotations."""
+def test_round_trip_is_stable_after_one_round(name: str, where: str, rounds: int, tmp_path: Path) -> None:
+    """The last digits of values computed from rotations may differ."""
     settled(written(ROBOTS / name, where, tmp_path / "0"), where, rounds, tmp_path)
 
 
@@ -62,12 +63,12 @@ def test_after_one_round_nothing_changes(name: str, where: str, rounds: int, tmp
     ("urdf/gripper_bench.urdf", URDF), ("sdf/gripper_bench/model.sdf", SDF), ("mjcf/gripper_bench.xml", "mjcf/gripper_bench_source.xml"),
     ("mjcf/scene_bench.xml", "mjcf/gripper_bench_source.xml"),
 ])
-def test_after_one_round_nothing_of_a_modelled_robot_changes(mode: str, where: str, root: Path, tmp_path: Path) -> None:
+def test_round_trip_of_a_modelled_robot_is_stable(mode: str, where: str, root: Path, tmp_path: Path) -> None:
     settled(built(root / "gallery" / "gripper" / "gripper.yaml", mode, tmp_path / "0"), where, 1, tmp_path)
 
 
-def test_a_name_that_ends_like_a_mode_is_kept(tmp_path: Path) -> None:
-    """What wrote a file says its heading, and not its name."""
+def test_name_that_ends_like_a_mode_is_preserved(tmp_path: Path) -> None:
+    """The header of a file identifies thingc as its writer; the name does not."""
     first = tmp_path / "robot.xml"
     first.write_text((ROBOTS / "cranks.xml").read_text().replace('model="cranks"', 'model="open_source"'))
     second = written(first, "mjcf/open_source_source.xml", tmp_path)
@@ -75,8 +76,8 @@ def test_a_name_that_ends_like_a_mode_is_kept(tmp_path: Path) -> None:
     assert imported is not None and imported.name == "open_source"
 
 
-def test_a_site_of_two_names_is_one_mount() -> None:
-    """The record says which, and which are the frame of a component."""
+def test_site_with_two_names_is_one_mount() -> None:
+    """The record lists both names, and which sites are the frame of a component."""
     imported = import_robot(str(ROBOTS / "suckers.xml"), Report())
     assert imported is not None
     assert json.loads(imported.files["import.json"])["names"]["sites"] == {
@@ -85,7 +86,7 @@ def test_a_site_of_two_names_is_one_mount() -> None:
 
 
 def settled(first: Path, where: str, rounds: int, folder: Path) -> None:
-    """That after so many rounds another one changes nothing."""
+    """Assert that another round after `rounds` rounds changes nothing."""
     files = [first]
     for number in range(rounds + 1):
         files.append(written(files[-1], where, folder / f"{number + 1}"))
@@ -98,7 +99,7 @@ def settled(first: Path, where: str, rounds: int, folder: Path) -> None:
 
 
 def random_robot(form: str) -> str:
-    """A chain of six links with random poses, in all digits that a double has."""
+    """Return a chain of six links with random poses, with all digits of a double."""
     numbers = random.Random(7)
 
     def some(count: int, most: float) -> str:
@@ -124,8 +125,8 @@ def random_robot(form: str) -> str:
 
 
 @pytest.mark.parametrize(("form", "where"), [("mjcf", "mjcf/m_source.xml"), ("urdf", URDF), ("sdf", SDF)])
-def test_after_one_round_every_byte_stays(form: str, where: str, tmp_path: Path) -> None:
-    """Of positions and rotations, too, however they are worked out."""
+def test_round_trip_is_byte_identical_after_one_round(form: str, where: str, tmp_path: Path) -> None:
+    """This includes positions and rotations, however they are computed."""
     source = tmp_path / ("m.xml" if form == "mjcf" else "m.urdf")
     source.write_text(random_robot(form))
     files = [source]

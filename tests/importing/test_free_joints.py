@@ -1,4 +1,4 @@
-"""Free joints of documents that are built, and imported again from MJCF and URDF: the same motions in MuJoCo."""
+"""Free joints of documents that are built and imported again from MJCF and URDF: MuJoCo simulates the same motions."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def imported(file: Path, folder: Path, *, keep: bool = False) -> Built:
 
 
 @pytest.mark.parametrize("mode", ["bench", "by_ball"])
-def test_mjcf_round_trip(tmp_path: Path, mode: str) -> None:
+def test_mjcf_round_trip_gives_the_same_motion(tmp_path: Path, mode: str) -> None:
     tmp_path.joinpath("one").mkdir()
     original = compiled(tmp_path / "one", GRIPPER)
     file = tmp_path / "model.xml"
@@ -50,7 +50,7 @@ def test_mjcf_round_trip(tmp_path: Path, mode: str) -> None:
             assert pose_of(other.body(body)) == pytest.approx(pose_of(one.body(body)), abs=1e-9), (theirs.key(key).name, body)
 
 
-def test_urdf_round_trip(tmp_path: Path) -> None:
+def test_urdf_round_trip_gives_the_same_motion(tmp_path: Path) -> None:
     tmp_path.joinpath("one").mkdir()
     original = compiled(tmp_path / "one", GRIPPER)
     with Environment(str(tmp_path / "one" / "robot.yaml"), Options(store=str(tmp_path / "store"))) as environment:
@@ -72,8 +72,8 @@ def test_urdf_round_trip(tmp_path: Path) -> None:
     assert ours.body_mass.sum() == pytest.approx(theirs.body_mass.sum())
 
 
-def test_separate_links_come_back(tmp_path: Path) -> None:
-    """With `keep`, links that are fixed to another link are bodies again."""
+def test_keep_preserves_fixed_links(tmp_path: Path) -> None:
+    """With `keep`, links that are fixed to another link become separate bodies again."""
     tmp_path.joinpath("one").mkdir()
     pad = "  pad: {frame: true, mass: 1 g, at: {in: finger.origin}, keep: true}\n"
     original = compiled(tmp_path / "one", GRIPPER.replace("  flag: {frame", f"{pad}  flag: {{frame"))
@@ -100,8 +100,8 @@ SCENE = """\
 """
 
 
-def test_objects_beside_a_robot(tmp_path: Path) -> None:
-    """A scene of MuJoCo becomes a robot with objects that move freely."""
+def test_scene_objects_move_freely(tmp_path: Path) -> None:
+    """A MuJoCo scene becomes a robot with objects that move freely."""
     file = tmp_path / "scene.xml"
     file.write_text(SCENE)
     again = imported(file, tmp_path / "two")

@@ -1,4 +1,4 @@
-"""Links that cannot move: judged with all that is fixed to them, repaired by name, and mirror pairs that differ."""
+"""Moving links with invalid inertias: checked together with everything fixed to them, repaired on request, and mirror pairs that differ."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def written(tmp_path: Path, links: str, joints: str) -> Path:
 def repaired(path: Path, how: str) -> tuple[Imported | None, list[str]]:
     report = Report()
     imported = import_robot(str(path), report, ImportRequest(repair=how))
-    return imported, [d.message for d in report.ordered()]
+    return imported, [d.message for d in report.sorted_diagnostics()]
 
 
-def test_the_nearest_is_repaired_and_said(tmp_path: Path) -> None:
+def test_nearest_repair_is_recorded(tmp_path: Path) -> None:
     imported, said = repaired(WRONG, "nearest")
     assert imported is not None and said == []
     record = json.loads(imported.files["import.json"])["repaired"]
@@ -49,7 +49,7 @@ def test_the_nearest_is_repaired_and_said(tmp_path: Path) -> None:
     assert thingc.compile(tmp_path / "inertias.yaml").modes["source"].model().nv == 3
 
 
-def test_shapes_repair_what_has_shapes() -> None:
+def test_shapes_repair_only_links_with_shapes() -> None:
     imported, said = repaired(WRONG, "shapes")
     assert imported is None and len(said) == 2
     assert "`arm` moves, but cannot be simulated" in said[0] and said[1] == "link `ghost` moves, but cannot be simulated: it has no mass"
@@ -59,7 +59,7 @@ def test_shapes_repair_what_has_shapes() -> None:
     ('<box size="0.1 0.2 0.3"/>', [0.13, 0.10, 0.05]), ('<sphere radius="0.1"/>', [0.048, 0.048, 0.048]),
     ('<cylinder radius="0.1" length="0.3"/>', [0.12, 0.12, 0.06]),
 ])
-def test_of_primitives_it_is_the_textbooks(tmp_path: Path, shape: str, moments: list[float]) -> None:
+def test_shapes_repair_matches_textbook_inertias(tmp_path: Path, shape: str, moments: list[float]) -> None:
     """12 kg: m/12 (b^2 + c^2); 2/5 m r^2; m (3 r^2 + h^2)/12 and m/2 r^2."""
     body = f'<link name="b"><inertial><mass value="12"/></inertial><visual><geometry>{shape}</geometry></visual></link><link name="a"/>'
     joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>'
@@ -68,7 +68,7 @@ def test_of_primitives_it_is_the_textbooks(tmp_path: Path, shape: str, moments: 
     assert numpy.allclose(json.loads(imported.files["import.json"])["repaired"][0]["new"]["inertia"], numpy.diag(moments))
 
 
-def test_what_is_fixed_to_a_sound_link_stays(tmp_path: Path) -> None:
+def test_links_fixed_to_a_valid_link_are_not_repaired(tmp_path: Path) -> None:
     label = LINK.format(name="label", mass=0.1, ixx=0.0021).replace("0.01", "0.001")
     links = LINK.format(name="arm", mass=1, ixx=0.01) + label + '<link name="a"/>'
     joints = """<joint name="j" type="continuous"><parent link="a"/><child link="arm"/></joint>
@@ -81,9 +81,9 @@ def test_what_is_fixed_to_a_sound_link_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("place", "sound"), [("0 1 0", True), ("1 0 0", False)])
-def test_links_behind_a_turned_link_count_where_they_are(place: str, sound: bool, tmp_path: Path) -> None:
-    """`arm` alone has an ixx that is too large. A mass on its x axis adds to iyy and izz, one on its y axis to ixx. `turned` is turned by
-    90 degrees about z, so that its y axis is the x axis of `arm`."""
+def test_inertia_check_uses_rotated_fixed_links(place: str, sound: bool, tmp_path: Path) -> None:
+    """`arm` alone has an ixx that is too large. A mass on its x axis adds to iyy and izz, one on its y axis to ixx. `turned` is rotated
+    by 90 degrees about z, so its y axis is the x axis of `arm`."""
     links = '<link name="world"/><link name="turned"/>'
     links += LINK.format(name="arm", mass=1, ixx=0.05) + LINK.format(name="end", mass=1, ixx=0.01)
     joints = f"""<joint name="j" type="continuous"><parent link="world"/><child link="arm"/></joint>
@@ -91,29 +91,29 @@ def test_links_behind_a_turned_link_count_where_they_are(place: str, sound: bool
 <joint name="g" type="fixed"><parent link="turned"/><child link="end"/><origin xyz="{place}"/></joint>"""
     report = Report()
     imported = import_robot(str(written(tmp_path, links, joints)), report)
-    assert (imported is not None, [d.message.partition(":")[0] for d in report.ordered()]) == (
+    assert (imported is not None, [d.message.partition(":")[0] for d in report.sorted_diagnostics()]) == (
         (True, []) if sound else (False, ["link `arm` moves, but cannot be simulated"])
     )
 
 
-def test_a_root_that_is_another_one_moves_the_old_one(tmp_path: Path) -> None:
+def test_new_root_requires_inertia_of_the_old_root(tmp_path: Path) -> None:
     links = LINK.format(name="arm", mass=1, ixx=0.01) + '<link name="a"/>'
     path = written(tmp_path, links, '<joint name="j" type="continuous"><parent link="a"/><child link="arm"/></joint>')
     for roots, said in (([], []), (["arm"], ["link `a` moves, but cannot be simulated: it has no mass"])):
         report = Report()
         import_robot(str(path), report, ImportRequest(roots=roots))
-        assert [d.message for d in report.ordered()] == said
+        assert [d.message for d in report.sorted_diagnostics()] == said
 
 
-def test_what_stands_still_may_weigh_nothing_but_not_just_anything(tmp_path: Path) -> None:
-    """A document does not take it either; a mass without an inertia stands."""
+def test_static_link_may_lack_inertia_but_not_be_invalid(tmp_path: Path) -> None:
+    """Documents reject such an inertia too. A mass without an inertia is allowed."""
     links = LINK.format(name="arm", mass=1, ixx=0.01) + '<link name="a"><inertial><mass value="3"/></inertial></link>'
     links += LINK.format(name="plate", mass=1, ixx=0.03)
     joints = """<joint name="j" type="continuous"><parent link="a"/><child link="arm"/></joint>
         <joint name="k" type="fixed"><parent link="a"/><child link="plate"/></joint>"""
     path, report = written(tmp_path, links, joints), Report()
     assert import_robot(str(path), report) is None
-    assert [d.message for d in report.ordered()] == [
+    assert [d.message for d in report.sorted_diagnostics()] == [
         "link `a` does not move, but its largest principal moment 0.03 kg m^2 is above the sum of the other two (0.01 + 0.01), which is "
         "impossible for a solid",
     ]
@@ -125,16 +125,16 @@ def test_what_stands_still_may_weigh_nothing_but_not_just_anything(tmp_path: Pat
     assert import_robot(str(path), Report()) is not None
 
 
-def test_products_that_are_rounding_are_not_written(tmp_path: Path) -> None:
-    """Of 0.01 kg m^2, below 1e-17; those that are small and meant are."""
+def test_rounding_noise_in_products_of_inertia_is_dropped(tmp_path: Path) -> None:
+    """With moments of 0.01 kg m^2, products below 1e-17 are noise; small but intended products are written."""
     links = LINK.format(name="arm", mass=1, ixx=0.01).replace('ixy="0" ixz="0"', 'ixy="-4e-18" ixz="-4e-12"')
     imported = import_robot(str(written(tmp_path, links, "")), Report())
     assert imported is not None
     assert "inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2, ixz: -4e-12 kg*m^2}" in imported.files["robot.yaml"].decode()
 
 
-def test_the_nearest_is_nearest() -> None:
-    """No other inertia that a solid has is nearer, of a thousand beside it; one that is sound stays."""
+def test_nearest_repair_is_optimal() -> None:
+    """None of a thousand nearby valid inertias is closer. A valid inertia is not changed."""
     random = numpy.random.default_rng(3)
     turn, _ = numpy.linalg.qr(random.normal(size=(3, 3)))
     wrong = turn @ numpy.diag([0.01, 0.02, 0.05]) @ turn.T
@@ -153,8 +153,8 @@ def test_the_nearest_is_nearest() -> None:
     assert numpy.allclose(nearest(sound, 1.0), sound, atol=1e-15)
 
 
-def test_the_nearest_is_one_that_simulators_accept(tmp_path: Path) -> None:
-    """A light link that stands still in the source moves when another link is the root."""
+def test_repaired_inertia_is_accepted_by_simulators(tmp_path: Path) -> None:
+    """A light link that is static in the source moves if another link is the root."""
     (tmp_path / "tiny.xml").write_text("""<mujoco model="tiny"><worldbody><body name="base">
         <inertial pos="0 0 0" mass="1e-10" diaginertia="5e-20 5e-20 5e-20"/>
         <body name="arm" pos="0 0 .1"><joint name="k" axis="0 1 0"/><geom size=".1" mass="1"/></body></body></worldbody></mujoco>""")
@@ -172,7 +172,7 @@ def test_the_nearest_is_one_that_simulators_accept(tmp_path: Path) -> None:
     assert numpy.isfinite(data.qpos).all()
 
 
-def test_mirror_pairs_that_differ(tmp_path: Path) -> None:
+def test_differing_mirror_pairs_are_warnings(tmp_path: Path) -> None:
     links = "".join(LINK.format(name=name, mass=mass, ixx=ixx) for name, mass, ixx in (
         ("base", 1, 0.01), ("left_arm", 1, 0.01), ("right_arm", 1.02, 0.01), ("leg_left", 1, 0.012), ("leg_right", 1.001, 0.0121),
         ("LeftEye", 1, 0.01), ("RightEye", 1, 0.0102),
@@ -181,25 +181,25 @@ def test_mirror_pairs_that_differ(tmp_path: Path) -> None:
     joints = "".join(f'<joint name="{name}" type="fixed"><parent link="base"/><child link="{name}"/></joint>' for name in names)
     report = Report()
     assert import_robot(str(written(tmp_path, links, joints)), report) is not None
-    assert [(d.code.code, d.message) for d in report.ordered()] == [
+    assert [(d.code.code, d.message) for d in report.sorted_diagnostics()] == [
         ("TC955", "`left_arm` and `right_arm` have different masses"),
         ("TC955", "`LeftEye` and `RightEye` have different moments of inertia"),
     ]
 
 
-def test_a_repair_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_repair_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import", str(WRONG), "--repair", "mass=nearest"]) == 2
     assert "expected `inertia=nearest` or `inertia=shapes`, found `mass=nearest`" in capsys.readouterr().err
 
 
-def test_a_robot_without_a_name_is_called_like_its_file(tmp_path: Path) -> None:
+def test_robot_without_name_is_named_after_its_file(tmp_path: Path) -> None:
     path = tmp_path / "crane.urdf"
     path.write_text('<robot><link name="a"/></robot>')
     imported = import_robot(str(path), Report())
     assert imported is not None and imported.name == "crane" and [loss.what for loss in imported.losses] == ["`name` of `<robot>`"]
 
 
-def test_joints_that_cannot_be_at_zero_start_in_the_middle(tmp_path: Path) -> None:
+def test_joints_that_exclude_zero_start_in_the_middle(tmp_path: Path) -> None:
     links = "".join(LINK.format(name=name, mass=1, ixx=0.01) for name in ("a", "b"))
     limit = '<limit lower="0.5" upper="1" effort="1" velocity="1"/>'
     joint = f'<joint name="j" type="revolute"><parent link="a"/><child link="b"/>{limit}</joint>'
@@ -210,8 +210,8 @@ def test_joints_that_cannot_be_at_zero_start_in_the_middle(tmp_path: Path) -> No
     assert "  source: {root: a, base: fixed, pose: start}" in text and "  b: {root: b, base: held, pose: start}" in text
 
 
-def test_a_rotation_that_is_worked_out_keeps_its_digits(tmp_path: Path) -> None:
-    """Of a planar joint, whose frame stands on its axis: in degrees where they are round, else as a quaternion."""
+def test_computed_rotation_keeps_full_precision(tmp_path: Path) -> None:
+    """The frame of a planar joint is computed from its axis: written in degrees if they are round, otherwise as a quaternion."""
     links = "".join(LINK.format(name=name, mass=1, ixx=0.01) for name in ("a", "b"))
     for axis, words in (("1 0 0", "rpy: 90 0 90 deg"), ("0.6 0 0.8", "quat: [")):
         joint = f'<joint name="j" type="planar"><parent link="a"/><child link="b"/><axis xyz="{axis}"/></joint>'
@@ -225,8 +225,8 @@ def test_a_rotation_that_is_worked_out_keeps_its_digits(tmp_path: Path) -> None:
         assert sorted(numpy.abs(axes)) == pytest.approx([0.0, 0.0, 1.0], abs=1e-14)
 
 
-def test_axes_that_are_nearly_along_an_axis_stay_so(tmp_path: Path) -> None:
-    """1e-6 rad off is not rounding; 1e-13 is."""
+def test_nearly_aligned_axes_are_not_rounded(tmp_path: Path) -> None:
+    """A deviation of 1e-6 rad is kept; 1e-13 is rounding."""
     links = "".join(LINK.format(name=name, mass=1, ixx=0.01) for name in ("a", "b"))
     for axis, plain in (("0 1e-6 1", False), ("0 1e-13 1", True)):
         joint = f'<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{axis}"/></joint>'

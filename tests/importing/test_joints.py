@@ -1,4 +1,4 @@
-"""`thingc joints` finds the joints that the generator of robots made, accepts no wrong one by itself, and moves nothing by writing them."""
+"""`thingc joints` finds the joints of generated robots, accepts no wrong joint automatically, and moves no part by writing them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def named(shape: Any, label: str) -> Any:
 
 
 def crane() -> Compound:
-    """A tower with a bolted foot, a boom that turns about a separate pin, and a trolley that slides in the boom."""
+    """Return a tower with a bolted foot, a boom that turns about a separate pin, and a trolley that slides in the boom."""
     foot, tower, screws = Pos(0, 0, -3) * Box(40, 40, 6), Pos(0, 0, 20) * Box(10, 16, 40), []
     tower += Pos(0, 0, 2) * Box(40, 40, 4)
     for x, y in ((-15, -15), (-15, 15), (15, -15), (15, 15)):
@@ -44,7 +44,7 @@ def rest(document: str, store: str) -> dict[str, Pose]:
     return {one.path: assembly.rest[one.index] for one in assembly.occurrences}
 
 
-def test_a_crane(run: Any, tmp_path: Path, shared_store: str) -> None:
+def test_joints_of_a_crane_are_proposed_and_written(run: Any, tmp_path: Path, shared_store: str) -> None:
     export_step(crane(), tmp_path / "crane.step")
     assert run("import", "crane.step")[0] == 0
     before = rest("crane/crane.yaml", shared_store)
@@ -71,7 +71,7 @@ def test_a_crane(run: Any, tmp_path: Path, shared_store: str) -> None:
     assert code == 0 and said.startswith("foot_to_tower ") and said.count("\n") == 1
 
 
-def test_a_screw_is_accepted_only_by_name(run: Any, tmp_path: Path) -> None:
+def test_doubtful_joint_is_written_only_by_name(run: Any, tmp_path: Path) -> None:
     plates = [Pos(0, 0, z) * Box(20, 20, 4) - Cylinder(1.6, 40) for z in (0, 4)]
     screw = Pos(0, 0, 2) * Cylinder(1.5, 8) + Pos(0, 0, 7.5) * Cylinder(3, 3)
     parts = [named(plates[0], "lower"), named(plates[1], "upper"), named(screw, "M3 screw")]
@@ -90,8 +90,8 @@ def test_a_screw_is_accepted_only_by_name(run: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_arm_of_this_repository(run: Any, tmp_path: Path, root: Path, shared_store: str) -> None:
-    """The STEP file of the arm has no joints; imported, it has those of the document again."""
+def test_joints_of_the_arm_are_recovered_from_step(run: Any, tmp_path: Path, root: Path, shared_store: str) -> None:
+    """The STEP file of the arm has no joints. After the import, the proposed joints equal those of the document."""
     arm = str(root / "assemblies" / "arm.yaml")
     assert run("build", arm, "--emit", "step", "-o", "build")[0] == 0
     assert run("import", "build/arm/step/arm.step", "-o", "out")[0] == 0
@@ -107,7 +107,7 @@ def test_the_arm_of_this_repository(run: Any, tmp_path: Path, root: Path, shared
 
 
 @pytest.mark.slow
-def test_random_robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_joints_of_random_robots_are_recovered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(BENCHMARK))
     for name in ("robots", "study"):  # of another benchmark
         monkeypatch.delitem(sys.modules, name, raising=False)

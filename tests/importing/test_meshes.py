@@ -1,4 +1,4 @@
-"""Meshes come along as they are: the same file, unit and scale as MuJoCo reads them, gathered by content."""
+"""Meshes are copied unchanged, deduplicated by content, and have the unit and scale that MuJoCo uses."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ROBOT = """<robot name="meshes">
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Path:
-    """Wedges, of which none is its own mirror image: two of one name, and two of one content."""
+    """Return the file of a robot with chiral wedges as meshes: two have the same name, and two the same content."""
     corners = numpy.array([[0, 0, 0], [0.3, 0, 0], [0, 0.2, 0], [0.05, 0.02, 0.1]])
     wedge = trimesh.convex.convex_hull(corners)
     for name, scale in (("a/part", 1.0), ("b/part", 500.0), ("c/copy", 1.0)):
@@ -42,7 +42,7 @@ def robot(tmp_path: Path) -> Path:
 
 
 def boxes(model: mujoco.MjModel) -> list[tuple[bool, list[list[float]], list[float]]]:
-    """Of every geom of a mesh: whether it touches, the corners of the box around it in the world, and its middle vertex."""
+    """Return for every mesh geom whether it collides, the corners of its bounding box in the world, and its middle vertex."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     found = []
@@ -55,7 +55,7 @@ def boxes(model: mujoco.MjModel) -> list[tuple[bool, list[list[float]], list[flo
     return sorted(found)
 
 
-def test_they_lie_where_they_lay(robot: Path, tmp_path: Path) -> None:
+def test_imported_meshes_have_the_same_pose(robot: Path, tmp_path: Path) -> None:
     report = Report()
     imported = import_robot(str(robot), report)
     assert imported is not None and report.diagnostics == [] and imported.losses == ()
@@ -81,12 +81,12 @@ def test_they_lie_where_they_lay(robot: Path, tmp_path: Path) -> None:
         assert numpy.allclose(one[1], other[1], atol=1e-5) and numpy.allclose(one[2], other[2], atol=1e-5)
 
 
-def test_those_that_are_not_there_are_said_or_left_out(robot: Path) -> None:
+def test_missing_meshes_are_errors_or_omitted(robot: Path) -> None:
     (robot.parents[1] / "meshes" / "c" / "copy.stl").unlink()
     robot.write_text(robot.read_text().replace("package://bot/meshes/b/part.stl", "package://lamp/part.abc"))
     report = Report()
     assert import_robot(str(robot), report) is None
-    assert [(d.code.code, d.span.line, d.message.partition(";")[0]) for d in report.ordered() if d.span is not None] == [
+    assert [(d.code.code, d.span.line, d.message.partition(";")[0]) for d in report.sorted_diagnostics() if d.span is not None] == [
         ("TC956", 5, "`package://lamp/part.abc` is not a supported mesh: `.stl`, `.obj`, `.dae`, `.ply`, `.glb`"),
         ("TC956", 6, "there is no file `../meshes/c/copy.stl`"),
     ]
@@ -99,7 +99,7 @@ def test_those_that_are_not_there_are_said_or_left_out(robot: Path) -> None:
 
 
 def stl(scale: float, *, open_: bool = False) -> bytes:
-    """A box of 0.3 x 0.2 x 0.1 m about (0.1, 0, 0), or that without a triangle."""
+    """Return a box of 0.3 x 0.2 x 0.1 m about (0.1, 0, 0), optionally without one triangle."""
     box = trimesh.creation.box((0.3, 0.2, 0.1)).apply_translation((0.1, 0.0, 0.0)).apply_scale(scale)
     if open_:
         box.update_faces(numpy.arange(len(box.faces)) > 0)
@@ -116,8 +116,8 @@ def arm(tmp_path: Path, data: bytes, *, mesh: str = 'filename="part.stl"', inert
     return path, Report()
 
 
-def test_meshes_say_what_inertia_a_link_has(tmp_path: Path) -> None:
-    """6 kg of a box, by the textbook: m/12 (b^2 + c^2), turned by a quarter about z."""
+def test_shapes_repair_uses_meshes(tmp_path: Path) -> None:
+    """A box of 6 kg, by the textbook: m/12 (b^2 + c^2), rotated by a quarter turn about z."""
     path, report = arm(tmp_path, stl(1000.0), mesh='filename="part.stl" scale="0.001 0.001 0.001"')
     imported = import_robot(str(path), report, ImportRequest(repair="shapes"))
     assert imported is not None and report.diagnostics == []
@@ -133,7 +133,7 @@ def test_meshes_say_what_inertia_a_link_has(tmp_path: Path) -> None:
     assert compiled.modes and compiled.diagnostics == ()
 
 
-def test_an_open_mesh_says_nothing(tmp_path: Path) -> None:
+def test_open_mesh_cannot_repair_an_inertia(tmp_path: Path) -> None:
     path, report = arm(tmp_path, stl(1.0, open_=True))
     assert import_robot(str(path), report, ImportRequest(repair="shapes")) is None
     help = "the link has no closed shapes from which the inertia could be computed: use `--repair inertia=nearest`"
@@ -144,13 +144,13 @@ def test_an_open_mesh_says_nothing(tmp_path: Path) -> None:
     (b"", "`part.stl` is empty"), (b"x" * 50, "`part.stl` is truncated: it has 50 bytes, but a binary STL file has at least 84"),
     (stl(1.0)[:-30], "`part.stl` is truncated: it declares 12 triangles, but has bytes for 11.4"),
 ])
-def test_files_that_are_cut_off_are_said_where_they_are_named(data: bytes, said: str, tmp_path: Path) -> None:
+def test_truncated_meshes_are_reported_at_their_reference(data: bytes, said: str, tmp_path: Path) -> None:
     path, report = arm(tmp_path, data, inertia='<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/>')
     assert import_robot(str(path), report) is None
     assert [(d.code.code, d.span.line, d.message) for d in report.diagnostics if d.span is not None] == [("TC956", 3, said)]
 
 
-def test_millimetres_that_are_read_as_metres_are_doubted(tmp_path: Path) -> None:
+def test_mesh_in_millimetres_read_as_metres_is_a_warning(tmp_path: Path) -> None:
     inertia = '<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/>'
     far = "`part.stl` reaches 250 m from its origin, but no joint is more than 0.1 m from the previous joint"
     for scale, said in ((1.0, []), (1000.0, [far])):

@@ -1,5 +1,4 @@
-"""An import that misreads the file would be seen: the robot of a file in which one thing is changed is not the one that MuJoCo reads in the
-file as it is."""
+"""Mutation tests of the comparison: if the importer misread one element of a file, the comparison with MuJoCo would detect it."""
 
 from __future__ import annotations
 
@@ -35,11 +34,11 @@ MISREAD = {
     "a joint that is not turned, of URDF": ("constructs.urdf", r'(<joint[^>]*revolute.*?<origin[^>]*?) rpy="[^"]*"', r"\1", "poses"),
     "no damping, of URDF": ("constructs.urdf", r' damping="[^"]*"', "", "dynamics"),
 }
-"""What is misread: in a file, what stands there (a pattern), as what it is read, and what then differs."""
+"""A misreading: the file, a pattern in it, its replacement, and the quantity that then differs."""
 
 
 def differences(name: str, text: str, folder: Path) -> set[str]:
-    """In what the robot that comes in from a `text` differs from what MuJoCo reads in the file of that name."""
+    """Return the quantities in which the robot imported from `text` differs from MuJoCo's reading of the file with that name."""
     shutil.copytree(ROBOTS / "parts", folder / "parts")
     (folder / name).write_text(text)
     imported = import_robot(str(folder / name), Report())
@@ -62,7 +61,7 @@ def differences(name: str, text: str, folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("name", MISREAD)
-def test_what_is_misread_is_seen(name: str, tmp_path: Path) -> None:
+def test_misreading_is_detected(name: str, tmp_path: Path) -> None:
     file, there, read, differs = MISREAD[name]
     text = (ROBOTS / file).read_text()
     changed = re.sub(there, read, text, flags=re.DOTALL)
@@ -71,6 +70,6 @@ def test_what_is_misread_is_seen(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("file", ["constructs.xml", "constructs.urdf"])
-def test_what_is_not_misread_does_not_differ(file: str, tmp_path: Path) -> None:
+def test_correct_reading_has_no_differences(file: str, tmp_path: Path) -> None:
     found = differences(file, (ROBOTS / file).read_text(), tmp_path)
     assert not found & {differs for of, *_, differs in MISREAD.values() if of == file}

@@ -1,4 +1,4 @@
-"""What is imported of MJCF is the robot that MuJoCo reads in the same file: in fifty states, for two hundred steps, and from any root."""
+"""An imported MJCF robot equals MuJoCo's reading of the same file: in fifty states, for two hundred steps, and from any root."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Case:
     modes: dict[str, mujoco.MjModel]
 
     def pair(self, mode: str = "source") -> Pair:
-        """The file as MuJoCo compiles it, and a mode; what the source gives no name has the one that it is given by the import."""
+        """Return the file as MuJoCo compiles it and a mode, paired by name; unnamed elements have the name that the import generates."""
         named = {
             "body": {k: self.spec.bodies[k].name for k in range(len(self.spec.bodies))},
             "site": {one.id: one.name for one in self.spec.sites},
@@ -69,7 +69,7 @@ def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return Case(imported=imported, spec=spec, modes={name: mode.model() for name, mode in compiled.modes.items()})
 
 
-def test_the_source_mode_is_the_source(case: Case) -> None:
+def test_source_mode_equals_the_source(case: Case) -> None:
     worst = case.pair().compare()
     differ = {kind for kind, far in worst.items() if not far <= TOLERANCES.get(kind, EXACT)}
     assert differ == ({"contacts"} if any(loss.what.startswith("contacts") for loss in case.imported.losses) else set()), worst
@@ -77,8 +77,8 @@ def test_the_source_mode_is_the_source(case: Case) -> None:
     assert "contacts" in worst or case.imported.name in ("cables", "loops", "tendons")
 
 
-def test_sensors_read_the_same(case: Case) -> None:
-    """By name, in states with contacts; noise and cutoffs stand there."""
+def test_sensors_read_the_same_values(case: Case) -> None:
+    """Sensors are matched by name, in states with contacts. Noise and cutoff are equal, too."""
     words = in_files(case.imported).get("sensors", {})
     pair, random = case.pair(), numpy.random.default_rng(7)
     numbers = {one.name or one.objname: one.id for one in case.spec.sensors}
@@ -96,12 +96,12 @@ def test_sensors_read_the_same(case: Case) -> None:
         assert (float(ours.noise[0]), float(ours.cutoff[0])) == (float(theirs.noise[0]), float(theirs.cutoff[0])), name
 
 
-def test_what_is_lost_is_said(case: Case) -> None:
+def test_losses_are_reported(case: Case) -> None:
     assert [loss.what for loss in case.imported.losses] == LOST[case.imported.name]
 
 
 def test_any_link_can_be_the_root(case: Case) -> None:
-    """Poses relative to the root, and the mass matrix with it held."""
+    """Compared are poses relative to the root, and the mass matrix with the root fixed."""
     names = json.loads(case.imported.files["import.json"])["names"]
     pair = case.pair()
     for name, (mode, model) in zip(ROOTS[Path(case.imported.robot.where.file).stem], [*case.modes.items()][1:], strict=True):
@@ -111,15 +111,15 @@ def test_any_link_can_be_the_root(case: Case) -> None:
     assert ("rooted mass matrix" in pair.worst) == (len(case.modes) > 1)
 
 
-def test_what_a_document_cannot_say_is_listed_with_its_line() -> None:
+def test_losses_are_listed_with_their_line() -> None:
     imported = import_robot(str(ROBOTS / "floating.xml"), Report())
     assert imported is not None
     said = "".join(f"{loss.where.line}: {loss.what}: {loss.why}\n" for loss in imported.losses)
     assert said == (ROBOTS / "floating.txt").read_text()
 
 
-def test_nothing_of_what_is_left_out_is_written(tmp_path: Path) -> None:
-    """The floating robot without all that its losses name is the one that comes back."""
+def test_omitted_elements_are_not_written(tmp_path: Path) -> None:
+    """The floating robot is imported without the elements that its losses name."""
     imported = import_robot(str(ROBOTS / "floating.xml"), Report())
     assert imported is not None
     (tmp_path / imported.document).write_bytes(imported.files[imported.document])
@@ -136,7 +136,7 @@ def test_nothing_of_what_is_left_out_is_written(tmp_path: Path) -> None:
     ('<site site="a"/><site site="b"/><pulley divisor="0"/><site site="a"/><site site="b"/>', "a pulley has the divisor 0"),
     ('<site site="a"/><site site="c"/>', "the tendon uses elements that are not imported"),
 ])
-def test_paths_that_a_document_has_not_are_losses_and_so_are_their_drives(steps: str, why: str, tmp_path: Path) -> None:
+def test_unsupported_tendon_paths_and_their_drives_are_lost(steps: str, why: str, tmp_path: Path) -> None:
     imported = _imported(tmp_path, f"""\
 <mujoco>
   <worldbody>
@@ -175,8 +175,8 @@ COUPLED = """\
     '<joint joint1="a" joint2="b" polycoef="0.3 -1 0 0 0"/>', '<joint joint1="c" joint2="d" polycoef="0.1 0.5 -0.4 0.3 0.2"/>',
     '<connect body1="b" body2="d" anchor="0.1 0.02 0.03"/>', '<weld body1="b" body2="d"/>',
 ])
-def test_an_equality_is_violated_as_in_the_source(equality: str, tmp_path: Path) -> None:
-    """At random coordinates. No `ref` is 0, and `a`, which is driven, leads `b` instead."""
+def test_equality_residual_equals_the_source(equality: str, tmp_path: Path) -> None:
+    """At random coordinates. No `ref` is 0. `a` is driven, so it leads `b` instead."""
     imported = _imported(tmp_path, COUPLED.replace("{equality}", equality))
     source = mujoco.MjModel.from_xml_string(COUPLED.replace("{equality}", equality))
     model = thingc.compile(tmp_path / "out" / imported.document).modes["source"].model()
@@ -192,7 +192,7 @@ def test_an_equality_is_violated_as_in_the_source(equality: str, tmp_path: Path)
         assert found[0] > 0.01 and found[1] == pytest.approx(found[0], abs=1e-12)
 
 
-def test_a_hidden_geom_that_a_tendon_goes_around_is_no_shape() -> None:
+def test_hidden_wrapping_geom_is_not_a_shape() -> None:
     imported = import_robot(str(ROBOTS / "cables.xml"), Report())
     assert imported is not None
     shapes = {link.name: [shape.kind for shape in link.shapes] for link in imported.robot.links}
@@ -200,7 +200,7 @@ def test_a_hidden_geom_that_a_tendon_goes_around_is_no_shape() -> None:
 
 
 def _imported(folder: Path, text: str) -> Imported:
-    """A robot of a file with that text, whose document compiles."""
+    """Import a robot from this text, and check that its document compiles."""
     (folder / "robot.xml").write_text(text)
     report = Report()
     imported = import_robot(str(folder / "robot.xml"), report)
@@ -212,8 +212,8 @@ def _imported(folder: Path, text: str) -> Imported:
     return imported
 
 
-def test_names_of_the_source_and_names_made_up_are_others(tmp_path: Path) -> None:
-    """A body called as the link between two joints would be, a mesh in the file itself called as a file is, and a name without end."""
+def test_generated_names_do_not_collide_with_source_names(tmp_path: Path) -> None:
+    """A body has the name of an intermediate link, an inline mesh has the name of a mesh file, and one name is very long."""
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     imported = _imported(tmp_path, f"""\
 <mujoco>
@@ -240,8 +240,8 @@ def test_names_of_the_source_and_names_made_up_are_others(tmp_path: Path) -> Non
     ]
 
 
-def test_a_mesh_of_several_objects_touches_as_a_whole(tmp_path: Path) -> None:
-    """MuJoCo takes the points of all of them into its hull, though the faces of the first alone."""
+def test_mesh_with_several_objects_collides_as_a_whole(tmp_path: Path) -> None:
+    """MuJoCo uses the points of all objects for the convex hull, but only the faces of the first."""
     one = "o a\nv 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
     (tmp_path / "two.obj").write_text(f"{one}o b\nv 0 0 -9\nf 1 2 5\nf 2 1 5\n")
     imported = _imported(tmp_path, """\
@@ -267,7 +267,7 @@ def test_a_mesh_of_several_objects_touches_as_a_whole(tmp_path: Path) -> None:
     ('<replicate count=" +2000000000"><geom size="0.1"/></replicate>', "this makes 2,000,000,000 copies, but at most 10,000 are"),
     (f'<replicate count="9000">{"<site/>" * 12}</replicate>', "the model has more than 100,000 elements"),
 ])
-def test_models_are_read_within_bounds(inside: str, words: str, tmp_path: Path) -> None:
+def test_model_size_is_limited(inside: str, words: str, tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text(f"<mujoco><worldbody><body><joint/>{inside}</body></worldbody></mujoco>")
     report = Report()
     assert import_robot(str(tmp_path / "robot.xml"), report) is None
@@ -275,7 +275,7 @@ def test_models_are_read_within_bounds(inside: str, words: str, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("said", ['inttotal="1e12"', 'timestep="1e-300"', 'timestep="0"'])
-def test_lengths_of_muscles_are_not_looked_for_without_end(said: str, tmp_path: Path) -> None:
+def test_muscle_length_search_is_limited(said: str, tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text(f"""<mujoco><compiler><lengthrange {said}/></compiler>
 <worldbody><body><joint name="j"/><geom size="1"/></body></worldbody><actuator><muscle joint="j"/></actuator></mujoco>""")
     report = Report()
@@ -283,7 +283,7 @@ def test_lengths_of_muscles_are_not_looked_for_without_end(said: str, tmp_path: 
     assert [one.message for one in report.diagnostics] == ["this requires more than 100,000 steps of simulation per muscle"]
 
 
-def test_what_mujoco_warns_of_is_judged_by_link(tmp_path: Path) -> None:
+def test_mujoco_warnings_become_errors_of_a_link(tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text("""<mujoco><worldbody><body name="arm"><joint/><geom size="1"/>
 <body name="tip"><joint/><joint type="slide"/><joint type="slide"/><geom size="0.1" mass="1e-12"/></body></body></worldbody></mujoco>""")
     report = Report()
@@ -295,8 +295,8 @@ def test_what_mujoco_warns_of_is_judged_by_link(tmp_path: Path) -> None:
     ] == ["link `tip` moves, but cannot be simulated: its smallest moment of inertia is 4e-15 kg m^2, but simulators require 1e-14"]
 
 
-def test_thousands_of_things_take_no_longer_each_than_ten(tmp_path: Path) -> None:
-    """Bodies, sites and names that are made up are found by their numbers, not by looking through all of them."""
+def test_import_time_is_linear_in_the_number_of_elements(tmp_path: Path) -> None:
+    """Bodies, sites and generated names are looked up by number, not by a linear search."""
     one = '<body pos="0 0 1"><joint/><geom size="0.1"/>{}</body>'
     seconds = []
     for count in (50, 500):
@@ -308,13 +308,13 @@ def test_thousands_of_things_take_no_longer_each_than_ten(tmp_path: Path) -> Non
     assert seconds[1] < 40.0 * seconds[0]
 
 
-def test_the_same_file_gives_the_same_bytes(case: Case) -> None:
+def test_import_is_deterministic(case: Case) -> None:
     again = import_robot(case.imported.robot.where.file, Report(), ImportRequest(roots=ROOTS[Path(case.imported.robot.where.file).stem]))
     assert again is not None and again.files == case.imported.files
 
 
-def test_modes_begin_in_a_keyframe_where_a_joint_cannot_be_at_zero(tmp_path: Path) -> None:
-    """The first one within the limits: beyond them it would be laid onto them."""
+def test_modes_start_at_a_keyframe_if_zero_is_out_of_range(tmp_path: Path) -> None:
+    """The first keyframe within the limits is used. A keyframe outside the limits is clamped to them."""
     text = """\
 <mujoco model="leg">
   <worldbody>
@@ -333,8 +333,8 @@ def test_modes_begin_in_a_keyframe_where_a_joint_cannot_be_at_zero(tmp_path: Pat
     assert found["zero"] == [("zero", pytest.approx(-numpy.pi / 6))] and found[""] == [("start", pytest.approx(-numpy.pi / 6, abs=1e-6))]
 
 
-def test_plugins_are_listed_and_the_rest_is_read(tmp_path: Path) -> None:
-    """An actuator that refers to an instance of a plugin among them, which MuJoCo reads."""
+def test_plugins_are_losses_and_the_rest_is_imported(tmp_path: Path) -> None:
+    """One actuator refers to an instance of a plugin, which MuJoCo can load."""
     path, report = tmp_path / "p.xml", Report()
     path.write_text("""<mujoco model="p">
       <extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="40"/></instance></plugin></extension>
@@ -369,7 +369,7 @@ def attaching(tmp_path: Path) -> Path:
     return tmp_path / "top.xml"
 
 
-def test_attached_models_are_where_mujoco_has_them(tmp_path: Path) -> None:
+def test_attached_models_match_mujoco(tmp_path: Path) -> None:
     path, report = attaching(tmp_path), Report()
     found = import_robot(str(path), report)
     assert found is not None and report.diagnostics == [] and found.name == "top"
@@ -396,13 +396,13 @@ def test_attached_models_are_where_mujoco_has_them(tmp_path: Path) -> None:
     ("top.xml", "parts/arm.xml", "parts/leg.xml", 1, "there is no file `parts/leg.xml`"),
     ("top.xml", '<frame pos="0 0 .5">', "<replicate count='9999'>", 2, "the model has more than 100,000 elements"),
 ])
-def test_faults_of_attached_models(tmp_path: Path, where: str, old: str, new: str, line: int, message: str) -> None:
+def test_errors_in_attached_models(tmp_path: Path, where: str, old: str, new: str, line: int, message: str) -> None:
     path, report = attaching(tmp_path), Report()
     text = (tmp_path / where).read_text().replace(old, new)
     (tmp_path / where).write_text(text if "replicate" not in new else text.replace("</frame>", "</replicate>", 1))
     assert import_robot(str(path), report) is None
-    first = report.ordered()[0]
-    assert first.span is not None and first.span.line == line and first.message.startswith(message), report.ordered()
+    first = report.sorted_diagnostics()[0]
+    assert first.span is not None and first.span.line == line and first.message.startswith(message), report.sorted_diagnostics()
 
 
 TWO_LINKS = """\
@@ -427,8 +427,8 @@ TWO_LINKS = """\
 
 
 @pytest.mark.parametrize(("masks", "touching"), [("", True), (' contype="0" conaffinity="0"', False)])
-def test_contacts_across_a_joint_are_lost_if_shapes_of_the_two_links_can_touch(masks: str, touching: bool, tmp_path: Path) -> None:
-    """`c` belongs to the link of `b`, and its shape touches nothing."""
+def test_contacts_across_a_joint_are_lost_if_shapes_can_touch(masks: str, touching: bool, tmp_path: Path) -> None:
+    """`c` belongs to the link of `b`, and its shape has no contacts."""
     text = TWO_LINKS.replace('axis="0 1 0"/><geom size="0.1"', f'axis="0 1 0"/><geom size="0.1"{masks}')
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
@@ -438,14 +438,14 @@ def test_contacts_across_a_joint_are_lost_if_shapes_of_the_two_links_can_touch(m
     assert ("contacts of `b` with `a`" in lost) == touching
 
 
-def test_a_tendon_that_is_always_too_long_stays_so(tmp_path: Path) -> None:
-    """The length of a path is never negative, so no limit of a document has this range."""
+def test_tendon_limit_that_is_always_exceeded_is_preserved(tmp_path: Path) -> None:
+    """The length of a path is never negative, so a limit of a document cannot have this range."""
     model = built_from(TWO_LINKS, tmp_path)
     number = model.tendon("cord").id
     assert tuple(model.tendon_range[number]) == (-2.0, -1.0) and model.tendon_limited[number]
 
 
-def test_an_equality_of_tendons_is_lost_if_a_joint_has_a_reference(tmp_path: Path) -> None:
+def test_tendon_equality_is_lost_if_a_joint_has_a_reference(tmp_path: Path) -> None:
     assert "equality `equal`" not in [loss.what for loss in imported_from(TWO_LINKS, tmp_path).losses]
     referred = TWO_LINKS.replace('name="j"', 'name="j" ref="10"')
     assert "equality `equal`" in [loss.what for loss in imported_from(referred, tmp_path).losses]

@@ -1,4 +1,4 @@
-"""Contact attributes of an imported MJCF file: those that all shapes have are written once, in their class."""
+"""Contact attributes of an imported MJCF file: values that all shapes share are written once, in their default class."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SOLES = """\
 """
 
 
-def test_attributes_that_all_shapes_have_are_written_once(tmp_path: Path) -> None:
+def test_shared_attributes_are_written_once(tmp_path: Path) -> None:
     document = tmp_path / imported_from(SOLES, tmp_path).document
     raw = yaml.safe_load(document.read_text())["raw"]["mjcf"]
     assert raw["default"] == {"collision": {"geom": {"margin": 0.002}}} and not any("margin" in one for one in raw["geom"].values())

@@ -1,4 +1,4 @@
-"""Elements of an imported MJCF file have the names of the source in the built model."""
+"""Elements of an imported MJCF file keep their source names in the built model."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NAMED = """\
 
 
 def imported_from(text: str, folder: Path) -> Imported:
-    """The import of a text, whose files are in the folder."""
+    """Import a text; the files are written into the folder."""
     (folder / "source.xml").write_text(text)
     imported = import_robot(str(folder / "source.xml"), Report())
     assert imported is not None
@@ -42,7 +42,7 @@ def imported_from(text: str, folder: Path) -> Imported:
 
 
 def built_from(text: str, folder: Path, mode: str = "source") -> mujoco.MjModel:
-    """The model of a mode of the imported document."""
+    """Return the model of a mode of the imported document."""
     return thingc.compile(folder / imported_from(text, folder).document).modes[mode].model()
 
 
@@ -105,7 +105,7 @@ modes:
 """
 
 
-def test_shapes_of_nested_documents_have_its_path_in_their_names(tmp_path: Path) -> None:
+def test_nested_shape_names_include_the_component_path(tmp_path: Path) -> None:
     (tmp_path / "leg.yaml").write_text(LEG)
     (tmp_path / "pair.yaml").write_text(PAIR)
     compiled = thingc.compile(tmp_path / "pair.yaml")
@@ -116,8 +116,8 @@ def test_shapes_of_nested_documents_have_its_path_in_their_names(tmp_path: Path)
 
 
 @pytest.mark.parametrize("order", [("table.xml", "arm.xml"), ("arm.xml", "table.xml")])
-def test_a_robot_is_named_after_the_file_that_contains_it(order: tuple[str, str], tmp_path: Path) -> None:
-    """Other files that the scene includes have names, too."""
+def test_robot_is_named_after_the_file_that_contains_it(order: tuple[str, str], tmp_path: Path) -> None:
+    """Other files that the scene includes also have a model name."""
     (tmp_path / "arm.xml").write_text(
         '<mujoco model="arm"><worldbody><body name="one"><geom size="0.1"/></body></worldbody></mujoco>',
     )

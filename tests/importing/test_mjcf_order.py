@@ -1,4 +1,4 @@
-"""Actuators and sensors of an imported MJCF file have the indices of the source, in every mode and in nested documents."""
+"""Actuators and sensors of an imported MJCF file keep the indices of the source, in every mode and in nested documents."""
 
 from __future__ import annotations
 
@@ -72,12 +72,12 @@ SOURCE = """\
 
 
 def names_of(model: mujoco.MjModel, kind: mujoco.mjtObj, count: int) -> list[str]:
-    """The names of the elements of a kind, in their order."""
+    """Return the names of the elements of a kind, in model order."""
     return [mujoco.mj_id2name(model, kind, number) or "" for number in range(count)]
 
 
 def forces(model: mujoco.MjModel, data: mujoco.MjData, control: int) -> numpy.ndarray:
-    """What one control adds to the generalized forces."""
+    """Return the generalized forces before and after an increment of one control."""
     mujoco.mj_forward(model, data)
     before = data.qfrc_actuator.copy()
     data.ctrl[control] += 0.5
@@ -87,7 +87,7 @@ def forces(model: mujoco.MjModel, data: mujoco.MjData, control: int) -> numpy.nd
     return numpy.concatenate([before, after])
 
 
-def test_controls_and_sensordata_mean_what_they_do_in_the_source(tmp_path: Path) -> None:
+def test_controls_and_sensordata_have_the_source_order(tmp_path: Path) -> None:
     theirs = mujoco.MjModel.from_xml_string(SOURCE)
     imported = imported_from(SOURCE, tmp_path)
     ours = thingc.compile(tmp_path / imported.document).modes["source"].model()
@@ -114,7 +114,7 @@ def test_controls_and_sensordata_mean_what_they_do_in_the_source(tmp_path: Path)
         numpy.testing.assert_allclose(other.sensordata[: theirs.nsensordata], one.sensordata, rtol=1e-7, atol=1e-9)
 
 
-def test_the_order_is_the_same_for_every_root_and_behind_the_path_of_a_nested_document(tmp_path: Path) -> None:
+def test_order_is_equal_for_every_root_and_nested_document(tmp_path: Path) -> None:
     (tmp_path / "source.xml").write_text(SOURCE)
     imported = import_robot(str(tmp_path / "source.xml"), Report(), ImportRequest(roots=["shank"]))
     assert imported is not None
@@ -162,8 +162,8 @@ raw:
 
 
 @pytest.mark.parametrize(("raw", "controls"), [("", [2.0, 1.0]), ("5 6", [5.0, 6.0])])
-def test_what_is_not_listed_comes_last_and_keyframes_have_the_order_of_the_model(raw: str, controls: list[float], tmp_path: Path) -> None:
-    """Raw controls are in the order of the model already."""
+def test_unlisted_actuators_come_last(raw: str, controls: list[float], tmp_path: Path) -> None:
+    """Keyframe controls are in the order of the model. Raw controls already have this order."""
     text = ORDERED.replace("RAW", raw) if raw else ORDERED.replace("    key: {there: {ctrl: RAW}}\n", "")
     (tmp_path / "ordered.yaml").write_text(text.replace("  some: {root: base, actuators: [first]}\n", "") if raw else text)
     modes = thingc.compile(tmp_path / "ordered.yaml").modes
@@ -175,8 +175,9 @@ def test_what_is_not_listed_comes_last_and_keyframes_have_the_order_of_the_model
         assert names_of(some, mujoco.mjtObj.mjOBJ_ACTUATOR, some.nu) == ["first"]
 
 
-def test_an_accelerometer_a_gyro_and_an_orientation_on_one_site_are_an_imu(tmp_path: Path) -> None:
-    """Each alone, or as seen from elsewhere, is a sensor of its own; the indices and names are those of the source."""
+def test_sensors_on_one_site_are_combined_into_an_imu(tmp_path: Path) -> None:
+    """An accelerometer, a gyro and an orientation on one site form an IMU. A single one, or one relative to another frame, stays a
+    separate sensor. Indices and names equal those of the source."""
     inertial = """
     <framequat name="heading" objtype="site" objname="end"/>
     <accelerometer name="pull.1" site="end"/>

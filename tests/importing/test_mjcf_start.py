@@ -1,4 +1,4 @@
-"""Where an imported robot starts, and what its free joint does, is as in the MJCF file."""
+"""The start position of an imported robot and the dynamics of its free joint equal those of the MJCF file."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ LIFT = """\
     ("", "start", [0.5, -50.0, 10.0]),
     ('<keyframe><key name="home" qpos="0.2 -1 0.3"/><key name="up" qpos="0.9 -1 0.3"/></keyframe>', "home", None),
 ])
-def test_the_source_mode_starts_where_the_file_starts(keys: str, name: str, wanted: list[float] | None, tmp_path: Path) -> None:
-    """At `ref`, or the limit that is nearest to it; keyframes of the source stay the first ones."""
+def test_source_mode_starts_where_the_file_starts(keys: str, name: str, wanted: list[float] | None, tmp_path: Path) -> None:
+    """The start is `ref`, or the limit closest to it. Keyframes of the source stay first."""
     text = LIFT.replace("KEYS", keys)
     imported, theirs = imported_from(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     assert [one.what for one in imported.losses if one.what.startswith("the start")] == (
@@ -76,7 +76,7 @@ FLOATING = """\
 """
 
 
-def test_a_free_base_keeps_its_name_its_dynamics_and_its_place_in_keyframes(tmp_path: Path) -> None:
+def test_free_base_keeps_name_dynamics_and_keyframes(tmp_path: Path) -> None:
     imported, theirs = imported_from(FLOATING, tmp_path), mujoco.MjModel.from_xml_string(FLOATING)
     compiled = thingc.compile(tmp_path / imported.document)
     ours = compiled.modes["source"].model()
@@ -91,7 +91,7 @@ def test_a_free_base_keeps_its_name_its_dynamics_and_its_place_in_keyframes(tmp_
     numpy.testing.assert_allclose(state.base_pose[:3, 3], [0.1, 0.2, 0.4])
 
 
-def test_indices_that_change_are_losses_with_their_mapping(tmp_path: Path) -> None:
+def test_changed_indices_are_losses_with_their_mapping(tmp_path: Path) -> None:
     imported = imported_from(FLOATING, tmp_path)
     said = {loss.what: loss.why.partition(": ")[2] for loss in imported.losses}
     assert said["the indices of `data.qpos`"] == "[8:17] is [0:9], [0:8] is [9:17]"

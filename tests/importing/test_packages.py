@@ -1,4 +1,4 @@
-"""A robot's file names other files: they are found where ROS and Gazebo find them, and files of nobody else are copied."""
+"""File references of robot files are resolved as in ROS and Gazebo, and files outside the robot's packages are not copied."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ SOLID = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\
 
 @pytest.fixture
 def ground(tmp_path: Path) -> Path:
-    """A package `arm` with a robot and a mesh, meshes of others, and files outside every package."""
+    """Return a folder with a package `arm` that has a robot and a mesh, with meshes of other packages, and with files outside every
+    package."""
     names = (
         "arm/urdf/arm.urdf", "arm/meshes/link.stl", "hand_description/meshes/hand.stl", "hand_description/model.config",
         "ros/gripper/a.stl", "ament/share/eye/a.stl", "elsewhere/tool/a.stl", "secret.stl",
@@ -50,7 +51,7 @@ def packages(ground: Path, given: dict[str, str] | None = None, roots: tuple[str
     ("package://eye/a.stl", "ament/share/eye/a.stl"),
     ("package://tool/a.stl", "elsewhere/tool/a.stl"),
 ])
-def test_where_it_is(ground: Path, uri: str, found: str) -> None:
+def test_uri_is_resolved(ground: Path, uri: str, found: str) -> None:
     assert packages(ground, {"tool": str(ground / "elsewhere" / "tool")}).find(uri) == str(ground / found)
 
 
@@ -59,7 +60,7 @@ def test_where_it_is(ground: Path, uri: str, found: str) -> None:
     "model://{ws}/secret.stl", "package://../../secret.stl", "model://../../secret.stl", "package://ws/secret.stl",
     "package://arm/../secret.stl", "package://elsewhere/tool/a.stl", "../meshes/link_to_secret.stl", "package://arm/meshes/link_to_secret.stl",
 ])
-def test_a_file_outside_every_package_is_refused(ground: Path, uri: str) -> None:
+def test_file_outside_every_package_is_refused(ground: Path, uri: str) -> None:
     with pytest.raises(NotFound) as fault:
         packages(ground).find(uri.format(ws=ground))
     assert "--mesh-root DIR" in (fault.value.help or "") or "--package" in (fault.value.help or "")
@@ -71,19 +72,19 @@ def test_a_file_outside_every_package_is_refused(ground: Path, uri: str) -> None
     ("../../../gone/elsewhere/tool/a.stl", "elsewhere/tool/a.stl"), ("package://gone/tool/a.stl", "elsewhere/tool/a.stl"),
     ("../x/gripper/a.stl", "ros/gripper/a.stl"), ("C:/parts/secret.stl", "secret.stl"),
 ])
-def test_a_missing_file_is_found_by_the_end_of_its_path(ground: Path, uri: str, found: str) -> None:
+def test_missing_file_is_found_by_the_end_of_its_path(ground: Path, uri: str, found: str) -> None:
     roots = tuple(str(ground / one) for one in ("elsewhere", "ros", "."))
     assert packages(ground, roots=roots).find(uri) == str(ground / found)
 
 
-def test_a_package_that_is_given_is_found_inside_a_path(ground: Path) -> None:
+def test_given_package_name_is_found_inside_a_path(ground: Path) -> None:
     given = {"menagerie": str(ground / "elsewhere")}
     assert packages(ground, given).find("../../../menagerie/tool/a.stl") == str(ground / "elsewhere" / "tool" / "a.stl")
 
 
 @pytest.mark.parametrize("folder", ["robot", "robot/urdf"])
-def test_without_a_package_the_folder_of_the_robot_counts(tmp_path: Path, folder: str) -> None:
-    """Beside a folder `urdf`, too."""
+def test_robot_folder_is_the_package_if_there_is_no_manifest(tmp_path: Path, folder: str) -> None:
+    """If the robot is in a folder `urdf`, its parent folder counts."""
     for name in ("robot/urdf/a.urdf", "robot/meshes/a.stl", "secret.stl"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
@@ -107,7 +108,7 @@ INCLUDING = """<mujoco model="r"><worldbody><include file="{uri}"/></worldbody><
     ("r.urdf", URDF), ("r.sdf", SDF), ("r.xml", MJCF), ("included.xml", INCLUDING),
 ])
 @pytest.mark.parametrize("uri", ["file://{other}/m.obj", "../other/m.obj", "m.obj"])
-def test_no_format_copies_a_file_from_outside(tmp_path: Path, name: str, text: str, uri: str) -> None:
+def test_no_format_copies_files_from_outside(tmp_path: Path, name: str, text: str, uri: str) -> None:
     (tmp_path / "robot").mkdir()
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "m.obj").write_text(SOLID if text != INCLUDING else "<mujoco><body name='a'><geom size='1'/></body></mujoco>")
@@ -128,8 +129,8 @@ def test_no_format_copies_a_file_from_outside(tmp_path: Path, name: str, text: s
     assert imported.files.get("meshes/m.obj", SOLID.encode()) == SOLID.encode()
 
 
-def test_mjcf_without_its_meshes(tmp_path: Path) -> None:
-    """A mesh that is missing weighs nothing, and that is listed; one that is there weighs what it does."""
+def test_mjcf_without_meshes(tmp_path: Path) -> None:
+    """The mass of a missing mesh is omitted and listed as a loss; the mass of an existing mesh is used."""
     (tmp_path / "r.xml").write_text(MJCF.format(folder="../gone", file="m.obj"))
     for there, mass in ((False, 2.0), (True, 2.0 + 100.0 / 6.0)):
         if there:
@@ -142,7 +143,7 @@ def test_mjcf_without_its_meshes(tmp_path: Path) -> None:
         assert ("the mass of mesh `m`" in [loss.what for loss in imported.losses]) is not there
 
 
-def test_mesh_root_of_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mesh_root_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "robot").mkdir()
     (tmp_path / "parts").mkdir()
     (tmp_path / "robot" / "r.urdf").write_text(URDF.format(uri="../../gone/parts/m.obj"))
@@ -164,7 +165,7 @@ def test_mesh_root_of_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     ("../meshes/none.stl", "there is no file `../meshes/none.stl`; looked for"),
     ("https://example.org/a.stl", "`https://example.org/a.stl` is not a local file"),
 ])
-def test_what_is_not_there(ground: Path, uri: str, said: str) -> None:
+def test_missing_files_are_reported(ground: Path, uri: str, said: str) -> None:
     with pytest.raises(NotFound, match="^") as fault:
         packages(ground).find(uri)
     assert str(fault.value).startswith(said)
@@ -172,12 +173,12 @@ def test_what_is_not_there(ground: Path, uri: str, said: str) -> None:
         assert fault.value.help == "specify its folder: `--package lamp=DIR`" and "arm/urdf/lamp" in str(fault.value)
 
 
-def test_what_is_given_goes_first_and_alone(ground: Path) -> None:
+def test_given_package_folder_takes_precedence(ground: Path) -> None:
     with pytest.raises(NotFound, match="the package `arm` has no"):
         packages(ground, {"arm": str(ground / "elsewhere")}).find("package://arm/meshes/link.stl")
 
 
-def test_too_large(ground: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_large_file_is_refused(ground: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thingc.tools.importing.packages.MOST_BYTES", 5)
     with pytest.raises(NotFound, match="but at most 5 are supported"):
         packages(ground).find("../meshes/link.stl")

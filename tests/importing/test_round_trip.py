@@ -1,4 +1,4 @@
-"""What is imported is the robot that was there: against MuJoCo's own reading of the file, in fifty states, and from any root."""
+"""An imported URDF robot equals MuJoCo's own reading of the file: in fifty states, and from any root."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STATES = 50
 
 @dataclass(frozen=True)
 class Model:
-    """A MuJoCo model with its state, asked by the names of the source."""
+    """A MuJoCo model with its state, accessed by the names of the source."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -45,7 +45,7 @@ class Model:
         return full
 
     def pose(self, name: str) -> numpy.ndarray:
-        """4 x 4, of a site or body of that name, in the world."""
+        """Return the pose (4, 4) in the world of the site or body with this name."""
         is_site = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, name) >= 0
         one = self.data.site(name) if is_site else self.data.body(name)
         pose = numpy.eye(4)
@@ -94,14 +94,14 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
     )
 
 
-def test_every_link_and_joint_is_there(case: Case) -> None:
+def test_all_links_and_joints_are_imported(case: Case) -> None:
     model = case.original.model
     assert set(case.links) | {"world"} == {model.body(k).name for k in range(model.nbody)}
     assert set(case.joints) == {model.joint(k).name for k in range(model.njnt)}
     assert case.words["base-link"] == "base_link" and case.words["1st_tool"] == "link_1st_tool" and case.words["root"] == "root_link"
 
 
-def test_the_source_mode_moves_as_the_source(case: Case) -> None:
+def test_source_mode_has_the_dynamics_of_the_source(case: Case) -> None:
     ours, names = case.modes["source"], tuple(case.joints)
     mine, theirs = ours.dofs(tuple(case.joints.values())), case.original.dofs(names)
     for q, v in case.states():
@@ -116,7 +116,7 @@ def test_the_source_mode_moves_as_the_source(case: Case) -> None:
 
 @pytest.mark.parametrize("root", ROOTS)
 def test_any_link_can_be_the_root(case: Case, root: str) -> None:
-    """Poses relative to the root, and the mass matrix with it held: that of the floating original, projected."""
+    """Compared are poses relative to the root, and the mass matrix with the root fixed: the projected matrix of the floating original."""
     ours = case.modes[case.words[root]]
     mine, theirs = ours.dofs(tuple(case.joints.values())), case.free.dofs(tuple(case.joints))
     body = case.free.model.body(root).id
@@ -135,7 +135,7 @@ def test_any_link_can_be_the_root(case: Case, root: str) -> None:
 
 
 def test_limits_drives_and_couplings(case: Case) -> None:
-    """Read off the file by hand."""
+    """The expected values are copied from the file."""
     model = case.modes["source"].model
     ranges = {name: tuple(model.joint(name).range) for name in case.joints if model.joint(name).limited[0]}
     assert ranges == {
@@ -150,7 +150,7 @@ def test_limits_drives_and_couplings(case: Case) -> None:
     assert couplings == {"grip": (0.05, -0.4), "pull": (0.0, 0.02)}
 
 
-def test_the_same_file_gives_the_same_bytes(case: Case) -> None:
+def test_import_is_deterministic(case: Case) -> None:
     again = import_robot(str(SOURCE), Report(), ImportRequest(roots=ROOTS))
     assert again is not None and again.files == case.imported.files
 
@@ -159,7 +159,7 @@ def close(ours: numpy.ndarray, theirs: numpy.ndarray) -> None:
     assert numpy.abs(ours - theirs).max() <= 1e-9 * numpy.abs(theirs).max()
 
 
-def test_the_page_shows_what_is_written(root: Path, tmp_path: Path) -> None:
+def test_documentation_example_is_up_to_date(root: Path, tmp_path: Path) -> None:
     blocks = re.findall(r"```(xml|yaml)\n(.*?)```", (root / "docs" / "import.md").read_text(), re.DOTALL)
     (_, source), (_, shown) = blocks[:2]
     (tmp_path / "pendulum.urdf").write_text(source)

@@ -1,4 +1,4 @@
-"""SDF: what is imported is the robot that Drake reads in the same file, and what is wrong with a file is said at its line."""
+"""SDF import: the robot equals Drake's reading of the same file, and errors are reported at their line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from thingc.tools.importing.importing import Imported, import_robot
 HERE = Path(__file__).parent
 SOURCE = HERE / "robots" / "constructs.sdf"
 DRAKE = json.loads((HERE / "robots" / "constructs.sdf.json").read_text())
-"""What `benchmarks/importing/ask_drake.py` said of the file (Drake 1.51)."""
+"""The output of `benchmarks/importing/ask_drake.py` for the file (Drake 1.51)."""
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def models(imported: Imported, tmp_path_factory: pytest.TempPathFactory) -> dict
     return {name: mode.model() for name, mode in thingc.compile(folder / "constructs.yaml").modes.items()}
 
 
-def test_it_is_the_robot_that_drake_reads(imported: Imported, models: dict[str, mujoco.MjModel]) -> None:
+def test_imported_robot_matches_drake(imported: Imported, models: dict[str, mujoco.MjModel]) -> None:
     names, words = in_files(imported), json.loads(imported.files["import.json"])["names"]["links"]
     known, asked = names["links"] | names["frames"] | names["sites"], DRAKE["asked"]
     joints = [names["joints"][name] for name in asked["joints"]]
@@ -69,7 +69,7 @@ def test_it_is_the_robot_that_drake_reads(imported: Imported, models: dict[str, 
 
 
 def test_limits_drives_and_springs(models: dict[str, mujoco.MjModel]) -> None:
-    """Read off the file by hand."""
+    """The expected values are copied from the file."""
     model = models["source"]
     assert {model.joint(k).name: tuple(model.joint(k).range) for k in range(model.njnt) if model.joint(k).limited[0]} == {
         "shoulder": (-1.2, 1.5), "elbow": (-0.4, 2.0), "gripper::slide": (-0.02, 0.05), "gripper::grip": (-0.5, 0.8),
@@ -105,8 +105,8 @@ REST = joint("k", "b", "c") + joint("l", "c", "d")
 CHAIN = joint("j", "a", "b") + REST
 
 
-def test_a_loop_is_closed_where_the_tree_is_whole(tmp_path: Path) -> None:
-    """The joint that comes last to a link that hangs already closes the loop; which way a joint goes says nothing of the tree."""
+def test_loop_is_closed_by_the_last_joint(tmp_path: Path) -> None:
+    """The joint that reaches an already connected link last closes the loop. The direction of a joint does not matter for the tree."""
     found, report = read(tmp_path, sdf(joint("j", "b", "a") + joint("k", "b", "c") + joint("l", "c", "d") + joint("m", "a", "d", "ball")))
     assert found is not None and not report.failed
     (tmp_path / "m.yaml").write_bytes(found.files["m.yaml"])
@@ -123,7 +123,7 @@ def test_a_loop_is_closed_where_the_tree_is_whole(tmp_path: Path) -> None:
     ("revolute", "<xyz>0 0 1</xyz><limit><lower>-1</lower><upper>1</upper></limit>", "continuous", True),
     ("continuous", "<xyz>0 0 1</xyz><dynamics><damping>1</damping></dynamics>", "continuous", True),
 ])
-def test_a_joint_that_closes_a_loop_has_its_kind_and_loses_its_limits(kind: str, axis: str, loop: str, lost: bool, tmp_path: Path) -> None:
+def test_loop_closing_joint_keeps_its_type_but_loses_limits(kind: str, axis: str, loop: str, lost: bool, tmp_path: Path) -> None:
     found, report = read(tmp_path, sdf(CHAIN + joint("m", "a", "d", kind, axis)))
     assert found is not None and not report.failed
     assert [(one.name, one.kind) for one in found.robot.loops] == [("m", loop)]
@@ -131,7 +131,7 @@ def test_a_joint_that_closes_a_loop_has_its_kind_and_loses_its_limits(kind: str,
 
 
 @pytest.mark.parametrize(("count", "allowed"), [(2, True), (3, False)])
-def test_a_file_includes_only_so_many_models(count: int, allowed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_number_of_included_models_is_limited(count: int, allowed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thingc.tools.importing.sdf.MOST_INCLUDES", 2)
     (tmp_path / "one.sdf").write_text(f"<sdf version='1.9'><model name='one'><link name='l'>{LINK}</link></model></sdf>")
     names = [f"n{number}" for number in range(count)]
@@ -139,10 +139,10 @@ def test_a_file_includes_only_so_many_models(count: int, allowed: bool, tmp_path
     joints = "".join(joint(f"j_{name}", "a", f"{name}::l", "fixed") for name in names)
     found, report = read(tmp_path, sdf(CHAIN + includes + joints))
     assert (found is not None) == allowed
-    assert [one.message.split(",")[0] for one in report.ordered()] == ["the file includes more than 2 models"] * (not allowed)
+    assert [one.message.split(",")[0] for one in report.sorted_diagnostics()] == ["the file includes more than 2 models"] * (not allowed)
 
 
-def test_a_slide_without_ends_gets_some_that_are_listed(tmp_path: Path) -> None:
+def test_unlimited_slide_gets_limits_and_is_a_loss(tmp_path: Path) -> None:
     found, report = read(tmp_path, sdf(joint("j", "a", "b", "prismatic") + REST))
     assert found is not None and not report.failed
     assert [loss.what for loss in found.losses] == ["unlimited slide `j`"]
@@ -150,8 +150,8 @@ def test_a_slide_without_ends_gets_some_that_are_listed(tmp_path: Path) -> None:
     assert tuple(thingc.compile(tmp_path / "m.yaml").modes["source"].model().joint("j").range) == (-1000.0, 1000.0)
 
 
-def test_a_joint_against_the_tree_is_turned_around(tmp_path: Path) -> None:
-    """`c` comes to `b`, which hangs already: q still means what it did, of `b` relative to `c`."""
+def test_joint_against_the_tree_direction_is_reversed(tmp_path: Path) -> None:
+    """`c` is attached to `b`, which already has a parent. q keeps its meaning: the position of `b` relative to `c`."""
     found, report = read(tmp_path, sdf(joint("j", "a", "b") + joint("k", "c", "b", axis="<xyz>0 0.6 0.8</xyz>") + joint("l", "c", "d")))
     assert found is not None and not report.failed
     (tmp_path / "m.yaml").write_bytes(found.files["m.yaml"])
@@ -171,8 +171,8 @@ def test_a_joint_against_the_tree_is_turned_around(tmp_path: Path) -> None:
     ("1.4", "<xyz>0 1 0</xyz>"), ("1.6", "<xyz>0 1 0</xyz><use_parent_model_frame>1</use_parent_model_frame>"),
     ("1.7", "<xyz expressed_in='__model__'>0 1 0</xyz>"), ("1.6", "<xyz>1 0 0</xyz>"),
 ])
-def test_an_axis_is_in_the_model_or_in_the_joint(version: str, axis: str, tmp_path: Path) -> None:
-    """As libsdformat converts it; the child's x is the model's y."""
+def test_axis_frame_depends_on_version_and_attributes(version: str, axis: str, tmp_path: Path) -> None:
+    """Expected is the conversion of libsdformat; the child's x axis is the model's y axis."""
     turned = f"<link name='e'><pose>0 0 1 0 0 {numpy.pi / 2}</pose>{LINK}</link>"
     found, _ = read(tmp_path, sdf(f"{turned}{CHAIN}{joint('n', 'a', 'e', axis=axis)}", version))
     assert found is not None
@@ -183,13 +183,13 @@ def test_an_axis_is_in_the_model_or_in_the_joint(version: str, axis: str, tmp_pa
 @pytest.mark.parametrize(("parent", "kind", "base", "root"), [
     ("world", "fixed", "fixed", "a"), ("world", "continuous", "fixed", "world"), ("", "", "free", "a"),
 ])
-def test_how_it_stands(parent: str, kind: str, base: str, root: str, tmp_path: Path) -> None:
+def test_base_and_root_of_a_model(parent: str, kind: str, base: str, root: str, tmp_path: Path) -> None:
     found, report = read(tmp_path, sdf(CHAIN + (joint("w", parent, "a", kind) if parent else "")))
     assert found is not None and not report.failed and (found.robot.base, found.robot.root) == (base, root)
 
 
 def test_pose_with_a_quaternion(tmp_path: Path) -> None:
-    """`quat_xyzw` writes w last; the length of the quaternion does not matter."""
+    """`quat_xyzw` has w last; the quaternion need not be normalized."""
     turned = f"<link name='e'><pose rotation_format='quat_xyzw'>1 2 3 0.2 0.4 0.8 1.0</pose>{LINK}</link>"
     found, report = read(tmp_path, sdf(f"{turned}{CHAIN}{joint('n', 'a', 'e', 'fixed')}"))
     assert found is not None and not report.failed
@@ -200,15 +200,16 @@ def test_pose_with_a_quaternion(tmp_path: Path) -> None:
     assert numpy.array(hanging.pose.rotation) == pytest.approx(expected.reshape(3, 3), abs=1e-12)
 
 
-def test_what_is_usual_is_taken_and_said(tmp_path: Path) -> None:
+def test_missing_inertial_uses_defaults_and_is_a_loss(tmp_path: Path) -> None:
     found, _ = read(tmp_path, "<sdf version='1.9'><model name='m'><link name='a'/></model></sdf>")
     assert found is not None and found.robot.links[0].weight is not None
     assert found.robot.links[0].weight.properties.mass == 1.0 and found.robot.links[0].weight.properties.inertia[2][2] == 1.0
     assert [loss.what for loss in found.losses] == ["the missing `<inertial>` of link `a`"]
 
 
-def test_included_models_are_those_that_drake_reads(tmp_path: Path) -> None:
-    """Placed by frames of their own, one in another, and by a package and a path; with screws and universal joints."""
+def test_included_models_match_drake(tmp_path: Path) -> None:
+    """The models are placed by their own frames, one inside another, and found by package and by path. They contain screw and universal
+    joints."""
     rig, report = HERE / "included", Report()
     found = import_robot(str(rig / "rig.sdf"), report)
     assert found is not None and report.diagnostics == [] and found.losses == ()
@@ -228,8 +229,8 @@ def test_included_models_are_those_that_drake_reads(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("wanted", "given"), [("parts/thing", {}), ("model://thing", {"thing": "../elsewhere/thing"})])
-def test_meshes_and_axes_of_an_included_file_are_its_own(tmp_path: Path, wanted: str, given: dict[str, str]) -> None:
-    """It is a file of SDF 1.4, whose axes are in the model."""
+def test_included_file_uses_its_own_meshes_and_version(tmp_path: Path, wanted: str, given: dict[str, str]) -> None:
+    """The included file is SDF 1.4, whose axes are in the model frame."""
     folder = tmp_path / "robot" / (given["thing"] if given else wanted)
     (folder / "meshes").mkdir(parents=True)
     (tmp_path / "robot").mkdir(exist_ok=True)
@@ -252,8 +253,8 @@ def test_meshes_and_axes_of_an_included_file_are_its_own(tmp_path: Path, wanted:
 @pytest.mark.parametrize(("pitch", "lead"), [
     ("<screw_thread_pitch>0.01</screw_thread_pitch>", 0.01), ("<thread_pitch>-12.566370614359172</thread_pitch>", 0.5),
 ])
-def test_the_pitch_of_a_screw(pitch: str, lead: float, tmp_path: Path) -> None:
-    """As libsdformat converts it: `screw_thread_pitch` is `-2 pi / thread_pitch`."""
+def test_screw_pitch_is_converted(pitch: str, lead: float, tmp_path: Path) -> None:
+    """Expected is the conversion of libsdformat: `screw_thread_pitch` is `-2 pi / thread_pitch`."""
     text = sdf(joint("j", "a", "b", "screw").replace("</joint>", f"{pitch}</joint>") + REST)
     found, report = read(tmp_path, text)
     assert found is not None and not report.failed
@@ -261,8 +262,8 @@ def test_the_pitch_of_a_screw(pitch: str, lead: float, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["universal", "revolute2"])
-def test_two_axes_that_need_not_be_square(kind: str, tmp_path: Path) -> None:
-    """The first is fixed in the parent, the second goes with it; each has its own limits, and can be mimicked."""
+def test_two_axes_need_not_be_perpendicular(kind: str, tmp_path: Path) -> None:
+    """The first axis is fixed in the parent, the second moves with it. Each has its own limits and can be mimicked."""
     second = "<axis2><xyz>0 0.6 0.8</xyz><limit><lower>-1</lower><upper>2</upper><effort>3</effort></limit></axis2>"
     two = joint("j", "a", "b", kind, "<xyz>0 1 0</xyz>").replace("</joint>", f"{second}</joint>")
     follower = joint("k", "b", "c", axis="<xyz>1 0 0</xyz><mimic joint='j' axis='axis2'/>")
@@ -278,7 +279,7 @@ def test_two_axes_that_need_not_be_square(kind: str, tmp_path: Path) -> None:
     assert [one.follows.joint for hanging in found.robot.hangings for one in hanging.joints if one.follows is not None] == ["j_1"]
 
 
-def test_the_reference_of_a_mimic(tmp_path: Path) -> None:
+def test_mimic_reference_is_applied(tmp_path: Path) -> None:
     """q(k) = 2 (q(j) - 0.5) + 0.1 is 2 q(j) - 0.9."""
     mimic = "<mimic joint='j'><multiplier>2</multiplier><offset>0.1</offset><reference>0.5</reference></mimic>"
     found, report = read(tmp_path, sdf(joint("j", "a", "b") + joint("k", "b", "c", axis=f"<xyz>0 0 1</xyz>{mimic}") + joint("l", "c", "d")))
@@ -287,7 +288,7 @@ def test_the_reference_of_a_mimic(tmp_path: Path) -> None:
     assert model.neq == 1 and model.eq_data[0, :5] == pytest.approx([-0.9, 2.0, 0.0, 0.0, 0.0])
 
 
-def test_a_screw_closes_no_loop_that_another_joint_can(tmp_path: Path) -> None:
+def test_screw_closes_a_loop_only_if_no_other_joint_can(tmp_path: Path) -> None:
     screws = {name: joint(name, *ends, "screw").replace("</joint>", "<screw_thread_pitch>1</screw_thread_pitch></joint>")
               for name, ends in {"j": "ab", "k": "bc", "l": "cd", "m": "ad"}.items()}
     found, report = read(tmp_path, sdf(CHAIN + screws["m"]))
@@ -298,7 +299,7 @@ def test_a_screw_closes_no_loop_that_another_joint_can(tmp_path: Path) -> None:
     assert found is None and [one.message for one in report.diagnostics] == ["all joints of the loop that joint `m` closes are screws"]
 
 
-def test_what_is_built_of_screws_and_universal_joints_comes_in_again(tmp_path: Path) -> None:
+def test_exported_screw_and_universal_joints_round_trip(tmp_path: Path) -> None:
     inertia = "{ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}"
     links = "\n".join(f"  {name}: {{link: true, mass: 1 kg, inertia: {inertia}, mounts: {{t: {{xyz: 0 0 100 mm}}}}}}" for name in "abc")
     joints = "  s: {type: screw, parent: a.t, child: b.origin, lead: -8 mm}\n  u: {type: universal, parent: b.t, child: c.origin}"
@@ -346,10 +347,11 @@ def test_what_is_built_of_screws_and_universal_joints_comes_in_again(tmp_path: P
     (sdf(joint("j", "a", "b", axis="<xyz>0 0 1</xyz><mimic joint='q'/>") + REST), "TC952", 6,
      "joint `j` mimics `q`, which is not a moving joint"),
 ])
-def test_what_is_wrong_is_said_at_its_line(text: str, code: str, line: int, message: str, tmp_path: Path) -> None:
+def test_errors_are_reported_at_their_line(text: str, code: str, line: int, message: str, tmp_path: Path) -> None:
     found, report = read(tmp_path, text)
     assert found is None
-    said = [(one.code.code, one.span.line if one.span is not None else 0, one.message.split("; looked")[0]) for one in report.ordered()]
+    said = [(one.code.code, one.span.line if one.span is not None else 0, one.message.split("; looked")[0]) for one
+    in report.sorted_diagnostics()]
     assert said == [(code, line, message)]
 
 
@@ -360,7 +362,7 @@ def compiled(found: Imported, folder: Path) -> mujoco.MjModel:
 
 
 def pose(data: mujoco.MjData, word: str) -> numpy.ndarray:
-    """4 x 4, of the site of that name, else the body."""
+    """Return the pose (4, 4) of the site with this name, or else of the body."""
     is_site = mujoco.mj_name2id(data.model, mujoco.mjtObj.mjOBJ_SITE, word) >= 0
     found, one = numpy.eye(4), data.site(word) if is_site else data.body(word)
     found[:3, :3], found[:3, 3] = one.xmat.reshape(3, 3), one.xpos

@@ -1,4 +1,4 @@
-"""Visuals and collisions of an imported URDF or SDF file have their names in files that are built of it, or import.json lists new ones."""
+"""Visuals and collisions of an imported URDF or SDF file keep their names in built files, or import.json lists the new names."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ URDF = f"""<robot name="r">
 
 
 def names(file: Path) -> dict[str, list[str]]:
-    """The names of visuals and collisions of a URDF or SDF file."""
+    """Return the names of visuals and collisions of a URDF or SDF file."""
     root = ElementTree.parse(file).getroot()
     return {tag: [one.attrib["name"] for one in root.iter(tag)] for tag in ("visual", "collision")}
 
 
 def imported(source: Path, folder: Path) -> dict[str, str]:
-    """The names of shapes that `import.json` lists. The files are in the folder."""
+    """Import a file into the folder and return the shape names listed in `import.json`."""
     found = import_robot(str(source), Report())
     assert found is not None
     folder.mkdir(parents=True)
@@ -70,8 +70,8 @@ def test_shapes_keep_their_names(emit: str, tmp_path: Path) -> None:
     assert names(built(tmp_path / "again", emit)) == found
 
 
-def test_names_of_unnamed_shapes_are_not_stated(tmp_path: Path) -> None:
-    """What thingc calls shapes without a name does not come in as their name."""
+def test_generated_shape_names_are_not_imported(tmp_path: Path) -> None:
+    """The names that thingc generates for unnamed shapes are not imported as their names."""
     source = tmp_path / "r.urdf"
     source.write_text(URDF.replace(' name="chassis_look"', "").replace(' name="chassis"', ""))
     for number, emit in enumerate(("urdf", "sdf", "urdf")):

@@ -1,4 +1,4 @@
-"""What is drawn and what touches is what the source draws and lets touch, against MuJoCo's own reading of the file."""
+"""Visual and collision shapes equal those of the source, compared with MuJoCo's own reading of the file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def imported() -> Imported:
 
 
 def geoms(model: mujoco.MjModel) -> list[tuple[int, bool, list[float]]]:
-    """Of every geom: its kind, whether it touches, size, colour and pose at q = 0."""
+    """Return for every geom its type, whether it collides, and its size, colour and pose at q = 0."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     found = []
@@ -37,7 +37,7 @@ def geoms(model: mujoco.MjModel) -> list[tuple[int, bool, list[float]]]:
     return sorted(found)
 
 
-def test_the_same_shapes_are_there(imported: Imported, tmp_path: Path) -> None:
+def test_imported_shapes_match_mujoco(imported: Imported, tmp_path: Path) -> None:
     (tmp_path / "shapes.yaml").write_bytes(imported.files["shapes.yaml"])
     compiled = thingc.compile(tmp_path / "shapes.yaml")
     assert compiled.diagnostics == ()
@@ -60,7 +60,7 @@ def test_the_same_shapes_are_there(imported: Imported, tmp_path: Path) -> None:
     assert {(1.0, 0.5, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)} <= drawn | materials
 
 
-def test_what_is_drawn_and_touches_alike_is_written_once(imported: Imported) -> None:
+def test_equal_visual_and_collision_are_written_once(imported: Imported) -> None:
     text = imported.files["shapes.yaml"].decode()
     assert '- {box: 200 300 400 mm, at: {xyz: 100 200 300 mm, rpy: 0.4 -0.3 0.2 rad}, color: "#ff8000"}' in text
     assert text.count("box:") == 1 and "- {sphere: {radius: 70 mm}, at: {xyz: 0 0 500 mm}, for: collision}" in text
@@ -71,11 +71,11 @@ def test_what_is_drawn_and_touches_alike_is_written_once(imported: Imported) -> 
     (0.1 + 0.2, "300 mm"), (0.07 * 100 / 175, "40 mm"), (1 / 3, "333.3333333333333 mm"), (0.1000000000000003, "100.0000000000003 mm"),
     (0.123456789012, "123.456789012 mm"), (0.12345678901234566, "123.45678901234566 mm"),
 ])
-def test_doubles_that_miss_a_short_number_by_their_last_places_are_it(value: float, written: str) -> None:
+def test_rounding_in_the_last_digits_is_removed(value: float, written: str) -> None:
     assert length(value) == written
     assert float(written.removesuffix(" mm")) / 1000.0 == pytest.approx(value, rel=1e-15)
 
 
-def test_numbers_of_one_vector_miss_by_the_last_places_of_the_largest() -> None:
+def test_vector_rounding_uses_the_largest_component() -> None:
     assert lengths((0.2 * math.cos(2 * math.pi / 3), 0.2 * math.sin(2 * math.pi / 3), 0.0)) == "-100 173.20508075688776 0 mm"
     assert length(-0.10000000000000007) == "-100.00000000000007 mm"

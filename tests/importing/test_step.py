@@ -1,4 +1,4 @@
-"""STEP assemblies come along as they are. The oracle is build123d, which made them: the places, volumes and boxes of all solids."""
+"""STEP assemblies are imported unchanged. The oracle is build123d, which wrote them: the poses, volumes and boxes of all solids."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ Write = Callable[[Any, str], Path]
 
 
 BASE = Pose(translation=(-0.05, -0.03, -0.002))
-"""The place of the first part, whose frame is the frame of the document."""
+"""The pose of the first part, whose frame is the frame of the document."""
 
 
 def solid(shape: Any, label: str, color: str | None = None, at: Location | None = None) -> Solid:
-    """A solid with a name and a colour at a place. Copies share the shape."""
+    """Return a solid with a name, a colour and a location. Copies share the shape."""
     one = copy.copy(shape if isinstance(shape, Solid) else shape.solid())
     one = one if at is None else at * one
     one.label = label
@@ -44,12 +44,12 @@ def solid(shape: Any, label: str, color: str | None = None, at: Location | None 
 
 
 def wedge() -> Solid:
-    """A solid that is not its own mirror image: a block with a step and an off-centre hole."""
+    """Return a solid that differs from its mirror image: a block with a step and an off-centre hole."""
     return (Box(30, 20, 10) + Pos(10, 4, 8) * Box(6, 5, 8) - Pos(-8, 3, 0) * Cylinder(2, 10)).solid()
 
 
 def robot() -> Compound:
-    """Nested assemblies, repeated parts, strange names, a turned copy with its own coordinates, and a mirror image."""
+    """Return nested assemblies with repeated parts, unusual names, a rotated copy with its own coordinates, and a mirror image."""
     screw, block = (Cylinder(1.5, 12) + Pos(0, 0, 7) * Cylinder(3, 2)).solid(), wedge()
     turned = Location(Vector(40, 10, 5), Vector(20, 30, 40)) * block
     baked = Solid(turned.moved(Location()).wrapped)
@@ -66,7 +66,7 @@ def robot() -> Compound:
 
 
 def measured(shape: Compound) -> list[list[float]]:
-    """The volume, the centre and the box of each solid of an assembly [mm], sorted."""
+    """Return the volume, the centre and the box of each solid of an assembly [mm], sorted."""
     rows = []
     for one in shape.solids():
         box = one.bounding_box()
@@ -75,7 +75,7 @@ def measured(shape: Compound) -> list[list[float]]:
 
 
 def imported_rows(document: Path, into: Pose, store: str) -> list[list[float]]:
-    """The same of the occurrences of a document whose frame is at `into` in the source."""
+    """Return the same rows for the occurrences of a document whose frame is at `into` in the source."""
     rows = []
     compiled = thingc.compile(str(document), store=store)
     assembly = compiled.assembly
@@ -89,7 +89,7 @@ def imported_rows(document: Path, into: Pose, store: str) -> list[list[float]]:
 
 
 def brep(sha256: str, store: str) -> Compound:
-    """The shape of a part in the store."""
+    """Return the shape of a part in the store."""
     from thingc.geometry.store.local import Store
     from thingc.geometry.worker.kernel.step_assembly import load_shape
 
@@ -102,7 +102,7 @@ def transformation(pose: Pose) -> Any:
     return of_pose(pose)
 
 
-def test_an_assembly_comes_along(run: Any, tmp_path: Path, shared_store: str) -> None:
+def test_assembly_structure_and_geometry_are_imported(run: Any, tmp_path: Path, shared_store: str) -> None:
     source = robot()
     export_step(source, tmp_path / "robot.step")
     code, said = run("import", "robot.step", "-o", "out")
@@ -120,7 +120,7 @@ def test_an_assembly_comes_along(run: Any, tmp_path: Path, shared_store: str) ->
     assert again == {tmp_path / "out" / path.relative_to(tmp_path / "two"): path.read_bytes() for path in (tmp_path / "two").rglob("*.*")}
 
 
-def test_the_unit_of_the_file(run: Any, tmp_path: Path, shared_store: str) -> None:
+def test_file_unit_is_respected(run: Any, tmp_path: Path, shared_store: str) -> None:
     source = robot()
     Interface_Static.SetCVal_s("write.step.unit", "INCH")
     try:
@@ -156,7 +156,7 @@ def test_colours_reach_every_target(run: Any, tmp_path: Path) -> None:
 
 
 def written(path: Path, parts: list[tuple[Any, gp_Trsf | None, str, float, str]]) -> None:
-    """Write an assembly of parts with a transformation, a material, a density [g/cm^3] and a colour of each solid, through the kernel."""
+    """Write an assembly with the kernel; each part has a transformation, a material, a density [g/cm^3] and a colour of each solid."""
     document = new_document()
     shapes, materials = XCAFDoc_DocumentTool.ShapeTool_s(document.Main()), XCAFDoc_DocumentTool.MaterialTool_s(document.Main())
     root = shapes.NewShape()
@@ -177,7 +177,7 @@ def written(path: Path, parts: list[tuple[Any, gp_Trsf | None, str, float, str]]
     path.write_bytes(write_document(document, "rig"))
 
 
-def test_solids_of_other_colours_become_a_nested_document(run: Any, tmp_path: Path) -> None:
+def test_part_with_several_colours_becomes_a_nested_document(run: Any, tmp_path: Path) -> None:
     motor = Compound([Box(10, 10, 10).solid(), (Pos(0, 0, 8) * Cylinder(2, 6)).solid()])
     plate = (Pos(0, 0, -7) * Box(30, 30, 4)).solid()
     written(tmp_path / "rig.step", [(motor, None, "", 0.0, "black silver"), (plate, None, "", 0.0, "red")])
@@ -201,7 +201,7 @@ def test_mirrored_and_scaled_placements(run: Any, tmp_path: Path, shared_store: 
     assert len(json.loads((tmp_path / "out/import.json").read_text())["parts"]) == 3
 
 
-def test_materials(run: Any, tmp_path: Path) -> None:
+def test_materials_and_densities(run: Any, tmp_path: Path) -> None:
     rows = [("Steel", 7.85), ("Unobtainium", 1.234), ("PLA", 0.0), ("", 0.0), ("Häßlich", 0.0)]
     written(tmp_path / "rig.step", [(Box(10 + k, 9, 8).solid(), None, *row, "") for k, row in enumerate(rows)])
     code, said = run("import", "rig.step", "-o", "out")
@@ -211,7 +211,7 @@ def test_materials(run: Any, tmp_path: Path) -> None:
     assert "unobtainium: {density: 1234 kg/m^3}" in (tmp_path / "out/materials.yaml").read_text() and run("check", "out/rig.yaml")[0] == 0
 
 
-def test_mounts_at_features(run: Any, tmp_path: Path) -> None:
+def test_mounts_are_created_at_features(run: Any, tmp_path: Path) -> None:
     flange = Cylinder(20, 5) - Cylinder(4, 5)
     for k in range(6):
         flange -= Rot(0, 0, 60 * k) * Pos(14, 0, 0) * Cylinder(1.5, 5)
@@ -231,7 +231,7 @@ def test_mounts_at_features(run: Any, tmp_path: Path) -> None:
     ("empty", [], 1, "damaged, or is not STEP"), ("robot", ["--root", "x"], 2, "--root cannot be used with a STEP file"),
     ("missing", [], 2, "cannot read `a.step`: no such file"),
 ])
-def test_a_file_that_is_not_an_assembly(run: Any, tmp_path: Path, content: str, options: list[str], code: int, expected: str) -> None:
+def test_file_without_an_assembly_is_an_error(run: Any, tmp_path: Path, content: str, options: list[str], code: int, expected: str) -> None:
     path = tmp_path / "a.step"
     if content in ("one", "robot"):
         export_step(solid(Box(1, 2, 3), "box"), path)
@@ -248,8 +248,8 @@ CADQUERY = [
 """Volumes and centres of the solids of `cadquery.step`, as CadQuery computed them [mm]."""
 
 
-def test_an_assembly_of_cadquery(run: Any, tmp_path: Path, shared_store: str) -> None:
-    """A fork of two separate legs, one of which has its own coordinates, with a pin and a nested assembly with a slide."""
+def test_cadquery_assembly_is_imported(run: Any, tmp_path: Path, shared_store: str) -> None:
+    """A fork of two separate legs, one with its own coordinates, a pin, and a nested assembly with a slide."""
     (tmp_path / "crane.step").write_bytes(gzip.decompress((Path(__file__).parent / "step" / "cadquery.step.gz").read_bytes()))
     assert run("import", "crane.step")[0] == 0
     rows = imported_rows(tmp_path / "crane/crane.yaml", Pose(), shared_store)

@@ -1,4 +1,4 @@
-"""A second import: what the source has changed is taken over, what a person has stays, and what both have is said."""
+"""Repeated imports: changes in the source are merged, edits of the user are preserved, and conflicts are reported."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Said = pytest.CaptureFixture[str]
 
 @pytest.fixture
 def lamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said) -> Path:
-    """The document of a first import; the source is beside its folder."""
+    """Return the document of a first import; the source is next to its folder."""
     monkeypatch.chdir(tmp_path)
     Path("lamp.urdf").write_text(URDF)
     Path("arm.stl").write_text(MESH.format(1))
@@ -58,8 +58,8 @@ def edit(path: Path, *pairs: tuple[str, str]) -> str:
     ("-1.5707963267948966 1.5", "-1.5707963267948966 1.5707963267948966", "upper: 1.5 rad -> 90 deg"),
     ("-0.3 0.7", "-0.7853981633974483 0.7", "lower: -0.3 rad -> -45 deg"),
 ])
-def test_one_bound_of_a_limit_changes_alone(lamp: Path, capsys: Said, before: str, after: str, said: str) -> None:
-    """Whatever unit its neighbour is written in."""
+def test_single_limit_bound_is_updated(lamp: Path, capsys: Said, before: str, after: str, said: str) -> None:
+    """The unit of the other bound does not matter."""
     for numbers in (before, after):
         lower, upper = numbers.split()
         Path("lamp.urdf").write_text(URDF.replace('lower="-1" upper="1"', f'lower="{lower}" upper="{upper}"'))
@@ -68,7 +68,7 @@ def test_one_bound_of_a_limit_changes_alone(lamp: Path, capsys: Said, before: st
     assert f"merged: 1 change of the source\n  joints.lift.limit.{said}\n" in capsys.readouterr().out
 
 
-def test_another_robot_does_not_take_its_place(lamp: Path, capsys: Said) -> None:
+def test_import_does_not_overwrite_another_robot(lamp: Path, capsys: Said) -> None:
     before = lamp.read_text()
     Path("desk.urdf").write_text(URDF.replace('name="lamp"', 'name="desk"'))
     assert main(["import", "desk.urdf", "-o", "lamp"]) == 2
@@ -83,7 +83,7 @@ def test_another_robot_does_not_take_its_place(lamp: Path, capsys: Said) -> None
     assert "name: lamp -> desk" in capsys.readouterr().out
 
 
-def test_each_keeps_what_it_has_changed(lamp: Path, capsys: Said) -> None:
+def test_source_changes_and_user_edits_are_merged(lamp: Path, capsys: Said) -> None:
     mine = edit(
         lamp, ("    mass: 2 kg\n", "    mass: 2.5 kg  # weighed\n"), ("velocity: 6 rad/s}", "velocity: 6 rad/s}  # data sheet"),
         ("  source: {root: foot", "  flying: {root: upper_arm, base: free}\n  source: {root: foot"),
@@ -111,7 +111,7 @@ def test_each_keeps_what_it_has_changed(lamp: Path, capsys: Said) -> None:
     assert lamp.read_text() == text
 
 
-def test_what_both_have_changed_is_said_with_both_values(lamp: Path, capsys: Said) -> None:
+def test_conflicts_show_both_values(lamp: Path, capsys: Said) -> None:
     edit(lamp, ("mass: 2 kg", "mass: 2.5 kg"), (", velocity: 6 rad/s", ""))
     edit(Path("lamp.urdf"), ('<mass value="2"/>', '<mass value="3"/>'), ('velocity="6"', 'velocity="7"'), ("-1", "-0.5"))
     assert main(["import", "lamp.urdf", "--update", "--check"]) == 1
@@ -127,7 +127,7 @@ def test_what_both_have_changed_is_said_with_both_values(lamp: Path, capsys: Sai
     assert main(["import", "lamp.urdf", "--update"]) == 0, "a conflict is said once: it is what the person has written since"
 
 
-def test_a_document_that_nobody_has_edited_is_written_anew(lamp: Path, capsys: Said) -> None:
+def test_unedited_document_is_rewritten(lamp: Path, capsys: Said) -> None:
     Path("lamp.urdf").write_text(URDF.replace("upper-arm", "boom"))
     Path("arm.stl").write_text(MESH.format(2))
     assert main(["import", "lamp.urdf"]) == 0
@@ -160,8 +160,8 @@ def test_meshes_are_merged_by_file(lamp: Path, capsys: Said) -> None:
     assert not mesh.exists() and "mesh:" not in lamp.read_text()
 
 
-def test_what_would_be_wrong_is_not_written(lamp: Path, capsys: Said) -> None:
-    """The person has renamed a link to which the source has added a joint."""
+def test_invalid_merge_result_is_not_written(lamp: Path, capsys: Said) -> None:
+    """The user has renamed a link to which the source adds a joint."""
     text = edit(lamp, ("  foot:\n", "  base:\n"), ("parent: foot.lift", "parent: base.lift"), ("root: foot,", "root: base,"))
     link = '<link name="b"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
     more = f'{link}<joint name="turn" type="continuous"><parent link="foot"/><child link="b"/><origin xyz="0 0 0.5"/></joint>'
@@ -172,8 +172,8 @@ def test_what_would_be_wrong_is_not_written(lamp: Path, capsys: Said) -> None:
     assert "error[TC957]: `components.foot` is missing here" in said and "error[TC302]" in said
 
 
-def test_names_stay(lamp: Path) -> None:
-    """A new link that could be called `upper_arm` is not, where another one is."""
+def test_names_are_stable_across_updates(lamp: Path) -> None:
+    """A new link named `upper_arm` gets another name, because that name is already used."""
     edit(Path("lamp.urdf"), ('<link name="foot">', '<link name="upper_arm"/><link name="foot">'), ("</robot>", '''
       <joint name="more" type="fixed"><parent link="tip"/><child link="upper_arm"/></joint></robot>'''))
     assert main(["import", "lamp.urdf", "--update"]) == 0
@@ -182,7 +182,7 @@ def test_names_stay(lamp: Path) -> None:
 
 
 @pytest.mark.parametrize("record", ["{", "[]", '{"document": {"file": "../x"}}', None])
-def test_without_a_record_nothing_is_updated(lamp: Path, capsys: Said, record: str | None) -> None:
+def test_update_requires_the_import_record(lamp: Path, capsys: Said, record: str | None) -> None:
     (lamp.parent / "import.json").unlink()
     if record is not None:
         (lamp.parent / "import.json").write_text(record)
@@ -209,13 +209,13 @@ def test_without_a_record_nothing_is_updated(lamp: Path, capsys: Said, record: s
     ("a: {x: [1]}", "a:\n  x:\n    - 1\n    - 2", "a: {x: [1]}\nb: 1", "a: {x: [1, 2]}\nb: 1"),
     ("a: {x: [1]}", "a: {x: [1,2]}", "a: {x: [1]}\nb: 1", "a: {x: [1,2]}\nb: 1"),
 ])
-def test_texts_are_merged(base: str, new: str, ours: str, whole: str) -> None:
+def test_yaml_texts_are_merged(base: str, new: str, ours: str, whole: str) -> None:
     texts = [read_text("/d.yaml", text, Report()) for text in (base, new, ours)]
-    assert Merge(*texts).merged().text == whole
+    assert Merge(*texts).merge().text == whole
 
 
-def test_every_number_is_the_one_that_was_changed_last() -> None:
-    """Of a document of an import, with numbers changed here and there on either side: number by number, whoever wrote it."""
+def test_random_number_edits_are_merged() -> None:
+    """Numbers of an imported document are changed at random on both sides; each number must have its latest value."""
     imported = import_robot(str(Path(__file__).parent / "robots" / "constructs.urdf"), Report())
     assert imported is not None
     base = imported.files["constructs.yaml"].decode()
@@ -226,7 +226,7 @@ def test_every_number_is_the_one_that_was_changed_last() -> None:
             dict.fromkeys(theirs, "11"), dict.fromkeys(mine, "777777"), dict.fromkeys(theirs, "11") | dict.fromkeys(mine, "777777"),
         ))
         texts = [read_text("/d.yaml", text, Report()) for text in (base, new, ours)]
-        one = Merge(*texts).merged()
+        one = Merge(*texts).merge()
         assert one.text == whole or one.conflicts, "a vector is one value: the person's, where both have changed it"
         assert one.text.count("777777") == ours.count("777777") and len(one.conflicts) + len(one.taken) <= len(theirs)
 
@@ -237,13 +237,14 @@ def changed(text: str, numbers: list[re.Match[str]], picked: dict[int, str]) -> 
     return text
 
 
-def test_halves_of_two_axes_are_no_axis() -> None:
+def test_vector_is_merged_as_one_value() -> None:
+    """Merging the components of two axes would give a wrong axis."""
     texts = [read_text("/d.yaml", text, Report()) for text in ("axis: [0, 1, 0]", "axis: [1, 0, 0]", "axis: [0, 0, 1]")]
-    one = Merge(*texts).merged()
+    one = Merge(*texts).merge()
     assert one.text == "axis: [0, 0, 1]" and [values for _, *values in one.conflicts] == [["[0, 0, 1]", "[1, 0, 0]"]]
 
 
-def test_what_is_used_elsewhere_is_not_merged() -> None:
+def test_anchors_are_not_merged() -> None:
     texts = [read_text("/d.yaml", text, Report()) for text in ("a: 1\nb: 1", "a: 2\nb: 1", "a: &one 1\nb: *one\nc: 1")]
     with pytest.raises(MergeConflict, match="`b` uses an anchor, or YAML syntax that thingc cannot edit"):
-        Merge(*texts).merged()
+        Merge(*texts).merge()

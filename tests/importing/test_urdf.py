@@ -1,4 +1,4 @@
-"""URDF as it is written in practice: materials, versions 1.1 and 1.2, unknown limits, encodings, Windows paths and free bases."""
+"""URDF as used in practice: materials, versions 1.1 and 1.2, unknown limits, encodings, Windows paths and free bases."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MATERIALS = """<robot name="r">
 
 
 def imported(text: str | bytes, folder: Path) -> tuple[Imported, Report]:
-    """What an import of this file gives."""
+    """Import a file with this content."""
     path, report = folder / "r.urdf", Report()
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     found = import_robot(str(path), report)
@@ -41,7 +41,7 @@ def imported(text: str | bytes, folder: Path) -> tuple[Imported, Report]:
 
 
 def compiled(robot: Imported, folder: Path) -> Compiled:
-    """The document of an import, compiled."""
+    """Compile the document of an import."""
     for name, content in robot.files.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(content)
@@ -50,7 +50,7 @@ def compiled(robot: Imported, folder: Path) -> Compiled:
     return found
 
 
-def test_the_first_definition_of_a_material_counts_as_in_urdfdom(tmp_path: Path) -> None:
+def test_first_material_definition_is_used_as_in_urdfdom(tmp_path: Path) -> None:
     robot, report = imported(MATERIALS, tmp_path)
     document = robot.files["r.yaml"].decode()
     colors = dict(re.findall(r'box: (\d)000 .*?(?:color: "#(.*?)")?}', document))
@@ -64,7 +64,7 @@ def test_the_first_definition_of_a_material_counts_as_in_urdfdom(tmp_path: Path)
 
 
 def hinge(origin: str, limit: str = 'effort="2" velocity="3"', kind: str = "revolute") -> str:
-    """A robot of one joint."""
+    """Return a robot with one joint."""
     return (
         f'<robot name="r" version="1.2">\n<link name="base">{WEIGHT}</link><link name="arm">{WEIGHT}'
         '<collision><geometry><capsule radius="0.05" length="0.2"/></geometry></collision></link>\n'
@@ -74,7 +74,7 @@ def hinge(origin: str, limit: str = 'effort="2" velocity="3"', kind: str = "revo
 
 
 @pytest.mark.parametrize("quaternion", ["0.70710678 0 0 0.70710678", "2 0 0 2", "-1e-3 0 0 -1e-3"])
-def test_a_quaternion_is_the_rotation_of_its_angles(quaternion: str, tmp_path: Path) -> None:
+def test_quaternion_equals_its_angles(quaternion: str, tmp_path: Path) -> None:
     robot, _ = imported(hinge(f'quat_xyzw="{quaternion}"'), tmp_path)
     document = robot.files["r.yaml"].decode()
     assert "hinge: {xyz: 0 0 100 mm, rpy: 90 0 0 deg}" in document and robot.losses == ()
@@ -91,7 +91,7 @@ def test_a_quaternion_is_the_rotation_of_its_angles(quaternion: str, tmp_path: P
     ('quat_xyzw="0 0 1"', "`quat_xyzw` of `<origin>`: expected 4 numbers separated by spaces, found 3 of them"),
     ('rpy="0 0 0" quat_xyzw="0 0 0 1"', "this `<origin>` has both `rpy` and `quat_xyzw`"),
 ])
-def test_wrong_quaternions(origin: str, said: str, tmp_path: Path) -> None:
+def test_invalid_quaternions_are_reported(origin: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "r.urdf").write_text(hinge(origin))
     report = Report()
     assert import_robot(str(tmp_path / "r.urdf"), report) is None
@@ -99,7 +99,7 @@ def test_wrong_quaternions(origin: str, said: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("elsewhere", ["", '<transmission name="t"><joint name="hinge"/></transmission>'])
-def test_limits_that_are_all_zero_are_unknown(elsewhere: str, tmp_path: Path) -> None:
+def test_all_zero_limits_are_unknown(elsewhere: str, tmp_path: Path) -> None:
     text = hinge("", 'effort="0" velocity="0"').replace("</robot>", f"{elsewhere}</robot>")
     robot, report = imported(text, tmp_path)
     document = robot.files["r.yaml"].decode()
@@ -113,7 +113,7 @@ def test_limits_that_are_all_zero_are_unknown(elsewhere: str, tmp_path: Path) ->
     ("ISO-8859-1", b""), ("windows-1252", b""), ("Shift_JIS", b""), ("GB18030", b""), ("UTF-8", codecs.BOM_UTF8),
     ("UTF-16LE", codecs.BOM_UTF16_LE),
 ])
-def test_declared_encodings_are_read(encoding: str, mark: bytes, tmp_path: Path) -> None:
+def test_declared_encodings_are_decoded(encoding: str, mark: bytes, tmp_path: Path) -> None:
     name = "グリッパ" if encoding in ("Shift_JIS", "GB18030") else "Fuß"
     declared = encoding[:6] if encoding.startswith("UTF-16") else encoding
     text = f'<?xml version="1.0" encoding="{declared}"?><robot name="r"><link name="{name}" x="1"/></robot>'
@@ -129,7 +129,7 @@ def test_declared_encodings_are_read(encoding: str, mark: bytes, tmp_path: Path)
     (b'<?xml version="1.0" encoding="punycode"?><robot name="r"/>', "unknown encoding", 1),
     (b'<?xml version="1.0" encoding="rot13"?><robot name="r"/>', "'rot13' is not a text encoding", 1),
 ])
-def test_files_that_cannot_be_decoded(text: bytes, said: str, line: int, tmp_path: Path) -> None:
+def test_undecodable_files_are_reported(text: bytes, said: str, line: int, tmp_path: Path) -> None:
     (tmp_path / "r.urdf").write_bytes(text)
     report = Report()
     assert import_robot(str(tmp_path / "r.urdf"), report) is None
@@ -137,7 +137,7 @@ def test_files_that_cannot_be_decoded(text: bytes, said: str, line: int, tmp_pat
     assert fault.message.startswith(f"cannot decode the file: {said}") and fault.span is not None and fault.span.line == line
 
 
-def test_a_windows_path_gets_a_hint(tmp_path: Path) -> None:
+def test_windows_path_gets_a_hint(tmp_path: Path) -> None:
     text = f'<robot name="r"><link name="a">{WEIGHT}<visual><geometry><mesh filename="meshes\\a.stl"/></geometry></visual></link></robot>'
     (tmp_path / "r.urdf").write_text(text)
     report = Report()
@@ -146,13 +146,13 @@ def test_a_windows_path_gets_a_hint(tmp_path: Path) -> None:
 
 
 def cube(library: str) -> str:
-    """A closed OBJ file that takes its colours from a library."""
+    """Return a closed OBJ file that refers to a material library."""
     corners = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0, 1))
     faces = ((1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4))
     return f"mtllib {library}\n{corners}usemtl paint\n" + "".join(f"f {' '.join(map(str, face))}\n" for face in faces)
 
 
-def test_the_colours_of_a_mesh_come_along(tmp_path: Path) -> None:
+def test_mesh_material_libraries_are_copied(tmp_path: Path) -> None:
     for folder, color in (("a", "1 0 0"), ("b", "0 0 1")):
         (tmp_path / "meshes" / folder).mkdir(parents=True)
         (tmp_path / "meshes" / folder / "paint.mtl").write_text(f"newmtl paint\nKd {color}\n")
@@ -174,7 +174,7 @@ def test_the_colours_of_a_mesh_come_along(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("base", ["free", "fixed"])
-def test_the_base_of_an_exported_urdf_comes_back(base: str, tmp_path: Path) -> None:
+def test_base_of_an_exported_urdf_round_trips(base: str, tmp_path: Path) -> None:
     robot, _ = imported(hinge(""), tmp_path)
     document = robot.files["r.yaml"].decode().replace("base: fixed", f"base: {base}")
     (tmp_path / "r.yaml").write_text(document)
@@ -186,7 +186,8 @@ def test_the_base_of_an_exported_urdf_comes_back(base: str, tmp_path: Path) -> N
 
 @pytest.mark.parametrize(("inside", "link"), [(WEIGHT, "b"), ("<visual><geometry><box size='1 1 1'/></geometry></visual>", "b"), ("", "a")])
 @pytest.mark.parametrize("kind", ["imu", "camera"])
-def test_only_the_sensor_of_a_bare_frame_moves_to_the_link_that_has_it(kind: str, inside: str, link: str, tmp_path: Path) -> None:
+def test_sensor_of_an_empty_frame_moves_to_its_link(kind: str, inside: str, link: str, tmp_path: Path) -> None:
+    """A sensor on a link with mass or shapes stays on that link."""
     text = f"""<robot name="r"><link name="a">{WEIGHT}</link><link name="b">{inside}</link>
       <joint name="j" type="fixed"><parent link="a"/><child link="b"/><origin xyz="0.1 0 0"/></joint>
       <gazebo reference="b"><sensor name="s" type="{kind}"><pose>0 0.2 0 0 0 0</pose></sensor></gazebo></robot>"""

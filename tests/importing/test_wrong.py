@@ -1,4 +1,4 @@
-"""Files that are no robots, and exactly what a person reads about each: all that is wrong, at its line, and nothing is written."""
+"""Invalid robot files and the exact error output for each: all errors with their lines, and nothing is written."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WRONG = sorted(path for path in (HERE / "wrong").iterdir() if path.suffix in (".
 
 
 @pytest.mark.parametrize("path", WRONG, ids=lambda path: path.stem)
-def test_what_is_said(path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_error_output(path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(path.parent)
     code = main(["import", path.name, "-o", str(tmp_path / "robot")])
     said = f"{capsys.readouterr().err}exit {code}\n"
@@ -36,7 +36,7 @@ def test_what_is_said(path: Path, capsys: pytest.CaptureFixture[str], monkeypatc
     ("<robot name='many'>" + "".join(f"<link name='l{k}'/>" for k in range(10_001)) + "</robot>",
      "the robot has 10,001 links, but at most 10,000 are supported"),
 ])
-def test_files_are_read_within_bounds(tmp_path: Path, text: str, words: str) -> None:
+def test_file_size_is_limited(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "large.urdf"
     path.write_text(text)
     report = Report()
@@ -52,7 +52,7 @@ def test_files_are_read_within_bounds(tmp_path: Path, text: str, words: str) -> 
     (["xacro/bot/urdf/bot.urdf.xacro", "--arg", "armss=3"], "--arg armss: the file has no such argument\n  help: did you mean `arms`?"),
     (["arm.urdf.xacro"], "cannot read `arm.urdf.xacro`: no such file or directory"),
 ])
-def test_wrong_command_lines(words: list[str], said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_command_lines(words: list[str], said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(HERE)
     assert main(["import", *words]) == 2
     assert said in capsys.readouterr().err
@@ -62,7 +62,7 @@ def test_wrong_command_lines(words: list[str], said: str, capsys: pytest.Capture
     '<robot name="r"><link name="a" zeta="1" beta="2" alpha="3" gamma="4"/></robot>',
     '<sdf version="1.9"><model name="m"><link name="a" zeta="1" beta="2" alpha="3" gamma="4"><inertial/></link></model></sdf>',
 ])
-def test_what_is_not_read_is_listed_in_the_order_of_the_file(text: str, tmp_path: Path) -> None:
+def test_unread_attributes_are_listed_in_file_order(text: str, tmp_path: Path) -> None:
     path = tmp_path / f"robot.{'urdf' if '<robot' in text else 'sdf'}"
     path.write_text(text)
     imported = import_robot(str(path), Report())
@@ -70,7 +70,7 @@ def test_what_is_not_read_is_listed_in_the_order_of_the_file(text: str, tmp_path
     assert [one.what for one in imported.losses] == [f"`{name}` of `<link>`" for name in ("zeta", "beta", "alpha", "gamma")]
 
 
-def test_what_is_said_at_the_end(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_summary_after_an_import(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["import", str(HERE / "robots" / "constructs.urdf")]) == 0
     told = capsys.readouterr().out
@@ -84,7 +84,7 @@ def test_what_is_said_at_the_end(capsys: pytest.CaptureFixture[str], monkeypatch
     assert (tmp_path / "constructs" / "constructs.yaml").read_text() == "edited"
 
 
-def test_check_writes_nothing_and_says_what_would_be_lost(
+def test_check_writes_nothing_and_lists_losses(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -98,14 +98,14 @@ def test_check_writes_nothing_and_says_what_would_be_lost(
 
 
 @pytest.mark.parametrize("word", ["arm", "=.", "arm=nowhere"])
-def test_packages_are_folders(word: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_package_option_requires_a_folder(word: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import", str(HERE / "robots" / "shapes.urdf"), "--package", word]) == 2
     assert f"--package: expected NAME=DIR with a folder, found `{word}`" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("count", [496, 497])
-def test_a_chain_of_which_muJoCo_reads_no_model_is_a_warning(count: int, tmp_path: Path) -> None:
-    """At the joint of the first link that is too many, and where there is one only."""
+def test_chain_too_long_for_mujoco_is_a_warning(count: int, tmp_path: Path) -> None:
+    """The warning is at the joint of the first link beyond the limit."""
     weight = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
     links = [f'<link name="l{k}">{weight}</link>' for k in range(count)]
     joints = [f'<joint name="j{k}" type="continuous"><parent link="l{k}"/><child link="l{k + 1}"/></joint>' for k in range(count - 1)]
@@ -122,7 +122,7 @@ def test_a_chain_of_which_muJoCo_reads_no_model_is_a_warning(count: int, tmp_pat
 
 
 @pytest.mark.parametrize("text", ['<robot name="r"><link name="a"/>', '<robot name="r"><link name="a"/>\n<!-- '])
-def test_a_file_that_ends_too_early_is_not_read(tmp_path: Path, text: str) -> None:
+def test_truncated_xml_is_reported(tmp_path: Path, text: str) -> None:
     (tmp_path / "cut.urdf").write_text(text)
     report = Report()
     assert import_robot(str(tmp_path / "cut.urdf"), report) is None

@@ -1,4 +1,4 @@
-"""xacro is expanded by a process of its own; what is said of the result is said at the lines of the files that it was written in."""
+"""xacro is expanded in a separate process; errors in the result are reported at the lines of the source files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def bot(tmp_path: Path) -> Path:
 
 def read(path: Path, **arguments: str) -> tuple[Imported | None, list[Diagnostic]]:
     report = Report()
-    return import_robot(str(path), report, ImportRequest(arguments=arguments)), report.ordered()
+    return import_robot(str(path), report, ImportRequest(arguments=arguments)), report.sorted_diagnostics()
 
 
 def test_macros_includes_and_packages(bot: Path) -> None:
@@ -49,8 +49,8 @@ def test_macros_includes_and_packages(bot: Path) -> None:
     assert imported is not None and [link.name for link in imported.robot.links] == ["base", "left_arm"]
 
 
-def test_an_argument_that_only_yaml_uses(bot: Path) -> None:
-    """Which nobody reads but xacro: then any is passed on."""
+def test_argument_used_only_in_yaml(bot: Path) -> None:
+    """Only xacro evaluates such a file; if YAML is loaded, all arguments are passed on."""
     (bot.parent / "side.yaml").write_text("left: $(arg side)\n")
     assert [d.message for d in read(bot, side="port")[1]] == ["--arg side: the file has no such argument"]
     text = bot.read_text().replace("0.5 * 2", "1.0 if xacro.load_yaml('side.yaml')['left'] == 'port' else 2.0")
@@ -71,7 +71,7 @@ def test_an_argument_that_only_yaml_uses(bot: Path) -> None:
     ("bot.urdf.xacro", "0.5 * 2", "[0] * 10**12", "MemoryError when evaluating expression '[0] * 10**12'", 4),
     ("bot.urdf.xacro", "0.5 * 2", "9**9**9**9", "xacro cannot expand this file: ", 1),
 ])
-def test_what_is_wrong_is_said_at_its_line(
+def test_errors_are_reported_at_their_line(
     bot: Path, file: str, old: str, new: str, words: str, line: int, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(urdf, "SECONDS", 1 if "9**9" in new else 60)
@@ -83,7 +83,7 @@ def test_what_is_wrong_is_said_at_its_line(
     assert (Path(said[0].span.file).name, said[0].span.line) == (file, line)
 
 
-def test_without_the_extra_it_is_said_what_to_install(
+def test_missing_extra_names_the_package_to_install(
     bot: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(urdf, "find_spec", lambda name: None)
@@ -97,11 +97,11 @@ ESCAPE = (
     "(lambda: [(it, it['exec'](it['open']('{path}').read(), dict(__builtins__=it))) for it in [[one for one in"
     " ().__class__.__base__.__subclasses__() if one.__name__ == 'catch_warnings'][0]()._module.__builtins__]])() and 1.0"
 )
-"""Runs the Python of a file: xacro looks for forbidden names only outside of functions."""
+"""Runs the Python code of a file. xacro checks for forbidden names only outside of functions."""
 FREE = (
     "import sys; hook = sys.modules['thingc.geometry.worker.sandbox']; hook._allowed = (); hook._readable = None; hook._STARTING = ()\n"
 )
-"""Disables what Python refuses: what is left is the system."""
+"""Disables the audit hook in Python, so that only the operating system denies access."""
 REFUSED = {
     "remove": ("import os; os.remove({victim!r})", "files may be written only to the temporary folder of this process"),
     "rename": ("import os; os.rename({victim!r}, {beside!r})", "files may be written only to the temporary folder of this process"),
@@ -119,14 +119,14 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has Landl
 
 
 def run_in_expression(bot: Path, code: str) -> tuple[Imported | None, list[Diagnostic]]:
-    """Import a robot that runs this code."""
+    """Import a robot whose xacro expression runs this code."""
     bot.with_name("code.py").write_text(code)
     bot.write_text(bot.read_text().replace("0.5 * 2", ESCAPE.format(path=bot.with_name("code.py"))))
     return read(bot)
 
 
 def test_code_in_an_expression_runs(bot: Path) -> None:
-    """Otherwise the next tests show nothing."""
+    """Without this, the following tests would prove nothing."""
     assert run_in_expression(bot, "x = 1")[0] is not None
     assert "it ran" in run_in_expression(bot, "raise ValueError('it ran')")[1][0].message
 
@@ -151,14 +151,14 @@ def test_code_in_an_expression_is_confined(bot: Path, tmp_path: Path, past: str)
 
 @linux
 def test_code_in_an_expression_has_no_terminal(bot: Path) -> None:
-    """Who has one can type into it."""
+    """A process with a terminal could inject input into it."""
     _, said = run_in_expression(bot, "import os; raise ValueError(f'leads its session: {os.getsid(0) == os.getpid()}')")
     assert "leads its session: True" in said[0].message
 
 
 @pytest.mark.parametrize("file", ["/etc/hosts", "/dev/zero", "{bot}/../../../../../../etc/hosts", "{bot}.link", ""])
-def test_an_answer_that_code_has_forged_names_no_other_file(bot: Path, file: str) -> None:
-    """Its files are read again, by a process that nothing confines."""
+def test_forged_answer_cannot_name_other_files(bot: Path, file: str) -> None:
+    """The files of an answer are read again by an unconfined process."""
     bot.with_name(f"{bot.name}.link").symlink_to("/etc/hosts")
     found = file.format(bot=bot)
     for name, true in ((found, False), (str(bot), True)):
@@ -175,7 +175,7 @@ def test_code_in_an_expression_cannot_forge_an_answer(bot: Path) -> None:
 
 
 @linux
-def test_an_endless_answer_is_not_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_answer_size_is_limited(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(children, "ANSWER", 1000)
     for length, failed in ((500, None), (200_000, "crashed")):
         child = children.start(lambda asked: {"text": "x" * asked["length"]}, 0, str(tmp_path), ())
@@ -184,7 +184,7 @@ def test_an_endless_answer_is_not_kept(monkeypatch: pytest.MonkeyPatch, tmp_path
 
 
 @linux
-def test_nothing_that_an_expression_starts_outlives_it(bot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_processes_started_by_an_expression_are_stopped(bot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     imported, said = run_in_expression(bot, f"{FREE}import os, time\nif os.fork() == 0:\n    os.setsid(); time.sleep(100)\n")
     assert imported is None and "start processes" in said[0].message
@@ -196,8 +196,8 @@ def test_nothing_that_an_expression_starts_outlives_it(bot: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize("path", ["{0}/secret.yaml", "../../theirs/../theirs/secret.yaml", "$(find theirs)/secret.yaml", "link.yaml"])
-def test_files_outside_of_the_robot_are_not_read(bot: Path, tmp_path: Path, path: str) -> None:
-    """A folder beside those above the file is a package only with a manifest."""
+def test_files_outside_the_robot_are_not_read(bot: Path, tmp_path: Path, path: str) -> None:
+    """A folder next to the parent folders of the file is a package only if it has a manifest."""
     secret = tmp_path / "theirs" / "secret.yaml"
     secret.parent.mkdir()
     secret.write_text("1.0")
@@ -210,7 +210,7 @@ def test_files_outside_of_the_robot_are_not_read(bot: Path, tmp_path: Path, path
         assert read(bot)[0] is not None
 
 
-def test_an_include_outside_of_the_robot_is_not_read(bot: Path, tmp_path: Path) -> None:
+def test_include_outside_the_robot_is_not_read(bot: Path, tmp_path: Path) -> None:
     other = tmp_path / "theirs" / "arm.xacro"
     other.parent.mkdir()
     shutil.copy(bot.with_name("arm.xacro"), other)

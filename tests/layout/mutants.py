@@ -1,4 +1,4 @@
-"""Documents with one slip of the keyboard in a key or a name."""
+"""Documents with one typing mistake in a key or a name."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 WORD = re.compile(r"[A-Za-z][A-Za-z_]{2,}")
 PROSE = re.compile(r"(?:^|\s)#\s|\bdoc:|^description:|^  (?=Magnetic|coil)")
-"""Where comments and descriptions begin."""
+"""Matches the start of comments and descriptions."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """`text` is the document with `word`, the one at `at`, written as `slip`; `kind` is what the fingers did."""
+    """`text` is the document in which `word`, at offset `at`, is replaced by `slip`; `kind` is the kind of typing mistake."""
 
     kind: str
     at: int
@@ -24,7 +24,7 @@ class Mutant:
 
 
 def slips(text: str, count: int, seed: int) -> Iterator[Mutant]:
-    """`count` documents in which one letter of one word (no comment, no prose) is left out, typed twice, or swapped with the
+    """Yield `count` documents in which one letter of one word (outside comments and prose) is omitted, doubled, or swapped with the
     next."""
     chance = random.Random(seed)
     places = [

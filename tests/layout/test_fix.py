@@ -1,4 +1,4 @@
-"""`thingc check --fix`: what is mended, what is not, and that nothing is ever made worse."""
+"""`thingc check --fix`: which errors are fixed, which are not, and that a fix never makes a document worse."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from layout.mutants import slips
 from thingc.base.source import Edit, Span
 from thingc.base.suggestions import closest_name
-from thingc.documents.format.autofix import located
+from thingc.documents.format.autofix import locate_edit
 from thingc.tools.cli.main import main
 
 
@@ -23,7 +23,7 @@ from thingc.tools.cli.main import main
     ("plt", ["plate"], None), ("soe", ["sole", "shoe"], None), ("plate", ["plate", "plates"], None), ("plate", [], None),
     ("lpaet", ["plate"], None),
 ])
-def test_what_a_slip_can_have_meant(written: str, known: list[str], found: str | None) -> None:
+def test_closest_name_of_a_typo(written: str, known: list[str], found: str | None) -> None:
     assert closest_name(written, known) == found
 
 
@@ -31,11 +31,11 @@ def test_what_a_slip_can_have_meant(written: str, known: list[str], found: str |
     ("b", "a.b.c", (12, 13)), ("mm", "120mm", (13, 15)), ("deg", "0 0 4deg", (15, 18)), ("a", "a.a", None), ("x", "abc", None),
     ("b", "bb.b_b", None), ("1,5 mm", "1,5 mm", (10, 16)),
 ])
-def test_where_an_edit_goes(written: str, stretch: str, place: tuple[int, int] | None) -> None:
+def test_edit_is_located_in_the_text(written: str, stretch: str, place: tuple[int, int] | None) -> None:
     text = f"# a comment\n{stretch} b mm\n"
     start = text.index("\n") + 1
     span = Span(file="/a.yaml", line=2, column=1, end_line=2, end_column=1 + len(stretch))
-    found = located(Edit(span=span, written=written, replacement=""), text)
+    found = locate_edit(Edit(span=span, written=written, replacement=""), text)
     assert found == (None if place is None else (place[0] - 10 + start, place[1] - 10 + start))
 
 
@@ -62,7 +62,7 @@ modes: {bench: {root: plate, pose: out}}
 
 
 def fixed(folder: Path, text: str, *options: str) -> tuple[int, str]:
-    """The exit code of `check --fix`, and the document that it leaves."""
+    """Return the exit code of `check --fix`, and the resulting document."""
     file = folder / "robot.yaml"
     file.write_bytes(text.encode())
     return main(["check", "--fix", *options, str(file)]), file.read_bytes().decode()
@@ -70,12 +70,12 @@ def fixed(folder: Path, text: str, *options: str) -> tuple[int, str]:
 
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The temporary folder as working folder, and the store of all tests."""
+    """Use the temporary folder as working folder, and the store that all tests share."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     monkeypatch.chdir(tmp_path)
 
 
-def test_the_robot_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_valid_document_is_unchanged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert fixed(tmp_path, ROBOT) == (0, ROBOT), capsys.readouterr().out
 
 
@@ -88,7 +88,7 @@ def test_the_robot_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     ('"=min(reach, 80 mm)"', "=min(reach, 80 mm)"), ('"=min(reach, 80 mm)"', '"min(reach, 80 mm)"'), ("{slide: =half}", "{slide: =hlaf}"),
     ('=min(reach', '=mni(reach'),
 ])
-def test_a_slip_is_mended_to_the_last_byte(tmp_path: Path, right: str, wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_typo_is_fixed_exactly(tmp_path: Path, right: str, wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert ROBOT.count(right) >= 1
     for ends in ("\n", "\r\n"):
         text = ROBOT.replace("\n", ends)
@@ -103,7 +103,7 @@ def test_a_slip_is_mended_to_the_last_byte(tmp_path: Path, right: str, wrong: st
     ("pose: out", "pose: ot"), ("pusher: {", "puser: {"), ("plate.top, xyz", "plate.tip, xyz"), ("side: {", "sied: {"),
     ("slide:\n", "silde:\n"), ("10 mm}, half", "10}, half"),
 ])
-def test_what_may_mean_another_thing_is_left(tmp_path: Path, right: str, wrong: str) -> None:
+def test_ambiguous_mistakes_are_not_fixed(tmp_path: Path, right: str, wrong: str) -> None:
     slip = ROBOT.replace(right, wrong, 1)
     assert slip != ROBOT
     assert fixed(tmp_path, slip) == (1, slip)
@@ -112,7 +112,7 @@ def test_what_may_mean_another_thing_is_left(tmp_path: Path, right: str, wrong: 
 @pytest.mark.parametrize(("written", "mended"), [
     ("{adhesion: {plate.top: 300}}", "{adhesion: {plate.top: 300 N}}"), ("{adhesion: {plate.top: 0.5}}", "{adhesion: {plate.top: 0.5 N}}"),
 ])
-def test_a_missing_unit_is_mended_where_there_is_one_alone(tmp_path: Path, written: str, mended: str) -> None:
+def test_missing_unit_is_added_if_unambiguous(tmp_path: Path, written: str, mended: str) -> None:
     wrong = ROBOT.replace("pose: out}}", f"pose: out, contacts: {written}, gravity: [0, 0, -1.62]}}}}")
     right = ROBOT.replace("pose: out}}", f"pose: out, contacts: {mended}, gravity: [0, 0, -1.62 m/s^2]}}}}")
     assert fixed(tmp_path, wrong) == (0, right)
@@ -137,8 +137,8 @@ def test_gains_get_the_unit_of_their_joint(tmp_path: Path, type: str, limit: str
 
 
 @pytest.mark.parametrize(("written", "mended"), [("1270", "1270 kg/m^3"), ("100", "100 kg/m^3"), ("1.27", None), ("99", None)])
-def test_a_density_without_a_unit(tmp_path: Path, written: str, mended: str | None) -> None:
-    """1.27 may be grams per cubic centimetre; 1270 of those weigh more than anything."""
+def test_density_without_a_unit(tmp_path: Path, written: str, mended: str | None) -> None:
+    """1.27 may be grams per cubic centimetre; 1270 in that unit is heavier than any material."""
     file = tmp_path / "materials.yaml"
     file.write_text(f"thingc: materials/1\nmaterials: {{petg: {{density: {written}}}}}\n")
     assert main(["check", "--fix", str(file)]) == (1 if mended is None else 0)
@@ -151,7 +151,7 @@ def test_a_density_without_a_unit(tmp_path: Path, written: str, mended: str | No
     ("xyz: 0 0 4 mm", "pos: 0 0 4 mm"), ("make: buy", "make: bought"), ("at: {in: lever.origin}", "at: {frame: lever.origin}"),
     ("side: {xyz: [4 mm, 0, 0]}", "side: {xyz: 4 mm, 0, 0}"),
 ])
-def test_words_of_elsewhere_are_mended(tmp_path: Path, right: str, wrong: str) -> None:
+def test_terms_of_other_formats_are_fixed(tmp_path: Path, right: str, wrong: str) -> None:
     slip = ROBOT.replace(right, wrong, 1)
     assert slip != ROBOT
     assert fixed(tmp_path, slip) == (0, ROBOT)
@@ -161,14 +161,14 @@ def test_words_of_elsewhere_are_mended(tmp_path: Path, right: str, wrong: str) -
     ("long * 0.8", "=long * 0.8"), ("long", "=long"), ('"${long * 0.8}"', '"=long * 0.8"'), ('"{{ long }}"', '"=long"'),
     ("=long * 0.8 mm", None), ("short * 0.8", None),
 ])
-def test_an_expression_without_its_sign_where_a_text_may_stand(tmp_path: Path, written: str, mended: str | None) -> None:
-    """What takes the parameter knows that it is a length, and which names there are."""
+def test_missing_equals_sign_of_an_expression_is_added(tmp_path: Path, written: str, mended: str | None) -> None:
+    """The parameter that receives the value is known to be a length, and the available names are known."""
     (tmp_path / "leg.yaml").write_text(ROBOT)
     nest = "thingc: assembly/1\nname: nest\nparameters: {long: 100 mm}\ncomponents:\n  leg: {assembly: leg.yaml, parameters: {reach: X}}\n"
     assert fixed(tmp_path, nest.replace("X", written)) == (1 if mended is None else 0, nest.replace("X", mended or written))
 
 
-def test_what_hides_behind_a_fault_is_mended_in_the_same_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_errors_hidden_by_others_are_fixed_in_the_same_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     slip = ROBOT.replace("components:", "componets:").replace("frame: true, mass", "frme: true, mass").replace("plate.side", "palte.side")
     slip = slip.replace("gap: 1.5 mm", "gap: 1.5")
     code, text = fixed(tmp_path, slip)
@@ -180,13 +180,13 @@ def test_what_hides_behind_a_fault_is_mended_in_the_same_run(tmp_path: Path, cap
     assert "TC206" in said and said.endswith("1 error\n")
 
 
-def test_a_change_that_makes_nothing_better_is_not_made(tmp_path: Path) -> None:
+def test_change_without_improvement_is_not_made(tmp_path: Path) -> None:
     # `=reach_ / 2` is an expression, but of a name that nobody knows: the `=` alone mends nothing
     slip = ROBOT.replace("gap: 1.5 mm", "gap: nothing / 2")
     assert fixed(tmp_path, slip) == (1, slip)
 
 
-def test_diff_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_diff_and_json_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     slip = ROBOT.replace("collision: hull", "colision: hull")
     assert fixed(tmp_path, slip, "--diff") == (0, slip)
     said = capsys.readouterr().out
@@ -204,7 +204,7 @@ def test_diff_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     }
 
 
-def test_nested_documents_are_mended_too_and_nothing_outside_of_the_workspace(tmp_path: Path) -> None:
+def test_fix_edits_nested_documents_inside_the_workspace_only(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "in" / "hand.yaml").write_text("thingc: assembly/1\nname: hand\ncomponents: {palm: {fraem: true}}\n")
@@ -218,7 +218,7 @@ def test_nested_documents_are_mended_too_and_nothing_outside_of_the_workspace(tm
     assert (tmp_path / "far.yaml").read_text() == far
 
 
-def test_wrong_command_lines(capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_command_lines(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "--diff", "robot.yaml"]) == 2 and main(["check", "--fix", "--no-code", "robot.yaml"]) == 2
     assert main(["check", "--fix", "nowhere.yaml"]) == 2
     assert capsys.readouterr().out.count("TC801") == 2
@@ -227,10 +227,10 @@ def test_wrong_command_lines(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(("checked", "changed"), [
     ("arm.yaml", "arm.yaml"), ("arm.yaml", "end_effector.yaml"), ("arm.yaml", "materials.yaml"), ("minchw/leg.yaml", "minchw/leg.yaml"),
 ])
-def test_slips_in_real_documents_come_back_or_stay(
+def test_typos_in_real_documents_are_restored_or_kept(
     root: Path, tmp_path: Path, checked: str, changed: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """No slip ends in a third text; of those that thingc refuses at least three quarters are taken back to the last byte."""
+    """No mutant becomes a third text. Of the mutants that thingc rejects, at least three quarters are restored exactly."""
     for name in ("assemblies", "parts"):
         shutil.copytree(root / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(root / "thingc.toml", tmp_path)

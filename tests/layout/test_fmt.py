@@ -1,4 +1,4 @@
-"""`thingc fmt`: the canonical layout by example, and what the command does to files."""
+"""`thingc fmt`: examples of the canonical layout, and the effect of the command on files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Report
 from thingc.documents.format import toml_layout
-from thingc.documents.format.flow_style import FIRST, ordered
+from thingc.documents.format.flow_style import FIRST, canonical_order
 from thingc.documents.format.formatting import format_document
 from thingc.documents.spec.annotation_types import model_keys
 from thingc.tools.cli.main import main
@@ -104,12 +104,13 @@ def formatted(text: bytes, name: str = "/robot.yaml") -> bytes:
     return found
 
 
-def test_the_layout_by_example() -> None:
+def test_canonical_layout() -> None:
     assert formatted(UNTIDY) == TIDY
     assert formatted(TIDY) == TIDY
 
 
-def test_lines_end_as_the_first_and_a_byte_order_mark_goes() -> None:
+def test_line_endings_and_byte_order_mark() -> None:
+    """The first line ending is used for all lines, and a byte order mark is removed."""
     assert formatted(b"\xef\xbb\xbf" + TIDY.replace(b"\n", b"\r\n")) == TIDY.replace(b"\n", b"\r\n")
     assert formatted(TIDY.replace(b"\n", b"\r\n", 1)) == TIDY.replace(b"\n", b"\r\n")
     assert formatted(TIDY.rstrip(b"\n") + b"\n\n \n") == TIDY == formatted(TIDY.rstrip(b"\n"))
@@ -123,12 +124,12 @@ def test_lines_end_as_the_first_and_a_byte_order_mark_goes() -> None:
     ("bom: {number: 5mm}", "bom: {number: 5mm}"), ("mass: =2g", "mass: =2g"), ("material: 3mm", "material: 3mm"),
     ("mass: 12quux", "mass: 12quux"), ("visual: 3mm", "visual: 3mm"), ("bom: {cost: 12EUR}", "bom: {cost: 12EUR}"),
 ])
-def test_a_space_before_the_unit_only_where_a_quantity_stands(written: str, meant: str) -> None:
+def test_space_before_unit_is_inserted_only_in_quantities(written: str, meant: str) -> None:
     text = "thingc: assembly/1\nname: a\ncomponents:\n  b:\n    part: a:B\n    {}\n"
     assert formatted(text.format(written).replace("{}", written).encode()).decode() == text.replace("{}", meant)
 
 
-def test_an_alias_never_comes_before_its_anchor() -> None:
+def test_alias_stays_after_its_anchor() -> None:
     text = b"thingc: assembly/1\nname: a\nposes: {a: &p {x: 1 deg}}\ncomponents:\n  b: {frame: true, params: *p}\n"
     assert formatted(text) == text
     apart = text.replace(b"*p", b"{}")
@@ -139,11 +140,11 @@ def test_an_alias_never_comes_before_its_anchor() -> None:
     "thingc: assembly/1\n? name\n:  a\n", "thingc: assembly/1\nname:  a\ndescription: |+\n  a\n\n\n", "thingc: assembly/1\nname:  a\n...\n",
     "thingc: assembly/1\nname:  a\ndescription: |\n  a",
 ])
-def test_rare_forms_are_left_alone(text: str) -> None:
+def test_unusual_yaml_is_not_changed(text: str) -> None:
     assert formatted(text.encode()) == text.encode()
 
 
-def test_the_order_names_keys_of_its_models_only() -> None:
+def test_key_order_uses_only_keys_of_the_models() -> None:
     for model, keys in FIRST.items():
         assert set(keys) <= set(model_keys(model)), model
 
@@ -198,14 +199,14 @@ limit = {lower = "-30 deg", upper = "30 deg"}
 """
 
 
-def test_toml_by_example() -> None:
+def test_canonical_layout_of_toml() -> None:
     assert formatted(TOML, "/robot.toml") == TIDY_TOML
     assert formatted(TIDY_TOML, "/robot.toml") == TIDY_TOML
 
 
 @st.composite
 def tomls(draw: st.DrawFn) -> str:
-    """A TOML document with sections, dotted keys, and a comment with a number wherever one may stand."""
+    """Return a TOML document with sections, dotted keys, and a numbered comment in any possible place."""
     count = 0
 
     def note(chance: int = 3) -> str:
@@ -238,7 +239,7 @@ def tomls(draw: st.DrawFn) -> str:
 
 @settings(max_examples=80, suppress_health_check=list(HealthCheck))
 @given(tomls())
-def test_toml_says_the_same_to_another_reader(text: str) -> None:
+def test_formatted_toml_has_the_same_content(text: str) -> None:
     report = Report()
     once = format_document("/robot.toml", text.encode(), report)
     assert all(d.code.code != "TC899" for d in report.diagnostics), as_text(report.diagnostics)
@@ -255,19 +256,19 @@ def test_toml_says_the_same_to_another_reader(text: str) -> None:
 
 
 def _numbers(text: bytes) -> list[int]:
-    """Those of the comments."""
+    """Return the numbers of the comments."""
     return [int(piece.partition(b".")[0]) for piece in text.split(b"#c")[1:]]
 
 
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
-def test_the_documents_of_the_repository_are_canonical(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_repository_documents_are_formatted(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(root)
     assert main(["fmt", "--check", "assemblies", "thingc.toml"]) == 0
 
 
-def test_files_are_replaced_with_their_mode_and_only_where_something_changes(
+def test_only_changed_files_are_written_with_their_mode(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -290,7 +291,7 @@ def test_files_are_replaced_with_their_mode_and_only_where_something_changes(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["link.yaml", "real.yaml", "tidy.yaml", "untidy.yaml"]
 
 
-def test_a_document_that_is_not_well_formed_is_said_and_left(
+def test_malformed_document_is_reported_and_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -305,7 +306,7 @@ def test_a_document_that_is_not_well_formed_is_said_and_left(
     assert main(["fmt", "nowhere.yaml"]) == 2 and main(["fmt", "-", "good.yaml"]) == 2
 
 
-def test_of_a_folder_the_documents_and_of_touched_files_those_that_are_some(
+def test_folders_and_touched_files_are_filtered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -320,7 +321,7 @@ def test_of_a_folder_the_documents_and_of_touched_files_those_that_are_some(
     assert capsys.readouterr().out == "deep/a.yaml: changed\n1 of 1 document changed\n"
 
 
-def test_standard_input(tmp_path: Path) -> None:
+def test_standard_input_is_formatted(tmp_path: Path) -> None:
     import subprocess
     import sys
 
@@ -331,7 +332,7 @@ def test_standard_input(tmp_path: Path) -> None:
     assert wrong.returncode == 1 and wrong.stdout == b"" and b"TC103" in wrong.stderr
 
 
-def test_a_modeline_names_the_schema_of_the_document(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_modeline_names_the_schema_of_the_document(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "thingc.toml").write_bytes(b'thingc = "workspace/1"\n')
     (tmp_path / "a").mkdir()
@@ -346,14 +347,14 @@ def test_a_modeline_names_the_schema_of_the_document(tmp_path: Path, monkeypatch
     assert main(["fmt", "--modeline", "a"]) == 0 and file.read_bytes().startswith(line)
 
 
-def test_keys_are_ranked_once_for_a_table_however_many_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each table once: of a document with a hundred components no more than ten times what one of ten takes."""
+def test_keys_are_ranked_once_per_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A document with a hundred components needs at most ten times the work of one with ten."""
     def ranked(count: int) -> int:
         components = "".join(f'\n[components.c{k}]\nframe = true\nmass = "1 g"\n' for k in range(count))
         text = f'thingc = "assembly/1"\nname = "a"\n{components}'
         asked: list[int] = []
         with monkeypatch.context() as patch:
-            patch.setattr(toml_layout, "ordered", lambda names, shape: asked.append(len(names)) or ordered(names, shape))
+            patch.setattr(toml_layout, "canonical_order", lambda names, shape: asked.append(len(names)) or canonical_order(names, shape))
             assert format_document("a.toml", text.encode(), Report()) == text.encode()
         return sum(asked)
 

@@ -1,4 +1,5 @@
-"""`thingc fmt` on random documents: the same to a second YAML reader, every comment by its key, and nothing left to do."""
+"""`thingc fmt` on random documents: a second YAML reader reads the same content, comments stay at their keys, and formatting is
+idempotent."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ COMMENT = re.compile(r"# ?c\d+\.")
 
 
 def formatted(data: bytes) -> bytes | None:
-    """The canonical bytes, None for what is not well-formed. A layout that changes the meaning fails the test."""
+    """Return the canonical bytes, or None if the document is malformed. A layout that changes the meaning fails the test."""
     report = Report()
     found = format_document("/robot.yaml", data, report)
     assert all(d.code.code != "TC899" for d in report.diagnostics), as_text(report.diagnostics)
@@ -29,7 +30,7 @@ def formatted(data: bytes) -> bytes | None:
 
 
 def read(data: bytes) -> Any:
-    """What ruamel.yaml reads, with no spaces between numbers and units."""
+    """Return the content that ruamel.yaml reads, without spaces between numbers and units."""
     def plain(value: Any) -> Any:
         if isinstance(value, dict):
             return {str(key): plain(item) for key, item in value.items()}
@@ -45,7 +46,7 @@ def first_word(line: str) -> str:
 
 
 def owners(data: bytes) -> dict[str, str]:
-    """For each comment behind a value, or right above a key and in its column, that key (or what the line begins with)."""
+    """Return the key (or start of the line) of each comment that follows a value, or that is directly above a key in its column."""
     lines = data.decode("utf-8-sig").replace("\r", "").split("\n")
     found = {}
     for at, line in enumerate(lines):
@@ -67,7 +68,7 @@ def owners(data: bytes) -> dict[str, str]:
 
 @settings(max_examples=25, suppress_health_check=list(HealthCheck))
 @given(documents())
-def test_the_same_document_with_every_comment_and_nothing_left_to_do(text: str) -> None:
+def test_formatting_keeps_content_and_comments(text: str) -> None:
     data = text.encode()
     once = formatted(data)
     assume(once is not None)
@@ -82,7 +83,7 @@ def test_the_same_document_with_every_comment_and_nothing_left_to_do(text: str) 
 
 @settings(max_examples=12, suppress_health_check=list(HealthCheck))
 @given(documents())
-def test_the_spaces_are_canonical(text: str) -> None:
+def test_whitespace_is_canonical(text: str) -> None:
     once = formatted(text.encode())
     assume(once is not None and b"|" not in once and b">" not in once)
     assert once is not None

@@ -1,4 +1,4 @@
-"""Saves of an editor while a command runs: none is lost, whenever it comes. And what `replace_files` promises of several files."""
+"""Saves by an editor while a command runs: none is lost, at any time. Also tests the guarantees of `replace_files` for several files."""
 
 from __future__ import annotations
 
@@ -88,8 +88,9 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_no_save_is_lost(folder: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
-    """A save before each time that the command opens the document, by a rename as editors do it. Its own last look is one of these."""
+def test_concurrent_save_is_not_lost(folder: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    """The file is saved before each time that the command opens the document, by a rename as editors do. The command's own last check is
+    one of these."""
     global _save
     before, refused, done = files(folder), 0, 0
     for victim in SAVED.get(name, ("robot.yaml",)):
@@ -128,7 +129,7 @@ def test_no_save_is_lost(folder: Path, capsys: pytest.CaptureFixture[str], name:
     assert refused and done
 
 
-def test_an_undone_addition_leaves_the_save_of_an_editor(folder: Path) -> None:
+def test_undone_addition_keeps_the_save_of_an_editor(folder: Path) -> None:
     part, new = str(folder / "parts" / "odd.py"), str(folder / "deep" / "new" / "file.py")
     changes = {part: (PART.encode(), b"more"), new: (None, b"new")}
     with provisional(changes):
@@ -146,7 +147,7 @@ def test_an_undone_addition_leaves_the_save_of_an_editor(folder: Path) -> None:
     assert Path(part).read_bytes() == b"saved" and Path(new).read_bytes() == b"saved"
 
 
-def test_all_files_or_none(tmp_path: Path) -> None:
+def test_files_are_replaced_all_or_none(tmp_path: Path) -> None:
     one, two, gone, deep = (tmp_path / name for name in ("one", "two", "gone", "deep"))
     for path in (one, two, gone):
         path.write_bytes(b"old")
@@ -161,7 +162,7 @@ def test_all_files_or_none(tmp_path: Path) -> None:
     assert sorted(os.listdir(tmp_path)) == ["deep", "one", "two"]
 
 
-def test_links_modes_and_pipes(tmp_path: Path) -> None:
+def test_links_modes_and_pipes_are_respected(tmp_path: Path) -> None:
     file, link, dangling, pipe = (tmp_path / name for name in ("file", "link", "dangling", "pipe"))
     file.write_bytes(b"old")
     file.chmod(0o640)
@@ -187,7 +188,7 @@ def count_up(path: str, times: int) -> None:
             pass
 
 
-def test_commands_that_write_the_same_file_wait_for_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_concurrent_commands_wait_for_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = str(tmp_path / "number")
     Path(path).write_bytes(b"0")
     processes = [multiprocessing.get_context("fork").Process(target=count_up, args=(path, 100)) for _ in range(3)]

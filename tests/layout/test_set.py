@@ -1,4 +1,4 @@
-"""`thingc set` and `batch --adopt`: what is written, that all else of a text stays, and that nothing is written that would be wrong."""
+"""`thingc set` and `batch --adopt`: written values, unchanged surrounding text, and no invalid result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from thingc.base.diagnostics import Report
 from thingc.base.source import Document, MappingNode
-from thingc.documents.format.value_edits import CannotSetValue, set_values, without
+from thingc.documents.format.value_edits import CannotSetValue, remove_value, set_values
 from thingc.documents.load.documents import read_tree
 from thingc.tools.cli.main import main
 
@@ -100,7 +100,7 @@ def changed(before: str, after: str) -> list[str]:
         '-wide = {value = "3 mm", min = "1 mm"}', '+wide = {value = "3 mm", min = "1 mm", max = 1.50}']),
     ("a.toml", {"components.motor.params.k": "true", "components.motor.mirror": "y"}, ["+params.k = true", '+mirror = "y"']),
 ])
-def test_only_the_values_change(name: str, values: Mapping[str, str], lines: list[str]) -> None:
+def test_only_the_set_values_change(name: str, values: Mapping[str, str], lines: list[str]) -> None:
     text = TOML_TEXT if name.endswith("toml") else YAML_TEXT
     for line_end in ("\n", "\r\n"):
         before = text.replace("\n", line_end)
@@ -126,7 +126,7 @@ def test_only_the_values_change(name: str, values: Mapping[str, str], lines: lis
         "+[components.c]", '+part = "m:C"', '+at = {in = "plate.a"}', "+"]),
     ("a.toml", "tests.c", {"mass": {"max": "1 kg"}}, ["+", "+[tests]", '+c = {mass = {max = "1 kg"}}']),
 ])
-def test_a_new_mapping_is_written_as_its_neighbours_are(name: str, path: str, value: Any, lines: list[str]) -> None:
+def test_new_mapping_has_the_style_of_its_siblings(name: str, path: str, value: Any, lines: list[str]) -> None:
     before = TOML_TEXT if name.endswith("toml") else YAML_TEXT
     assert changed(before, set_values(document(before, name), {tuple(path.split(".")): value}).text) == lines
 
@@ -141,24 +141,24 @@ def test_a_new_mapping_is_written_as_its_neighbours_are(name: str, path: str, va
     ("a.toml", "parameters.wide.min", ['-wide = {value = "3 mm", min = "1 mm"}', '+wide = {value = "3 mm" }']),
     ("a.toml", "components.motor.part", ['-part = "m:M"']),
 ])
-def test_only_what_is_taken_out_goes(name: str, path: str, lines: list[str]) -> None:
+def test_only_the_removed_key_disappears(name: str, path: str, lines: list[str]) -> None:
     text = TOML_TEXT if name.endswith("toml") else YAML_TEXT
     for line_end in ("\n", "\r\n"):
         before = text.replace("\n", line_end)
-        after = without(document(before, name), tuple(path.split("."))).text
+        after = remove_value(document(before, name), tuple(path.split("."))).text
         assert changed(before, after) == lines and after.count("\n") == after.count(line_end)
 
 
-def test_what_an_anchor_names_is_not_taken_out() -> None:
+def test_aliased_key_cannot_be_removed() -> None:
     with pytest.raises(CannotSetValue, match="`a.x` cannot be removed: an alias repeats the key"):
-        without(document("a: &it {x: 1, z: 2}\nb: *it\n", "a.yaml"), ("a", "x"))
+        remove_value(document("a: &it {x: 1, z: 2}\nb: *it\n", "a.yaml"), ("a", "x"))
 
 
 @pytest.mark.parametrize(("text", "path"), [
     ("a: &it {x: 1}\nb: *it\n", "a.x"), ("a: &it {x: 1}\nb: *it\n", "b.x"), ("a: &it {x: 1}\nb: *it\n", "b.y"),
     ("a:\n  x: 1\n", "a"), ("a: [1, 2]\nb: &q 3\nc: *q\n", "b"),
 ])
-def test_what_cannot_be_set_alone(text: str, path: str) -> None:
+def test_values_that_cannot_be_set_alone(text: str, path: str) -> None:
     with pytest.raises(CannotSetValue):
         set_values(document(text, "a.yaml"), {tuple(path.split(".")): "7"})
 
@@ -188,7 +188,7 @@ def here(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> 
     return tmp_path
 
 
-def test_values_are_written_and_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_written_values_are_reported(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["set", "arm.yaml", "reach=120 mm", "load=2 kg", "joints.lift.limit.upper=80 deg"]
     words += ["joints.lift.dynamics.damping=0.1 N*m*s/rad"]
     assert main([*words, "--diff"]) == 0
@@ -208,12 +208,12 @@ def test_values_are_written_and_said(here: Path, capsys: pytest.CaptureFixture[s
         assert ((here / "arm.yaml").read_text() != before) is written
 
 
-def test_a_mapping_on_one_line_is_said_as_it_was_written(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_flow_mapping_is_reported_as_written(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["set", "arm.yaml", "components.base.mounts.top={xyz: 0 0 20 mm}"]) == 0
     assert capsys.readouterr().out == "components.base.mounts.top: {xyz: [0, 0, =reach]} -> {xyz: 0 0 20 mm}\n"
 
 
-def test_a_mapping_and_a_list_are_set_as_a_whole(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mapping_and_list_are_set_as_a_whole(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["joints.lift.dynamics={damping: 0.1 N*m*s/rad, friction: '0.2 N*m'}", "joints.lift.limit={lower: -1 rad, upper: 90 deg}"]
     assert main(["set", "arm.yaml", *words, "components.base.mounts.top.xyz=[0, 0, =reach / 2]"]) == 0
     assert changed(DOCUMENT, (here / "arm.yaml").read_text()) == [
@@ -229,7 +229,7 @@ def test_a_mapping_and_a_list_are_set_as_a_whole(here: Path, capsys: pytest.Capt
     assert tomllib.loads((here / "arm.toml").read_text())["modes"]["m"]["at"] == {"xyz": [0, 0, "200 mm"]}
 
 
-def test_a_value_of_a_vector_is_set_by_its_number(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_vector_component_is_set_by_its_index(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "tool.yaml").write_text(TOOL + "modes: {m: {root: tip, gravity: '0 0 -1.6 m/s^2'}}\n")
     words = ["components.tip.mounts.end.xyz.2=12 mm", "components.tip.mounts.end.xyz.0=-1 mm", "modes.m.gravity.1=1 m/s^2"]
     assert main(["set", "tool.yaml", *words]) == 0
@@ -259,14 +259,14 @@ def test_a_value_of_a_vector_is_set_by_its_number(here: Path, capsys: pytest.Cap
     (["components.tool.components.tip.mass=1 kg"], ["`thingc set tool.yaml 'components.tip.mass=...'`"]),
     (["load"], ["expected PATH=VALUE, found `load`"]), (["load=1 kg", "load=2 kg"], ["`load` is set twice"]),
 ])
-def test_nothing_is_written_that_would_be_wrong(here: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: list[str]) -> None:
+def test_invalid_values_are_not_written(here: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: list[str]) -> None:
     assert main(["set", "arm.yaml", *words]) != 0
     printed = capsys.readouterr().out
     assert [text for text in said if text not in printed] == [], printed
     assert (here / "arm.yaml").read_text() == DOCUMENT
 
 
-def test_a_document_that_is_wrong_is_mended_by_the_right_value(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_document_is_fixed_by_a_valid_value(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "arm.yaml").write_text(DOCUMENT.replace("load: 1 kg", "load: 1 kgg"))
     assert main(["set", "arm.yaml", "joints.lift.limit.upper=1 rad"]) == 1
     assert "kgg" in capsys.readouterr().out
@@ -274,7 +274,7 @@ def test_a_document_that_is_wrong_is_mended_by_the_right_value(here: Path, capsy
     assert (here / "arm.yaml").read_text() == DOCUMENT
 
 
-def test_a_variant_is_adopted(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_variant_is_adopted(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "sweep.yaml").write_text(
         "thingc: variants/1\nassembly: arm.yaml\nname: sweep\nparameters:\n"
         "  reach: [100 mm, 120 mm]\n  joints.lift.limit.upper: [45 deg, 90 deg]\n  joints.lift.offset: 3 deg\n"
@@ -295,8 +295,8 @@ def test_a_variant_is_adopted(here: Path, capsys: pytest.CaptureFixture[str]) ->
     assert main(["batch", "sweep.yaml", "--adopt", now[1]["id"], "--resume"]) == 2
 
 
-def test_an_id_of_a_batch_is_the_variant_of_its_table(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An id says what differs from the assembly, so after one variant has been adopted the same id is another one's."""
+def test_adopted_id_refers_to_the_table_of_the_batch(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An id describes the difference from the assembly, so after a variant has been adopted the same id belongs to another variant."""
     (here / "sweep.yaml").write_text(
         "thingc: variants/1\nassembly: arm.yaml\nname: sweep\nkeep: [mass < 3.5 kg]\nparameters:\n"
         "  load: [2 kg, 4 kg]\n  joints.lift.limit.upper: [45 deg, 90 deg]\n"
@@ -328,6 +328,6 @@ def test_an_id_of_a_batch_is_the_variant_of_its_table(here: Path, capsys: pytest
 
 
 def _now(capsys: pytest.CaptureFixture[str], index: int) -> str:
-    """The id that a variant has as the documents are."""
+    """Return the current id of a variant."""
     assert main(["batch", "sweep.yaml", "--dry-run", "--format", "json"]) == 0
     return str(json.loads(capsys.readouterr().out)["first"][index]["id"])

@@ -1,4 +1,4 @@
-"""Documents as people might write them: every layout that YAML allows, drawn at random, with a comment wherever one may stand."""
+"""Random documents in every layout that YAML allows, with a comment in any possible place."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SPACES = st.sampled_from(("", " ", "  ", "     "))
 
 
 class Writer:
-    """Writes one document; every comment has a number of its own."""
+    """Writes one document; every comment has its own number."""
 
     def __init__(self, draw: st.DrawFn) -> None:
         self.draw = draw
@@ -35,13 +35,13 @@ class Writer:
         return f"#{self.some(' ', '')}c{self.count}."
 
     def tail(self) -> str:
-        """What may stand at the end of a line: spaces, a comment."""
+        """Return the possible end of a line: spaces, a comment."""
         if self.rarely():
             return f"{self.some(' ', '   ', '          ')}{self.comment()}{self.some('', '  ')}"
         return str(self.some("", "", "", "  "))
 
     def above(self, indent: int) -> None:
-        """Empty lines and comments above a key."""
+        """Write empty lines and comments above a key."""
         while self.rarely():
             column = int(str(self.some(indent, indent, indent + 3)))
             self.lines.append(str(self.some("", "  ")) if self.often() else " " * column + self.comment())
@@ -52,7 +52,7 @@ class Writer:
         return str(self.some(*SCALARS))
 
     def flow(self, keys: tuple[str, ...], depth: int) -> str:
-        """A mapping or list in braces or brackets; over several lines now and then."""
+        """Return a flow mapping or sequence, sometimes over several lines."""
         wide = self.rarely()
 
         def gap(mark: str) -> str:
@@ -71,7 +71,7 @@ class Writer:
         return tuple(self.draw(st.lists(st.sampled_from(among), unique=True, max_size=5)))
 
     def long(self, indent: int) -> str:
-        """A scalar over several lines."""
+        """Return a scalar over several lines."""
         inner = " " * (indent + 4)
         return str(self.some(
             f"|\n{inner}two\n{inner}  lines   \n\n{inner}here", f">-\n{inner}folded\n\n{inner}text", f'"over\n{inner}two lines"',
@@ -79,7 +79,7 @@ class Writer:
         ))
 
     def entry(self, key: str, indent: int, below: tuple[str, ...] | None, depth: int) -> None:
-        """`key:` with a value: in a block, in braces, or a scalar; `below` the keys that its mapping may have."""
+        """Write `key:` with a value: a block, a flow collection, or a scalar. `below` are the possible keys of its mapping."""
         self.above(indent)
         head = " " * indent + key + ":"
         names = self.keys(below if below is not None else NAMES)
@@ -128,5 +128,5 @@ COMPONENT = ("part", "params", "attach", "at", "repeat", "collision", "mass", "p
 
 @st.composite
 def documents(draw: st.DrawFn) -> str:
-    """The text of a YAML document that is well-formed (mostly) and says nothing sensible."""
+    """Return the text of a YAML document that is (mostly) well-formed and has no meaningful content."""
     return Writer(draw).document()

@@ -24,7 +24,7 @@ CLASSES = {
 
 
 def classes(folder: Path) -> dict[str, ast.ClassDef]:
-    """Every class by name, an inner one by the name of the class around it, too."""
+    """Return all classes by name. The name of an inner class includes that of the outer class."""
     found: dict[str, ast.ClassDef] = {}
     for path in sorted(folder.rglob("*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:

@@ -1,5 +1,5 @@
-"""Modules for learning frameworks: what they configure, by stand-ins with the recorded parameters of the frameworks, by MuJoCo on the
-models, and by mjlab itself where it is installed."""
+"""Modules for learning frameworks: their configuration is compared with MuJoCo models, using stand-ins with the recorded parameters of
+the frameworks, and mjlab itself if it is installed."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from emit.test_sdf import EVERY
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.targets.artifact import Artifacts
-from thingc.targets.custom_names import called
-from thingc.targets.registry import chosen, emitter, targets
+from thingc.targets.custom_names import apply_custom_names
+from thingc.targets.registry import emitter, parse_targets, targets
 from thingc.tools import learners
 from thingc.tools.learners import isaaclab, mjlab, playground
 
@@ -81,7 +81,7 @@ class Written:
             compilation = pipeline.compile(environment)
             assert [d.message for d in compilation.report.diagnostics if d.severity == "error"] == []
             models = pipeline.build(environment, compilation, ["mjcf", "usd"])
-            request = called(pipeline.request_of(environment, compilation))
+            request = apply_custom_names(pipeline.request_of(environment, compilation))
             self.made: dict[str, Artifacts] = {name: target.emit(request) for name, target in TARGETS.items()}
             ours = re.compile("|".join(pattern.replace("*", "[^/]+") for pattern in learners.WRITES))
             assert all(ours.fullmatch(path) for made in self.made.values() for path in made.files)
@@ -97,7 +97,7 @@ class Written:
         return mujoco.MjModel.from_xml_path(str(self.folder / "mjcf" / f"{self.name}_{mode}.xml"))
 
     def started(self, mode: str) -> tuple[Any, Any]:
-        """MuJoCo in the pose in which the mode begins."""
+        """Return the MuJoCo state in the start pose of the mode."""
         model, pose = self.mujoco(mode), self.modes[mode]
         data = mujoco.MjData(model)
         if pose is not None:
@@ -113,7 +113,7 @@ class Written:
         return module
 
     def usd(self, mode: str) -> dict[str, Any]:
-        """The joints of the articulation."""
+        """Return the joints of the articulation."""
         stage = Usd.Stage.Open(str(self.folder / "usd" / f"{self.name}_{mode}.usda"))
         self.stage = stage
         return {
@@ -134,7 +134,7 @@ def written(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> dict
 
 
 class Configured:
-    """A configuration: an object with the arguments with which a class was called."""
+    """A configuration: an object with the arguments of the call of a class."""
 
     def __init__(self, path: str, arguments: dict[str, Any]) -> None:
         allowed = next(one["classes"][path] for one in SIGNATURES.values() if path in one["classes"])
@@ -145,7 +145,7 @@ class Configured:
 
 @pytest.fixture
 def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Modules with the classes of the frameworks, which accept the recorded parameters and no others."""
+    """Modules with the classes of the frameworks, which accept exactly the recorded parameters."""
     made: dict[str, Any] = {}
     for package in SIGNATURES.values():
         for path in package["classes"]:
@@ -164,7 +164,7 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def found(values: Any, name: str, missing: float) -> float:
-    """The value of a joint, as Isaac Lab and mjlab find it: a number, or by a pattern that matches the whole name."""
+    """Look up the value of a joint like Isaac Lab and mjlab: a number, or the value of a pattern that matches the whole name."""
     if not isinstance(values, dict):
         return float(values)
     hits = [value for pattern, value in values.items() if re.fullmatch(pattern, name)]
@@ -179,14 +179,14 @@ def matched(patterns: Any, names: list[str]) -> list[str]:
 
 
 def drive_of(model: Any, joint: int) -> Any:
-    """The one actuator of a joint."""
+    """Return the only actuator of a joint."""
     (drive,) = (model.actuator(k) for k in range(model.nu) if model.actuator_trnid[k, 0] == joint and model.actuator_trntype[k] == 0)
     return drive
 
 
-def test_models_that_modules_load_are_also_written() -> None:
-    assert chosen(["isaaclab"]) == ("usd", "isaaclab") and chosen(["mjlab,playground"]) == ("mjcf", "mjlab", "playground")
-    assert chosen(["urdf"]) == ("urdf",)
+def test_models_loaded_by_modules_are_written() -> None:
+    assert parse_targets(["isaaclab"]) == ("usd", "isaaclab") and parse_targets(["mjlab,playground"]) == ("mjcf", "mjlab", "playground")
+    assert parse_targets(["urdf"]) == ("urdf",)
 
 
 def test_isaac_lab_has_the_values_of_mujoco(written: dict[str, Written], stand_ins: None) -> None:
@@ -279,7 +279,7 @@ def test_playground_has_the_names_of_the_model(written: dict[str, Written]) -> N
                 np.testing.assert_allclose(module.HOME_CTRL, model.key_ctrl[0])
 
 
-def test_what_a_framework_cannot_have_is_a_loss(written: dict[str, Written]) -> None:
+def test_unsupported_features_are_losses(written: dict[str, Written]) -> None:
     assert written["dog"].losses("isaaclab") == set()
     assert written["dog"].losses("mjlab") == {("torque", "this sensor, which mjlab removes because it adds the drive later")}
     lost = dict(written["every"].losses("isaaclab"))
@@ -324,11 +324,11 @@ def test_targets_are_entry_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     lines = [f"{name} = {value}" for name, value in declared.items()]
     info.joinpath("entry_points.txt").write_text("\n".join(["[thingc.emitters]", *lines, ""]))
     monkeypatch.syspath_prepend(tmp_path)
-    assert set(TARGETS) <= {*targets()} and not set(TARGETS) & {*chosen([])} and set(TARGETS) <= {*chosen(["all"])}
+    assert set(TARGETS) <= {*targets()} and not set(TARGETS) & {*parse_targets([])} and set(TARGETS) <= {*parse_targets(["all"])}
     for name in TARGETS:
         assert emitter(name) is getattr(learners, f"emit_{name}")
     names = "{'pydantic', 'numpy', 'mujoco'} & {*sys.modules}"
-    loaded = f"import sys, thingc.targets.registry as r; r.chosen([]); print(*({names}))"
+    loaded = f"import sys, thingc.targets.registry as r; r.parse_targets([]); print(*({names}))"
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     said = subprocess.run([sys.executable, "-c", loaded], env=environment, check=True, capture_output=True, text=True).stdout
     assert said.strip() == "", "a build that changes nothing imports these packages"

@@ -1,4 +1,4 @@
-"""What tests of documents see of links of shapes: MuJoCo's distances on the model that is emitted. No kernel is loaded."""
+"""Document tests of links made of shapes, compared with MuJoCo's distances on the emitted model. No CAD kernel is loaded."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ SHAPES = {
     "both": "{sphere: {radius: 12 mm}, at: {xyz: 30 0 0 mm}}, {box: 10 30 50 mm, at: {xyz: -20 0 0 mm}}",
 }
 ROUND = {"drum": 0.025, "egg": 0.03}
-"""Of shapes whose distances are those of their facets the radius [m]."""
+"""Radius [m] of shapes whose distances are computed from facets."""
 
 LOOK = 0.05
-"""How far [m] gaps are looked for: all pairs of triangles nearer than that are."""
+"""Search distance for gaps [m]. All pairs of triangles that are nearer are found."""
 
 SOURCE = np.random.default_rng(3)
 PLACES = {name: SOURCE.uniform(-70, 70, 3) + [0, 0, 120] for name in SHAPES if name != "ground"}
@@ -41,7 +41,7 @@ POSES = [dict.fromkeys(PLACES, 0.0), *({name: float(SOURCE.uniform(-80, 80)) for
 
 
 def document() -> str:
-    """Every shape on a slide of its own, all of them on a carrier: no joint connects two of them, or one of them with the ground."""
+    """Every shape on its own slide, all on one carrier, so no joint connects two shapes, or a shape and the ground."""
     links = "".join(f"  {name}: {{link: true, mass: 100 g, shapes: [{shapes}]}}\n" for name, shapes in SHAPES.items())
     mounts = ", ".join(f"{name}: {{xyz: [{x} mm, {y} mm, {z} mm], rpy: 40 70 0 deg}}" for name, (x, y, z) in PLACES.items())
     joints = "".join(
@@ -79,20 +79,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def model(folder: Path, no_kernel: None) -> mujoco.MjModel:
-    """As it is emitted."""
+    """The emitted model."""
     assert run("build", str(folder / "shelf.yaml"), "-o", str(folder / "out"), "--emit", "mjcf", "--store", str(folder / "store"))[0] == 0
     return mujoco.MjModel.from_xml_path(str(folder / "out" / "shelf" / "mjcf" / "shelf_bench.xml"))
 
 
 def run(*words: str) -> tuple[int, str]:
-    """The exit code of a command, and what it prints."""
+    """Exit code and standard output of a command."""
     with contextlib.redirect_stdout(io.StringIO()) as out:
         code = main(list(words))
     return code, out.getvalue()
 
 
 def distances(model: mujoco.MjModel, q: dict[str, float]) -> dict[tuple[str, str], float]:
-    """The least distance [m] of each two bodies, by names, where joints are at `q` [mm]."""
+    """Smallest distance [m] of each pair of bodies, by names, with joints at `q` [mm]."""
     data = mujoco.MjData(model)
     for name, value in q.items():
         data.joint(name).qpos[0] = value / 1000
@@ -107,7 +107,7 @@ def distances(model: mujoco.MjModel, q: dict[str, float]) -> dict[tuple[str, str
     return found
 
 
-def test_gaps_of_all_pairs_are_mujocos(folder: Path, model: mujoco.MjModel) -> None:
+def test_gaps_match_mujoco_distances(folder: Path, model: mujoco.MjModel) -> None:
     with Environment(str(folder / "shelf.yaml"), Options(store=str(folder / "store"))) as environment:
         compilation = pipeline.compile(environment)
         (robot,) = compilation.robots
@@ -115,7 +115,7 @@ def test_gaps_of_all_pairs_are_mujocos(folder: Path, model: mujoco.MjModel) -> N
         names = [occurrence.path for occurrence in robot.assembly.occurrences]
         met = apart = 0
         for frame, q in zip(robot.keyframes, POSES, strict=True):
-            near = collisions.near(occurrence_poses(robot, frame.q, frame.base), frame, LOOK, LOOK, {})
+            near = collisions.near_pairs(occurrence_poses(robot, frame.q, frame.base), frame, LOOK, LOOK, {})
             found = {tuple(sorted((names[one.one], names[one.other]))): one for one in near}
             expected = {pair: distance for pair, distance in distances(model, q).items() if distance < LOOK - 1e-4}
             assert set(expected) <= set(found)
@@ -127,8 +127,8 @@ def test_gaps_of_all_pairs_are_mujocos(folder: Path, model: mujoco.MjModel) -> N
         assert met > 10 and apart > 30
 
 
-def test_tests_of_a_document_of_links_say_what_is_near_and_low(folder: Path, model: mujoco.MjModel) -> None:
-    """The ground is the plane z = 0: heights over it are exact for every shape."""
+def test_document_tests_measure_clearances(folder: Path, model: mujoco.MjModel) -> None:
+    """The ground is the plane z = 0, so heights above it are exact for every shape."""
     code, out = run("test", str(folder / "shelf.yaml"), "--format", "json", "--store", str(folder / "store"))
     results = json.loads(out)["tests"]
     assert code == 1 and len(results) == 2 * len(POSES)
@@ -140,7 +140,8 @@ def test_tests_of_a_document_of_links_say_what_is_near_and_low(folder: Path, mod
         assert free["passed"] is (min(expected.values()) > 0.01)
 
 
-def test_neighbouring_links_are_skipped_because_their_shapes_are_approximate(tmp_path: Path, no_kernel: None) -> None:
+def test_neighbouring_links_are_skipped(tmp_path: Path, no_kernel: None) -> None:
+    """Shapes of links are approximate, so pairs that a joint connects are not checked, and the result lists them as skipped."""
     tmp_path.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
     tmp_path.joinpath("pair.yaml").write_text(
         "thingc: assembly/1\nname: pair\ncomponents:\n  one: {link: true, mass: 1 kg, shapes: [{sphere: {radius: 20 mm}}]}\n"

@@ -1,4 +1,4 @@
-"""Mesh files of links: what MuJoCo makes of the same files in a model by hand, and what is said of files that are none."""
+"""Mesh files of links, compared with a written-out MuJoCo model of the same files, and diagnostics for invalid files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HEAD = "thingc: assembly/1\nname: meshed\nmaterials: {steel: {density: 7800 kg/m
 
 
 def wedge() -> trimesh.Trimesh:
-    """A solid [m] that is like itself from no side."""
+    """A solid [m] without any symmetry."""
     corners = [(0, 0, 0), (0.3, 0, 0), (0, 0.2, 0), (0.02, 0.03, 0.1), (0.2, 0.02, 0.05)]
     made = trimesh.convex.convex_hull(np.array(corners, dtype=float))
     made.apply_translation((0.1, 0.05, 0.02))
@@ -33,7 +33,7 @@ def wedge() -> trimesh.Trimesh:
 
 
 def workspace(folder: Path) -> Path:
-    """Files of the wedge: in metres but for `mm.stl`, and as its formats say."""
+    """Files of the wedge: in metres except for `mm.stl`, and with unit and axis as the formats specify."""
     folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
     meshes = folder / "meshes"
     meshes.mkdir()
@@ -61,7 +61,7 @@ def workspace(folder: Path) -> Path:
     return folder
 
 
-def compiled(folder: Path, components: str, targets: list[str], **options: object) -> tuple[Compilation, dict[str, Artifacts]]:
+def compile_and_build(folder: Path, components: str, targets: list[str], **options: object) -> tuple[Compilation, dict[str, Artifacts]]:
     (folder / "meshed.yaml").write_text(HEAD + components)
     with Environment(str(folder / "meshed.yaml"), Options(store=str(folder / "store"), **options)) as environment:  # type: ignore[arg-type]
         compilation = pipeline.compile(environment)
@@ -85,13 +85,13 @@ FILES = {
 }
 
 
-def test_every_format_is_the_same_solid_in_its_unit_and_up_axis(here: Path) -> None:
-    """Mass, centre and inertia summed from the file, against trimesh's of the wedge."""
+def test_formats_units_and_up_axes_give_the_same_solid(here: Path) -> None:
+    """Mass, centre and inertia computed from each file equal those of trimesh for the wedge."""
     shapes = "".join(
         f"  c{k}: {{link: true, material: steel, {'at: {in: c0.origin}, ' if k else ''}shapes: [{{mesh: meshes/{name}"
         f"{', ' + unit if unit else ''}}}]}}\n" for k, (name, unit) in enumerate(FILES.items())
     )
-    compilation, _ = compiled(here, shapes, [])
+    compilation, _ = compile_and_build(here, shapes, [])
     assert compilation.report.diagnostics == [] and compilation.assembly is not None
     solid = wedge()
     solid.density = 7800.0
@@ -102,13 +102,13 @@ def test_every_format_is_the_same_solid_in_its_unit_and_up_axis(here: Path) -> N
         assert one.box is not None and np.array(one.box) == pytest.approx(solid.bounds, abs=1e-6), name
 
 
-def test_muJoCo_has_the_file_itself_with_its_scale(here: Path) -> None:
-    """Geoms of a mirrored and a turned file, against a model by hand over the very same file."""
+def test_mjcf_uses_the_original_file_with_a_scale(here: Path) -> None:
+    """Geoms of a mirrored and a rotated file, compared with a written-out model of the same files."""
     shapes = (
         f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/mm.stl, scale: [1, 1, -1], at: {{xyz: 10 20 30 mm, rpy: 0 0 90 deg}}}}, "
         "{mesh: meshes/m.obj, unit: m, scale: 0.5, for: collision}]}\n"
     )
-    compilation, made = compiled(here, shapes, ["mjcf"])
+    compilation, made = compile_and_build(here, shapes, ["mjcf"])
     assert compilation.report.diagnostics == []
     files = made["mjcf"].files
     assets = {path.removeprefix("mjcf/assets/"): content for path, content in files.items() if path.startswith("mjcf/assets/")}
@@ -146,15 +146,16 @@ def sorted_rows(points: np.ndarray) -> np.ndarray:
     return rounded[np.lexsort(rounded.T)]
 
 
-def test_groups_keep_their_colours_and_another_colour_is_another_record(here: Path) -> None:
+def test_mesh_groups_keep_their_colours(here: Path) -> None:
+    """A change of the material library changes the colours, and the library is a dependency of the build."""
     shapes = f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/colours.obj, unit: m, for: visual}}]}}\n"
-    compilation, made = compiled(here, shapes, ["mjcf", "html", "glb", "urdf", "sdf", "usd"])
+    compilation, made = compile_and_build(here, shapes, ["mjcf", "html", "glb", "urdf", "sdf", "usd"])
     assert compilation.report.diagnostics == [] and compilation.assembly is not None
     assert [surface.color for surface in compilation.assembly.occurrences[0].drawn] == ["#0000ff", "#ff0000"]
     library = here / "meshes" / "colours.mtl"
     before = library.read_text()
     library.write_text(before.replace("Kd 1 0 0", "Kd 0 1 0"))
-    again, _ = compiled(here, shapes, [])
+    again, _ = compile_and_build(here, shapes, [])
     library.write_text(before)
     assert again.assembly is not None and again.documents is not None
     assert str(here / "meshes" / "colours.obj") in again.documents.files
@@ -162,7 +163,8 @@ def test_groups_keep_their_colours_and_another_colour_is_another_record(here: Pa
     assert str(library) in again.documents.files, "what a build depends on"
 
 
-def test_objects_of_a_file_are_all_there_though_muJoCo_reads_the_first_alone(here: Path) -> None:
+def test_all_objects_of_an_obj_are_written(here: Path) -> None:
+    """MuJoCo reads only the first object of an OBJ file, so the written file contains all faces in one object."""
     solid = wedge()
     points = "".join(f"v {x} {y} {z}\n" for x, y, z in (*solid.vertices, *(solid.vertices + (1, 0, 0))))
     faces = [[f"f {' '.join(str(k + 1 + first) for k in face)}\n" for face in solid.faces] for first in (0, len(solid.vertices))]
@@ -172,7 +174,7 @@ def test_objects_of_a_file_are_all_there_though_muJoCo_reads_the_first_alone(her
     theirs = mujoco.MjModel.from_xml_string(model, {"m.obj": text.encode()})
     assert theirs.nmeshface == len(solid.faces)
     shapes = f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/two.obj, unit: m, for: visual}}]}}\n"
-    _, made = compiled(here, shapes, ["mjcf"])
+    _, made = compile_and_build(here, shapes, ["mjcf"])
     (stored,) = (content for path, content in made["mjcf"].files.items() if path.startswith("mjcf/assets/"))
     assert isinstance(stored, StoredArtifact)
     written = (here / "store" / "blobs" / stored.sha256[:2] / stored.sha256[2:]).read_bytes()
@@ -189,23 +191,23 @@ IMAGE = (
     (r"<technique sid.*?<diffuse>.*?</diffuse>", IMAGE, "#ffffff"),
     ('target="#', 'target="#no_such_', None),
 ])
-def test_a_geometry_whose_material_names_what_is_not_there_is_read(here: Path, what: str, slip: str, color: str | None) -> None:
+def test_collada_with_missing_material_is_read(here: Path, what: str, slip: str, color: str | None) -> None:
     text = re.sub(what, slip, (here / "meshes" / "dm.dae").read_text(), flags=re.DOTALL)
     assert slip in text
     (here / "meshes" / "slip.dae").write_text(text)
-    compilation, _ = compiled(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/slip.dae, for: visual}}]}}\n", [])
+    compilation, _ = compile_and_build(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/slip.dae, for: visual}}]}}\n", [])
     assert compilation.report.diagnostics == [] and compilation.assembly is not None
     (surface,) = compilation.assembly.occurrences[0].drawn
     assert isinstance(surface.solid, Mesh) and surface.solid.faces == len(wedge().faces) and surface.color == color
 
 
-def test_the_mirror_image_of_a_link_is_that_of_its_meshes(here: Path) -> None:
+def test_mirrored_link_mirrors_its_meshes(here: Path) -> None:
     shapes = (
         "  left: {link: true, material: steel, shapes: [{mesh: meshes/m.stl, unit: m, at: {xyz: 0 40 0 mm, rpy: 20 0 30 deg}}]}\n"
         "  right: {link: true, mirror: y, at: {in: left.origin}, material: steel, shapes: [{mesh: meshes/m.stl, unit: m, "
         "at: {xyz: 0 40 0 mm, rpy: 20 0 30 deg}}]}\n"
     )
-    compilation, _ = compiled(here, shapes, [])
+    compilation, _ = compile_and_build(here, shapes, [])
     assert compilation.report.diagnostics == [] and compilation.assembly is not None
     left, right = compilation.assembly.occurrences
     signs = np.diag([1.0, -1.0, 1.0])
@@ -214,7 +216,8 @@ def test_the_mirror_image_of_a_link_is_that_of_its_meshes(here: Path) -> None:
     assert np.array(right.properties.inertia) == pytest.approx(signs @ np.array(left.properties.inertia) @ signs, abs=1e-9)
 
 
-def test_a_check_of_given_masses_reads_no_mesh_and_imports_nothing_for_them(here: Path) -> None:
+def test_check_with_given_masses_reads_no_mesh(here: Path) -> None:
+    """With an explicit mass and inertia, `thingc check` imports neither numpy nor trimesh."""
     (here / "given.yaml").write_text(HEAD + f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/open.stl, unit: m}}]}}\n")
     program = (
         "import sys; from thingc.tools.cli.main import main; code = main(['check', sys.argv[1], '--store', sys.argv[2]]);"
@@ -225,11 +228,11 @@ def test_a_check_of_given_masses_reads_no_mesh_and_imports_nothing_for_them(here
     assert ran.stdout.splitlines()[-1] == "0 []", ran.stdout
 
 
-def test_what_was_read_is_kept_by_content(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mesh_data_is_cached_by_content(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shapes = "  base: {link: true, material: steel, shapes: [{mesh: meshes/m.ply, unit: m}]}\n"
-    first, _ = compiled(here, shapes, [])
+    first, _ = compile_and_build(here, shapes, [])
     monkeypatch.setattr("thingc.geometry.meshes.mesh_reader.read_mesh", lambda *_: pytest.fail("it was read again"))
-    again, _ = compiled(here, shapes, [])
+    again, _ = compile_and_build(here, shapes, [])
     assert first.assembly is not None and again.assembly is not None
     assert again.assembly.occurrences[0].properties == first.assembly.occurrences[0].properties
 
@@ -253,42 +256,43 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_what_is_no_mesh_is_said_at_its_line(here: Path, name: str) -> None:
+def test_invalid_mesh_files_are_reported(here: Path, name: str) -> None:
     change, said = BAD[name]
     (here / "meshes" / name).write_bytes(change((here / "meshes" / "m.stl").read_bytes()))
-    compilation, _ = compiled(here, f"  base: {{link: true, {GIVEN}, shapes: [\n    {{mesh: meshes/{name}}}]}}\n", [])
+    compilation, _ = compile_and_build(here, f"  base: {{link: true, {GIVEN}, shapes: [\n    {{mesh: meshes/{name}}}]}}\n", [])
     (fault,) = compilation.report.diagnostics
     assert fault.code is Code.PART_INVALID and fault.message.startswith(f"`meshes/{name}` ") and said in fault.message
     assert fault.span is not None and (fault.span.line, fault.span.column) == (6, 12)
 
 
-def test_an_open_mesh_is_drawn_and_touches_but_weighs_nothing(here: Path) -> None:
+def test_open_mesh_requires_a_given_inertia(here: Path) -> None:
+    """A mesh that is not closed is used for drawing and contacts, but its mass cannot be computed."""
     link = "  base: {{link: true, {0}, shapes: [{{mesh: meshes/open.stl, unit: m}}]}}\n"
-    compilation, made = compiled(here, link.format(GIVEN), ["mjcf"])
+    compilation, made = compile_and_build(here, link.format(GIVEN), ["mjcf"])
     assert compilation.report.diagnostics == []
     assert b'inertia="shell"' in made["mjcf"].files["mjcf/meshed_default.xml"]  # type: ignore[operator]
     for said in ("material: steel", "mass: 1 kg"):
-        compilation, _ = compiled(here, link.format(said), [])
+        compilation, _ = compile_and_build(here, link.format(said), [])
         (fault,) = compilation.report.diagnostics
         assert fault.code is Code.NO_MATERIAL and "the surface of `meshes/open.stl` is not closed" in fault.message
 
 
 @pytest.mark.parametrize(("unit", "words"), [("mm", "under 1 mm long"), ("m", None)])
-def test_a_unit_that_cannot_be_is_a_warning(here: Path, unit: str, words: str | None) -> None:
-    compilation, _ = compiled(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/m.stl, unit: {unit}}}]}}\n", [])
+def test_implausible_unit_is_a_warning(here: Path, unit: str, words: str | None) -> None:
+    compilation, _ = compile_and_build(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/m.stl, unit: {unit}}}]}}\n", [])
     said = [one for one in compilation.report.diagnostics if one.code is Code.SIZE]
     assert [words in one.message for one in said] == ([True] if words is not None else [])
     assert all("unit: m" in (one.help or "") for one in said)
-    compilation, _ = compiled(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/mm.stl, unit: m}}]}}\n", [])
+    compilation, _ = compile_and_build(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/mm.stl, unit: m}}]}}\n", [])
     assert any(one.code is Code.SIZE and "over 10 m long" in one.message for one in compilation.report.diagnostics)
 
 
-def test_hidden_texts_of_a_library_are_not_read(here: Path) -> None:
-    """An OBJ may name colours beside it, and nothing else."""
+def test_material_library_outside_the_folder_is_not_read(here: Path) -> None:
+    """An OBJ file may refer only to a material library in its own folder."""
     outside = here.parent / "secret.mtl"
     outside.write_text("newmtl red\nKd 1 0 0\n")
     text = (here / "meshes" / "colours.obj").read_text().replace("mtllib colours.mtl", f"mtllib ../../{outside.name}")
     (here / "meshes" / "sly.obj").write_text(text)
-    compilation, _ = compiled(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/sly.obj, unit: m}}]}}\n", [])
+    compilation, _ = compile_and_build(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/sly.obj, unit: m}}]}}\n", [])
     assert compilation.assembly is not None
     assert {surface.color for surface in compilation.assembly.occurrences[0].drawn} == {None}

@@ -1,4 +1,4 @@
-"""A robot without CAD, in four documents: what it weighs is written."""
+"""A robot without CAD, in four documents: all masses are given explicitly."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ DOCUMENTS = {"robot.yaml": ROBOT, "finger.yaml": FINGER, "palm.yaml": PALM, "mat
 
 
 def write(folder: Path) -> Path:
-    """Write them; the path of the robot's."""
+    """Write the documents and return the path of the robot document."""
     for name, text in DOCUMENTS.items():
         (folder / name).write_text(textwrap.dedent(text))
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')

@@ -1,4 +1,4 @@
-"""`Compiled.show()`: the page in a frame of a notebook."""
+"""`Compiled.show()` embeds the page in a notebook."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import thingc
 from live.documents import write
 
 
-def test_the_page_in_a_frame(tmp_path: Path, shared_store: str) -> None:
+def test_show_embeds_the_page_in_an_iframe(tmp_path: Path, shared_store: str) -> None:
     write(tmp_path)
     robot = thingc.compile(str(tmp_path / "robot.yaml"), store=shared_store)
     frame = robot.show(height=321)._repr_html_()

@@ -1,4 +1,4 @@
-"""Rounds of a document that is being worked on: each gives what a build by itself gives, and each save is seen, however an editor saves."""
+"""Rebuild rounds of an edited document: each gives the result of a separate build, and every save is noticed, however an editor saves."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from msgspec.structs import replace
 from live.documents import DOCUMENTS, FINGER, ROBOT, write
 from thingc.driver import build_document
 from thingc.driver.build_document import BuildRequest
-from thingc.driver.environment import Options, attempted
+from thingc.driver.environment import Options, with_environment
 from thingc.geometry.build_reasons import BuildReason
 from thingc.geometry.client import Workers
 from thingc.tools.cli.console import of_exception
@@ -30,7 +30,7 @@ PATIENCE = 300.0
 
 
 class Working:
-    """A document that somebody works on, and the rounds that come of it."""
+    """A document that is being edited, and its rebuild rounds."""
 
     def __init__(self, folder: Path, store: str, wish: Callable[[], BuildRequest] = lambda: WISH) -> None:
         self.folder = folder
@@ -41,7 +41,7 @@ class Working:
         self._rounds = self.live.rounds(self.stop)
 
     def round(self) -> Rebuild:
-        """The next one; it fails where none comes."""
+        """Return the next round; fail if there is none."""
         timer = threading.Timer(PATIENCE, self.stop.set)
         timer.start()
         try:
@@ -50,12 +50,12 @@ class Working:
             timer.cancel()
 
     def save(self, name: str, text: str) -> Rebuild:
-        """What comes of a save."""
+        """Save a file and return the resulting round."""
         (self.folder / name).write_text(text)
         return self.round()
 
     def silent(self) -> bool:
-        """Whether nothing comes of what was done last."""
+        """Return whether the last action caused no round."""
         timer = threading.Timer(0.5, self.stop.set)
         timer.start()
         made = next(self._rounds, None)
@@ -63,18 +63,18 @@ class Working:
         return made is None
 
     def digests(self) -> dict[str, str]:
-        """What the manifest lists."""
+        """Return the files and digests in the manifest."""
         found: dict[str, str] = json.loads((self.folder / "build/robot/manifest.json").read_text())["files"]
         return found
 
     def alone(self) -> build_document.BuildResult:
-        """What a build by itself says and writes."""
-        return attempted(self.document, self.options, partial(build_document.build, wish=WISH))
+        """Return the result of a separate build."""
+        return with_environment(self.document, self.options, partial(build_document.build, wish=WISH))
 
 
 @pytest.fixture
 def without_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing of `DOCUMENTS` is modelled: the kernel need not be ready for what may come."""
+    """Prevent the preparation of a worker: no document in `DOCUMENTS` needs the kernel."""
     monkeypatch.setattr(Workers, "warm", lambda _: None)
 
 
@@ -86,8 +86,8 @@ def working(tmp_path: Path, shared_store: str, without_kernel: None) -> Iterator
         yield made
 
 
-def test_a_round_is_a_build(working: Working) -> None:
-    """Edits of every kind, one upon the other; lines that move with nothing else changed are where origins go stale."""
+def test_round_equals_a_build(working: Working) -> None:
+    """Edits of every kind, one after the other. Edits that only move lines would reveal stale source locations."""
     texts = dict(DOCUMENTS)
     edits: list[tuple[str, str, str]] = [
         ("robot.yaml", r"upper: [\d.]+ deg", "upper: {n} deg"),  # a number
@@ -123,7 +123,7 @@ def test_a_round_is_a_build(working: Working) -> None:
     assert len(found) > 3, "errors and warnings are among them"
 
 
-def test_a_failing_save_keeps_the_last_good_build(working: Working) -> None:
+def test_failing_save_keeps_the_last_good_build(working: Working) -> None:
     before = working.digests()
     wrong = working.save("robot.yaml", ROBOT.replace("yaw_0: 30 deg", "yaw_0: 300 deg"))
     assert (wrong.good, wrong.kept, wrong.changed) == (False, True, ())
@@ -134,8 +134,8 @@ def test_a_failing_save_keeps_the_last_good_build(working: Working) -> None:
     assert {path for path, digest in working.digests().items() if before[path] != digest} == set(right.changed)
 
 
-def test_what_was_saved_and_says_nothing_new(working: Working) -> None:
-    """The same bytes again are no save; other bytes that mean the same change no file."""
+def test_save_without_a_change_of_meaning(working: Working) -> None:
+    """Saving the same bytes causes no round. Different bytes with the same meaning change no file."""
     os.utime(working.document)
     commented = working.save("robot.yaml", f"# words\n{ROBOT}")
     assert (commented.good, commented.changed, commented.number) == (True, (), 2)
@@ -143,7 +143,7 @@ def test_what_was_saved_and_says_nothing_new(working: Working) -> None:
     assert working.silent()
 
 
-def test_editors_that_save_by_renaming_and_in_pieces(working: Working) -> None:
+def test_saves_by_rename_and_in_pieces(working: Working) -> None:
     aside = working.folder / ".robot.yaml.swp"
     aside.write_text(ROBOT.replace("120 deg", "121 deg"))
     aside.replace(working.document)
@@ -174,14 +174,14 @@ def test_editors_that_save_by_renaming_and_in_pieces(working: Working) -> None:
     assert {os.path.basename(path) for path in working.round().saved} == set(DOCUMENTS)
 
 
-def test_a_document_that_is_deleted_and_comes_back(working: Working) -> None:
+def test_deleted_document_that_is_restored(working: Working) -> None:
     os.unlink(working.document)
     gone = working.round()
     assert [d.code.code for d in gone.diagnostics] == ["TC101"] and gone.kept
     assert working.save("robot.yaml", ROBOT).recovered
 
 
-def test_a_pipe_in_the_place_of_a_document_is_not_waited_for(working: Working) -> None:
+def test_pipe_instead_of_a_document_does_not_block(working: Working) -> None:
     os.unlink(working.document)
     os.mkfifo(working.document)
     piped = working.round()
@@ -190,7 +190,7 @@ def test_a_pipe_in_the_place_of_a_document_is_not_waited_for(working: Working) -
     assert working.save("robot.yaml", ROBOT).recovered
 
 
-def test_files_that_are_named_and_not_there_yet(working: Working) -> None:
+def test_missing_referenced_files_are_watched(working: Working) -> None:
     missing = working.save("robot.yaml", ROBOT.replace("finger.yaml", "other/thumb.yaml"))
     assert [d.code.title for d in missing.diagnostics] == ["a missing file"]
     (working.folder / "other").mkdir()
@@ -200,8 +200,8 @@ def test_files_that_are_named_and_not_there_yet(working: Working) -> None:
     assert not working.round().good
 
 
-def test_the_workspace_is_watched(tmp_path: Path, shared_store: str, without_kernel: None) -> None:
-    """Its own file: what it says counts at once, and a fault in it can be mended. So does one that appears."""
+def test_workspace_file_is_watched(tmp_path: Path, shared_store: str, without_kernel: None) -> None:
+    """Its settings take effect at once, an error in it can be fixed, and a new workspace file is noticed."""
     from thingc.documents.workspace import Workspace
 
     def wish() -> BuildRequest:
@@ -224,7 +224,7 @@ def test_the_workspace_is_watched(tmp_path: Path, shared_store: str, without_ker
         assert working.save("thingc.toml", head).good
 
 
-def test_what_refuses_to_be_written_is_said_and_the_next_save_tries_again(working: Working) -> None:
+def test_failed_write_is_reported_and_retried(working: Working) -> None:
     strange = working.folder / "build/robot/notes.txt"
     strange.write_text("mine")
     refused = working.save("robot.yaml", f"# 1\n{ROBOT}")
@@ -233,7 +233,7 @@ def test_what_refuses_to_be_written_is_said_and_the_next_save_tries_again(workin
     assert working.save("robot.yaml", f"# 2\n{ROBOT}").recovered
 
 
-def test_an_exception_ends_one_round_and_not_the_watch(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exception_ends_one_round_only(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("a defect")
 
@@ -246,8 +246,8 @@ def test_an_exception_ends_one_round_and_not_the_watch(working: Working, monkeyp
     assert working.save("robot.yaml", f"# 2\n{ROBOT}").recovered
 
 
-def test_a_save_while_a_round_is_under_way_is_not_lost(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And what was read of both is not written."""
+def test_save_during_a_round_is_not_lost(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A result that mixes both versions is not written."""
     build, texts = build_document.build, iter([ROBOT.replace("120 deg", "124 deg")])
 
     def slow(*arguments: object) -> build_document.BuildResult:
@@ -262,7 +262,7 @@ def test_a_save_while_a_round_is_under_way_is_not_lost(working: Working, monkeyp
     assert working.silent()
 
 
-def test_what_was_modelled_for_a_round_that_was_given_up_is_told_by_the_next(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_modelled_parts_of_an_abandoned_round_are_reported(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
     build, texts = build_document.build, iter([ROBOT.replace("120 deg", "124 deg")])
     modelled = BuildReason(text="things:Weight", reused=False, reason="first time")
 
@@ -279,7 +279,8 @@ def test_what_was_modelled_for_a_round_that_was_given_up_is_told_by_the_next(wor
     assert working.save("robot.yaml", ROBOT).modelled == {}
 
 
-def test_one_file_is_looked_at_at_once_and_several_when_they_are_quiet(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_single_file_is_processed_without_delay(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Several files are processed once no more saves arrive."""
     part, document, empty = working.folder / "things.py", working.document, working.folder / "empty.py"
     part.write_text("pass")
     empty.write_text("")
@@ -289,8 +290,8 @@ def test_one_file_is_looked_at_at_once_and_several_when_they_are_quiet(working: 
     ]
 
 
-def test_parts_are_begun_at_once_and_one_that_never_ends_is_given_up_when_it_is_mended(tmp_path: Path) -> None:
-    """It is modelled while its class is described; the next save is not kept waiting for it, as long as two minutes are."""
+def test_parts_start_early_and_hanging_parts_are_abandoned(tmp_path: Path) -> None:
+    """The part is modelled while its class is described. The next save does not wait for its timeout of two minutes."""
     part = "\n".join([
         "from build123d import Box", "from thingc import Thing", "", "class Weight(Thing):", "    def __init__(self) -> None:",
         "        super().__init__()", "", "    def result(self):", "        return Box(10, 10, 10)", "",

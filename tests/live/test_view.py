@@ -1,4 +1,4 @@
-"""`thingc view`: what the server gives and refuses, news of saves as a browser reads them, and the page in a real browser."""
+"""`thingc view`: requests that the server answers or refuses, events after saves, and the page in a real browser."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WRONG = ROBOT.replace("yaw_0: 30 deg", "yaw_0: 300 deg")
 
 
 class News:
-    """Server-Sent Events, read as they come."""
+    """A client for Server-Sent Events."""
 
     def __init__(self, address: str) -> None:
         url = urlsplit(address)
@@ -41,7 +41,7 @@ class News:
         assert self._answer.headers["Content-Type"] == "text/event-stream"
 
     def next(self) -> dict[str, Any]:
-        """The next ones."""
+        """Return the next event."""
         while True:
             line = self._answer.readline().decode()
             assert line, "the server has gone"
@@ -54,7 +54,7 @@ class News:
 
 
 def asked(address: str, path: str | None = None, method: str = "GET", host: str | None = None) -> tuple[int, dict[str, str], bytes]:
-    """Status, headers and content of one request; `path` as it is, dots and all."""
+    """Return status, headers and content of one request; `path` is sent unchanged, including dots."""
     url = urlsplit(address)
     connection = http.client.HTTPConnection(url.hostname or "", url.port, timeout=20.0)
     connection.putrequest(method, url.path if path is None else path, skip_host=True)
@@ -67,7 +67,7 @@ def asked(address: str, path: str | None = None, method: str = "GET", host: str 
 
 
 class Viewing:
-    """A process that shows a document."""
+    """A `thingc view` process that shows a document."""
 
     def __init__(self, document: Path, store: str, *words: str, cache: Path | None = None) -> None:
         self.document, self.printed = document, document.parent / "printed.txt"
@@ -103,7 +103,7 @@ def server() -> Iterator[Server]:
         yield made
 
 
-def test_a_robot_file_of_another_format_is_shown_and_followed(tmp_path: Path, shared_store: str) -> None:
+def test_urdf_file_is_shown_and_followed(tmp_path: Path, shared_store: str) -> None:
     file = tmp_path / "robot.urdf"
     text = (Path(__file__).parents[1] / "importing/robots/constructs.urdf").read_text()
     file.write_text(text)
@@ -126,7 +126,7 @@ def test_a_robot_file_of_another_format_is_shown_and_followed(tmp_path: Path, sh
         seen.end()
 
 
-def test_what_there_is(server: Server) -> None:
+def test_served_pages_and_headers(server: Server) -> None:
     assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{20,}/", server.address)
     status, headers, page = asked(server.address)
     assert (status, headers["Content-Type"]) == (200, "text/html; charset=utf-8") and b"<title>&lt;b&gt;</title>" in page
@@ -139,7 +139,7 @@ def test_what_there_is(server: Server) -> None:
     assert (status, headers["Content-Length"], nothing) == (200, "50", b"")
 
 
-def test_what_is_refused(server: Server) -> None:
+def test_refused_requests(server: Server) -> None:
     token = urlsplit(server.address).path
     for path in ("/", "/robot.json", "/x/robot.json", f"{token[:-2]}/robot.json", f"{token}../../../../etc/passwd", f"{token}%2e%2e/x",
                  f"{token}/etc/passwd", f"{token}thingc.toml", "//etc/passwd", f"{token}robot.json/", "", f"/é{token}"):
@@ -158,8 +158,8 @@ def test_what_is_refused(server: Server) -> None:
                 socket.create_connection((address, server.port), timeout=2.0)
 
 
-def test_connections_that_ask_for_nothing_are_in_nobodys_way(server: Server) -> None:
-    """One that has asked for news stays, also where many wait that have come after it, some in the middle of a request."""
+def test_idle_connections_do_not_block_others(server: Server) -> None:
+    """An event stream stays open, even if many later connections are idle, some in the middle of a request."""
     news = News(server.address)
     began, threads = news.next(), threading.active_count()
     with ExitStack() as open_ones:
@@ -175,7 +175,7 @@ def test_connections_that_ask_for_nothing_are_in_nobodys_way(server: Server) -> 
     news.close()
 
 
-def test_news_reach_who_listens_and_who_comes_late(server: Server) -> None:
+def test_events_reach_current_and_late_listeners(server: Server) -> None:
     first = News(server.address)
     began = first.next()
     assert re.fullmatch(r"[0-9a-f]{8}", str(began["run"]))
@@ -193,7 +193,7 @@ def test_news_reach_who_listens_and_who_comes_late(server: Server) -> None:
     assert asked(f"{server.address}against.json")[2] == b'{"robot": {"name": "other"}, "geometry": ""}'
 
 
-def test_nobody_hears_of_the_other_robot_first() -> None:
+def test_other_robot_is_not_announced_first() -> None:
     with Server() as server:
         server.tell_against(Page(name="other", data='{"name": "other"}', glb=b""))
         listening = News(server.address)
@@ -202,8 +202,8 @@ def test_nobody_hears_of_the_other_robot_first() -> None:
         assert (told["build"], told["against"]) == (0, 1)
 
 
-def test_a_document_has_its_address_again(tmp_path: Path) -> None:
-    """For who knows the key: not of another document, or on another port, or with another key, or without any."""
+def test_address_of_a_document_is_stable(tmp_path: Path) -> None:
+    """This requires the same document, port and key; any other combination, or no key, gives another address."""
     def address(document: str, key: bytes | None, port: int = 0) -> tuple[int, str]:
         with Server(port, document=str(tmp_path / document), key=key) as server:
             return server.port, urlsplit(server.address).path
@@ -215,8 +215,9 @@ def test_a_document_has_its_address_again(tmp_path: Path) -> None:
     assert len({word, *(other for _, other in others)}) == 6
 
 
-def test_a_save_is_shown(tmp_path: Path, shared_store: str) -> None:
-    """With its findings, whose files are paths in the workspace, and nothing of it on disk, against itself as it was; Ctrl-C ends it."""
+def test_save_updates_the_page(tmp_path: Path, shared_store: str) -> None:
+    """With its diagnostics, whose files are relative to the workspace, without writing a build, and compared with the document's earlier
+    state. Ctrl-C ends it."""
     with viewing(tmp_path, shared_store, "--against", "robot.yaml") as shown:
         news = News(shown.address)
         assert news.next()["build"] == 1
@@ -241,8 +242,9 @@ def test_a_save_is_shown(tmp_path: Path, shared_store: str) -> None:
         assert shown.process.wait(20.0) == 0 and "Traceback" not in shown.printed.read_text()
 
 
-def test_saves_of_the_other_document_are_followed(tmp_path: Path, shared_store: str) -> None:
-    """With its findings beside those of the first one, which nothing happens to; an address is the same after a start on the same port."""
+def test_saves_of_the_compared_document_are_followed(tmp_path: Path, shared_store: str) -> None:
+    """Its diagnostics are shown with those of the first document, which is unchanged. The address is the same after a restart on the
+    same port."""
     other = tmp_path / "other.yaml"
     other.write_text(ROBOT)
     with viewing(tmp_path, shared_store, "--against", "other.yaml") as shown:
@@ -274,7 +276,7 @@ def test_saves_of_the_other_document_are_followed(tmp_path: Path, shared_store: 
         assert again.address != shown.address
 
 
-def test_builds_and_wrong_command_lines(
+def test_builds_and_invalid_command_lines(
     tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     def run(*words: str) -> tuple[int, str]:
@@ -312,9 +314,9 @@ def test_builds_and_wrong_command_lines(
 
 
 @needed
-def test_in_a_browser(tmp_path: Path, shared_store: str) -> None:
-    """Begun with a document that is wrong; then saves come into the page, which stays in its mode and looks from where it looked. When
-    there is nobody any more it says so; then it has the robot of the next server, and the one that is seen through it."""
+def test_page_updates_in_a_browser(tmp_path: Path, shared_store: str) -> None:
+    """It starts with an invalid document. Later saves update the page, which keeps its mode and camera. When the server ends, the page
+    reports it; then it shows the robot of the next server, and the compared robot."""
     with chromium() as browser, viewing(tmp_path, shared_store, text=WRONG) as shown:
         context = browser.new_context(color_scheme="dark")
         page = context.new_page()

@@ -1,4 +1,4 @@
-"""`thingc watch` as a person runs it: what it says of saves, and how it ends."""
+"""`thingc watch` as a process: its output after saves, and how it ends."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ components:
 
 
 class Watching:
-    """A process that watches, and what it has printed."""
+    """A `thingc watch` process and its output."""
 
     def __init__(self, document: Path, store: str, *words: str) -> None:
         self.folder, self.printed = document.parent, document.parent.with_suffix(".txt")
@@ -59,7 +59,7 @@ class Watching:
         return self.printed.read_text()
 
     def says(self, word: str) -> str:
-        """The line with a word in it, waited for."""
+        """Wait for a line that contains a word, and return it."""
         assert wait_until(lambda: word in self.text() or self.process.poll() is not None, 300.0), self.text()
         return next((line for line in self.text().splitlines() if word in line), "")
 
@@ -72,8 +72,8 @@ def watching(tmp_path: Path, shared_store: str) -> Iterator[Watching]:
     found.process.wait()
 
 
-def test_lines(watching: Watching) -> None:
-    """A build, a save, one that fails, one that mends it, one that means the same; then Ctrl-C."""
+def test_output_lines(watching: Watching) -> None:
+    """A build, a save, a save with an error, its fix, and a save without a change of meaning; then Ctrl-C."""
     assert watching.text() == "Built build/robot: 7 files; 0 parts modelled, 0 reused\nwatching; press Ctrl-C to stop\n"
     robot = watching.folder / "robot.yaml"
     robot.write_text(ROBOT.replace("120 deg", "125 deg"))
@@ -114,8 +114,8 @@ entry()
 """
 
 
-def test_an_interrupt_where_python_drops_what_is_raised(tmp_path: Path, shared_store: str) -> None:
-    """Of every module that is imported a weak reference dies, and what is raised there would only be printed."""
+def test_interrupt_where_python_ignores_exceptions(tmp_path: Path, shared_store: str) -> None:
+    """Weak references to imported modules have callbacks, and an exception raised in a callback would only be printed."""
     write(tmp_path)
     done = subprocess.run(
         [sys.executable, "-P", "-c", INTERRUPTED], cwd=tmp_path, capture_output=True, text=True, timeout=60.0,
@@ -130,7 +130,7 @@ def test_an_interrupt_where_python_drops_what_is_raised(tmp_path: Path, shared_s
     (["robot.yaml", "-p", "weight=2"], "weight"),
     (["robot.yaml", "--emit", "stl3"], "there is no target `stl3`"),
 ])
-def test_a_wrong_command_line_is_not_watched(tmp_path: Path, shared_store: str, words: list[str], said: str) -> None:
+def test_invalid_command_line_does_not_start_watching(tmp_path: Path, shared_store: str, words: list[str], said: str) -> None:
     write(tmp_path)
     done = subprocess.run(
         [sys.executable, "-P", "-m", "thingc", "watch", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60.0,
@@ -140,7 +140,7 @@ def test_a_wrong_command_line_is_not_watched(tmp_path: Path, shared_store: str, 
     assert "Ctrl-C" not in done.stderr, "it says that it watches, and has ended"
 
 
-def test_a_line_of_json_for_each_round(tmp_path: Path, shared_store: str) -> None:
+def test_json_output_has_one_line_per_round(tmp_path: Path, shared_store: str) -> None:
     document = write(tmp_path)
     with subprocess.Popen(
         [sys.executable, "-P", "-m", "thingc", "watch", "robot.yaml", "--emit", "bom", "--format", "json"], cwd=tmp_path, text=True,
@@ -166,7 +166,7 @@ def test_a_line_of_json_for_each_round(tmp_path: Path, shared_store: str) -> Non
     assert 0.0 < right["seconds"] < 60.0
 
 
-def test_a_wrong_command_line_in_json(tmp_path: Path) -> None:
+def test_invalid_command_line_in_json(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-P", "-m", "thingc", "watch", "none.yaml", "--format", "json"], cwd=tmp_path, capture_output=True, text=True,
         timeout=60.0,
@@ -175,7 +175,7 @@ def test_a_wrong_command_line_in_json(tmp_path: Path) -> None:
     assert json.loads(done.stdout)["diagnostics"][0]["message"] == "there is no document `none.yaml`"
 
 
-def test_it_begins_with_a_document_that_is_wrong(tmp_path: Path, shared_store: str) -> None:
+def test_watch_starts_with_an_invalid_document(tmp_path: Path, shared_store: str) -> None:
     document = write(tmp_path)
     document.write_text(ROBOT.replace("poses:", "poses: ["))
     watching = Watching(document, shared_store, "--emit", "bom")
@@ -190,8 +190,9 @@ def test_it_begins_with_a_document_that_is_wrong(tmp_path: Path, shared_store: s
         watching.process.kill()
 
 
-def test_parts_and_what_they_read(tmp_path: Path, shared_store: str) -> None:
-    """The kernel is loaded once; what a part reads is watched; nobody is left behind by a kill. A warning that is allowed stays so."""
+def test_part_files_and_their_inputs_are_watched(tmp_path: Path, shared_store: str) -> None:
+    """The kernel is loaded once, files that a part reads are watched, and no process remains after a kill. An allowed warning stays
+    suppressed."""
     (tmp_path / "parts").mkdir()
     blocks, height, rig = tmp_path / "parts/blocks.py", tmp_path / "parts/height.txt", tmp_path / "rig.yaml"
     blocks.write_text(textwrap.dedent(BLOCKS))

@@ -1,4 +1,4 @@
-"""Files named `*.thingc.yaml`: documents wherever documents are searched for, with or without the key `thingc`."""
+"""Files named `*.thingc.yaml` are documents in every search, with or without the key `thingc`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROBOT = "thingc: assembly/1\nname: crate\nmaterials: [wood.thingc.yaml]\ncompone
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A workspace with two documents, a file without the key, and YAML files that are no documents."""
+    """Return a workspace with two documents, a file without the key, and YAML files that are not documents."""
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "crate.thingc.yaml").write_text(ROBOT)
     (tmp_path / "wood.thingc.yaml").write_text(MATERIALS)
@@ -46,11 +46,11 @@ def workspace(folder: Path) -> Workspace:
     ("a/b.yaml", "a/b"), ("a/b.thingc.yaml", "a/b"), ("a/b.thingc.toml", "a/b"), ("a/b.py", "a/b"), ("a.thingc/b", "a.thingc/b"),
     ("thingc.yaml", "thingc"), ("b.c.yaml", "b.c"),
 ])
-def test_the_name_without_its_extension(path: str, stem: str) -> None:
+def test_name_without_document_suffix(path: str, stem: str) -> None:
     assert without_suffix(path) == stem
 
 
-def test_they_are_found(folder: Path) -> None:
+def test_document_files_are_found(folder: Path) -> None:
     names = ["crate.thingc.yaml", "empty.thingc.yml", "wood.thingc.yaml"]
     assert [Path(path).name for path in documents_in(str(folder), workspace(folder))] == names
     assert [Path(path).name for path in assemblies_in(str(folder), workspace(folder))] == ["crate.thingc.yaml"]
@@ -58,7 +58,7 @@ def test_they_are_found(folder: Path) -> None:
     assert not is_document(str(folder / "missing.thingc.yaml"))
 
 
-def test_commands_use_them(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_accept_document_files(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "crate.thingc.yaml", "wood.thingc.yaml"]) == 0
     assert main(["info"]) == 0  # the only robot
     assert capsys.readouterr().out.count("crate: 12") == 1
@@ -71,14 +71,14 @@ def test_commands_use_them(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert "write `thingc new rover`, which" in capsys.readouterr().err
 
 
-def test_a_missing_key_is_an_error(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of a folder, and of a file that pre-commit passes."""
+def test_missing_thingc_key_is_an_error(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In a folder, and in a file passed by pre-commit."""
     for words in (["."], ["--touched", "--", "empty.thingc.yml", "other.yaml"]):
         assert main(["check", *words]) == 1
         assert re.findall(r"error\[(TC\d+)\].*\n *--> ([\w.]+):", capsys.readouterr().out) == [("TC111", "empty.thingc.yml")]
 
 
-def test_documents_of_packages(folder: Path) -> None:
+def test_packaged_document_files_are_found(folder: Path) -> None:
     package = folder / "parts" / "shelf"
     package.mkdir(parents=True)
     (package / "__init__.py").write_text("")
@@ -89,7 +89,7 @@ def test_documents_of_packages(folder: Path) -> None:
     assert packaged_documents(workspace(folder))["shelf.wood"] == path
 
 
-def test_hooks_get_them() -> None:
+def test_hooks_match_document_files() -> None:
     hooks = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text())
     patterns = [hook["files"] for hook in hooks if "files" in hook]
     assert len(patterns) == 3
@@ -100,11 +100,11 @@ def test_hooks_get_them() -> None:
 
 @pytest.fixture(scope="module")
 def schemas() -> dict[str, dict[str, object]]:
-    """The files of the folder `schemas/`."""
+    """Return the files of the folder `schemas/`."""
     return {path.name: json.loads(path.read_text(encoding="utf-8")) for path in (ROOT / "schemas").glob("*.json")}
 
 
-def test_each_schema_has_the_address_of_its_file(schemas: dict[str, dict[str, object]]) -> None:
+def test_each_schema_has_the_url_of_its_file(schemas: dict[str, dict[str, object]]) -> None:
     base = "https://raw.githubusercontent.com/thingc/thingc/main/schemas/"
     catalog = schemas["catalog.json"]
     named = {name: schema for name, schema in schemas.items() if schema is not catalog}
@@ -119,7 +119,7 @@ def test_each_schema_has_the_address_of_its_file(schemas: dict[str, dict[str, ob
     ("robots/a.thingc.yaml", "document-1.json"), ("a.thingc.yml", "document-1.json"), ("a.thingc.toml", "document-1.json"),
     ("thingc.toml", "workspace-1.json"), ("a.yaml", None), ("thingc.yaml", None),
 ])
-def test_the_catalogue_selects_a_schema_by_the_name_of_a_file(name: str, schema: str | None, schemas: dict[str, dict[str, object]]) -> None:
+def test_catalogue_selects_a_schema_by_file_name(name: str, schema: str | None, schemas: dict[str, dict[str, object]]) -> None:
     entries = schemas["catalog.json"]["schemas"]
     found = [one["url"] for one in entries if any(fnmatch(Path(name).name, match) for match in one["fileMatch"])]  # type: ignore[attr-defined]
     assert [url.rpartition("/")[2] for url in found] == ([] if schema is None else [schema])
@@ -130,7 +130,7 @@ def test_the_catalogue_selects_a_schema_by_the_name_of_a_file(name: str, schema:
     (ROBOT.replace("components", "componets"), False), (MATERIALS.replace("density", "densty"), False), ("name: crate\n", False),
     (ROBOT.replace("assembly/1", "materials/1"), False), ("thingc: workspace/1\n", False),
 ])
-def test_the_schema_of_all_documents_selects_the_kind(text: str, right: bool, schemas: dict[str, dict[str, object]]) -> None:
+def test_combined_schema_selects_the_document_kind(text: str, right: bool, schemas: dict[str, dict[str, object]]) -> None:
     registry = Registry().with_resources((schema["$id"], Resource.from_contents(schema)) for schema in schemas.values() if "$id" in schema)
     validator = jsonschema.Draft202012Validator(schemas["document-1.json"], registry=registry)
     assert validator.is_valid(yaml.safe_load(text)) == right

@@ -1,4 +1,4 @@
-"""`load`: what documents name is followed, found, kept inside the workspace and read once."""
+"""`load`: referenced documents are followed, found, restricted to the workspace and read once."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ def test_documents_are_followed_and_read_once(tmp_path: Path) -> None:
     root = documents.root
     assert root.path == str(tmp_path / "robots/a.yaml")
     assert root.sha256 == hashlib.sha256((tmp_path / "robots/a.yaml").read_bytes()).hexdigest()
-    nested = documents.named(root, "sub/b.toml")
+    nested = documents.find_referenced(root, "sub/b.toml")
     assert nested is documents.by_path["robots/sub/b.toml"]
-    assert documents.named(nested, "../c.yml") is documents.by_path["robots/c.yml"]
-    assert documents.named(root, "nowhere.yaml") is None
+    assert documents.find_referenced(nested, "../c.yml") is documents.by_path["robots/c.yml"]
+    assert documents.find_referenced(root, "nowhere.yaml") is None
 
 
-def test_paths_are_relative_to_the_document_that_names_them(tmp_path: Path) -> None:
+def test_paths_are_relative_to_the_referring_document(tmp_path: Path) -> None:
     documents, report = read(tmp_path, {
         "a.yaml": HEAD + "components: {s: {assembly: sub/b.yaml}}\n",
         "sub/b.yaml": HEAD + "components: {s: {assembly: c.yaml}}\n",
@@ -101,7 +101,7 @@ def test_paths_are_relative_to_the_document_that_names_them(tmp_path: Path) -> N
     ("materials: [other.yaml]", Code.WRONG_KIND, "expected a materials document, found `other.yaml` of kind `assembly`", None,
      (3, 13)),
 ])
-def test_what_is_said_of_paths(
+def test_invalid_paths_are_reported(
     tmp_path: Path, line: str, code: Code, message: str, help: str | None, place: tuple[int, int],
 ) -> None:
     outside, inside = tmp_path / "outside", tmp_path / "inside"
@@ -121,17 +121,17 @@ def test_what_is_said_of_paths(
         assert found[0][2] == help
 
 
-def test_a_link_inside_the_workspace_is_one_document(tmp_path: Path) -> None:
+def test_link_inside_the_workspace_is_one_document(tmp_path: Path) -> None:
     write(tmp_path, {"b.yaml": HEAD + "components: {p: {part: a:B}}\n"})
     (tmp_path / "l.yaml").symlink_to(tmp_path / "b.yaml")
     documents, report = read(tmp_path, {"a.yaml": HEAD + "components: {x: {assembly: l.yaml}, y: {assembly: b.yaml}}\n"})
     assert not report.diagnostics
     assert documents is not None
     assert list(documents.by_path) == ["a.yaml", "b.yaml"]
-    assert documents.named(documents.root, "l.yaml") is documents.named(documents.root, "b.yaml")
+    assert documents.find_referenced(documents.root, "l.yaml") is documents.find_referenced(documents.root, "b.yaml")
 
 
-def test_a_cycle_is_the_whole_chain_with_every_hop(tmp_path: Path) -> None:
+def test_cycle_is_reported_with_every_step(tmp_path: Path) -> None:
     documents, report = read(tmp_path, {
         "a.yaml": HEAD + "components:\n  x: {assembly: b.yaml}\n",
         "b.yaml": HEAD + "components:\n  part: {part: a:B}\n  y: {assembly: c.yaml}\n",
@@ -150,14 +150,14 @@ def test_a_cycle_is_the_whole_chain_with_every_hop(tmp_path: Path) -> None:
     assert list(documents.by_path) == ["a.yaml", "b.yaml", "c.yaml"]
 
 
-def test_a_document_that_nests_itself(tmp_path: Path) -> None:
+def test_document_that_contains_itself(tmp_path: Path) -> None:
     documents, report = read(tmp_path, {"a.yaml": HEAD + "components: {x: {assembly: a.yaml}}\n"})
     assert [entry[1] for entry in said(report)] == ["`a.yaml` contains itself: a.yaml -> a.yaml"]
     assert documents is not None
     assert documents.broken == {"a.yaml"}
 
 
-def test_a_chain_that_is_too_long(tmp_path: Path) -> None:
+def test_nesting_depth_is_limited(tmp_path: Path) -> None:
     files = {f"d{n}.yaml": HEAD + f"components: {{x: {{assembly: d{n + 1}.yaml}}}}\n" for n in range(110)}
     _, report = read(tmp_path, files, "d0.yaml")
     assert [entry[:2] for entry in said(report)] == [(Code.TOO_LARGE, "more than 100 levels of nested assemblies")]
@@ -191,13 +191,13 @@ def test_a_chain_that_is_too_long(tmp_path: Path) -> None:
      "this is a variants document, but a single assembly is required here",
      "use `thingc batch` to build all variants, or build the assembly with -p 'NAME=VALUE' for a single variant", (1, 9)),
 ])
-def test_heads(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
+def test_invalid_headers(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
     documents, report = read(tmp_path, {"a.yaml": text})
     assert documents is None
     assert said(report) == [(code, message, help, ("a.yaml", *place))]
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+def test_unreadable_files_are_reported(tmp_path: Path) -> None:
     workspace = Workspace.find(str(tmp_path / "a.yaml"), Report())
     assert workspace is not None
     for name, code, message in (
@@ -209,7 +209,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         assert said(report) == [(code, message, None, None)]
 
 
-def test_other_kinds_on_demand(tmp_path: Path) -> None:
+def test_other_document_kinds_are_loaded_on_request(tmp_path: Path) -> None:
     write(tmp_path, {"m.yaml": "thingc: materials/1\nmaterials: {}\n"})
     report = Report()
     workspace = Workspace.find(str(tmp_path / "m.yaml"), report)
@@ -219,7 +219,7 @@ def test_other_kinds_on_demand(tmp_path: Path) -> None:
     assert documents.root.kind == "materials"
 
 
-def test_all_faults_of_all_documents_in_one_run(tmp_path: Path) -> None:
+def test_errors_of_all_documents_are_reported_in_one_run(tmp_path: Path) -> None:
     _, report = read(tmp_path, {
         "a.yaml": HEAD + "materials: [m.yaml, n.yaml]\ncomponents: {x: {assembly: b.yaml}, y: {assembly: c.yaml}}\n",
         "b.yaml": HEAD + "name: y\n", "c.yaml": "a:\n\tb\n", "m.yaml": "thingc: materials/3\n",
@@ -230,8 +230,8 @@ def test_all_faults_of_all_documents_in_one_run(tmp_path: Path) -> None:
     ]
 
 
-def test_which_files_are_documents(tmp_path: Path) -> None:
-    """By the key `thingc` of the whole file: a script of that name in a table of pyproject.toml is none."""
+def test_documents_are_recognized_by_their_key(tmp_path: Path) -> None:
+    """The key `thingc` must be at the top level: a script of that name in a table of pyproject.toml does not count."""
     write(tmp_path, {
         "a.toml": '# first\nthingc = "assembly/1"\n[components]\n', "b.yaml": "# first\n\nthingc: assembly/one\n",
         "pyproject.toml": '[project]\nname = "robots"\n[project.scripts]\nthingc = "thingc.__main__:entry"\n',
@@ -240,8 +240,8 @@ def test_which_files_are_documents(tmp_path: Path) -> None:
     assert [Path(path).name for path in documents_in(str(tmp_path))] == ["a.toml", "b.yaml"]
 
 
-def test_the_search_is_bounded_without_a_workspace_file(tmp_path: Path) -> None:
-    """A loose document may be in a home folder: its editor must not wait for a search of everything below."""
+def test_search_without_workspace_file_is_limited(tmp_path: Path) -> None:
+    """A single document may be in a home folder: its editor must not wait for a search of everything below."""
     for number in range(MOST_FOLDERS + 20):
         (tmp_path / f"d{number:03}" / "inner").mkdir(parents=True)
         (tmp_path / f"d{number:03}" / "a.yaml").write_text("thingc: assembly/1\n")
@@ -253,7 +253,7 @@ def test_the_search_is_bounded_without_a_workspace_file(tmp_path: Path) -> None:
     assert len(documents_in(str(tmp_path), whole)) == 2 * (MOST_FOLDERS + 20)
 
 
-def test_few_files_are_read_without_a_workspace_file(tmp_path: Path) -> None:
+def test_number_of_files_without_workspace_file_is_limited(tmp_path: Path) -> None:
     for number in range(MOST_FILES + 10):
         (tmp_path / f"{number:04}.yaml").write_text("thingc: assembly/1\n")
     loose = Workspace.find(str(tmp_path / "robot.yaml"), Report())

@@ -1,4 +1,4 @@
-"""What is no plain file is not waited for."""
+"""Pipes and devices are rejected without blocking."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thingc.driver.up_to_date import state_of
 from thingc.geometry.key.file_states import state_of as state_of_read
 
 
-def test_nobody_waits_for_a_pipe(tmp_path: Path) -> None:
+def test_pipe_is_rejected_without_blocking(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     with pytest.raises(NotARegularFile, match="It is not a regular file"):
@@ -21,14 +21,14 @@ def test_nobody_waits_for_a_pipe(tmp_path: Path) -> None:
     assert state_of_read(str(pipe)) == "absent"
 
 
-def test_a_device_without_end_is_no_file(tmp_path: Path) -> None:
+def test_infinite_device_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "zero").symlink_to("/dev/zero")
     with pytest.raises(NotARegularFile):
         beginning(str(tmp_path / "zero"), 1)
     assert state_of_read(str(tmp_path / "zero")) == "absent"
 
 
-def test_the_beginning_of_a_file(tmp_path: Path) -> None:
+def test_beginning_of_a_file(tmp_path: Path) -> None:
     (tmp_path / "words").write_bytes(b"abcdef")
     assert beginning(str(tmp_path / "words"), 4) == b"abcd"
     with pytest.raises(IsADirectoryError):

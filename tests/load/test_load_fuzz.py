@@ -1,4 +1,4 @@
-"""Whatever bytes a file holds: `load` and `validate` never raise, and what they refuse they report with a place in it."""
+"""Fuzzing of `load` and `validate`: for any bytes they never raise, and all errors have a position in the file."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def run(data: bytes, suffix: str = ".yaml") -> Report:
                     assert 1 <= span.line <= len(lines), d
                     assert 1 <= span.column <= len(lines[span.line - 1]) + 2, (d, lines[span.line - 1])
                     assert (span.end_line, span.end_column) >= (span.line, span.column)
-        as_text(report.ordered())
-        as_json(report.ordered())
+        as_text(report.sorted_diagnostics())
+        as_json(report.sorted_diagnostics())
         return report
 
 
@@ -82,19 +82,19 @@ _pieces = st.sampled_from([
 
 @settings(max_examples=120)
 @given(st.integers(0, len(GOOD) - 1), st.integers(0, 12), st.lists(_pieces, max_size=3).map("".join))
-def test_mutations_of_a_good_document(at: int, cut: int, put: str) -> None:
+def test_mutations_of_a_valid_document(at: int, cut: int, put: str) -> None:
     run((GOOD[:at] + put + GOOD[at + cut :]).encode())
 
 
 @settings(max_examples=80)
 @given(st.lists(_pieces, max_size=25).map("".join))
-def test_mixtures(text: str) -> None:
+def test_random_mixtures_of_yaml_tokens(text: str) -> None:
     run(("thingc: assembly/1\n" + text).encode())
 
 
 @settings(max_examples=60)
 @given(st.binary(max_size=60))
-def test_bytes(data: bytes) -> None:
+def test_random_bytes(data: bytes) -> None:
     run(data)
     run(b"thingc: assembly/1\n" + data)
     run(b'thingc = "assembly/1"\n' + data, ".toml")
@@ -102,7 +102,7 @@ def test_bytes(data: bytes) -> None:
 
 @settings(max_examples=60)
 @given(st.integers(0, GOOD.count("\n") - 1), st.integers(0, GOOD.count("\n") - 1))
-def test_lines_in_other_places(first: int, second: int) -> None:
+def test_swapped_lines(first: int, second: int) -> None:
     lines = GOOD.split("\n")
     lines[first], lines[second] = lines[second], lines[first]
     run("\n".join(lines).encode())

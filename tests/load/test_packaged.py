@@ -1,4 +1,5 @@
-"""Documents of packages: `materials: [thingc_stock.materials]` is found without importing anything, and named alike on every machine."""
+"""Documents of packages: `materials: [thingc_stock.materials]` is found without importing anything, and has the same name on every
+machine."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ ASSEMBLY = HEAD + "materials: [{}]\ncomponents: {{t: {{frame: true, mass: 1 g}}}
 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of installed packages with `nuts`, in an environment that lies inside of the workspace, as a `.venv` does."""
+    """Return a folder of installed packages with `nuts`, in an environment inside the workspace, like a `.venv`."""
     site = tmp_path / ".venv" / "lib" / "site-packages"
     write(site, {
         "nuts/__init__.py": TRAP, "nuts/metals.yaml": NUTS, "nuts/inner/__init__.py": TRAP, "nuts/inner/soft.toml":
@@ -37,16 +38,16 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(("text", "file"), [("nuts.metals", "nuts/metals.yaml"), ("nuts.inner.soft", "nuts/inner/soft.toml")])
-def test_a_document_of_an_installed_package(tmp_path: Path, installed: Path, text: str, file: str) -> None:
+def test_document_of_an_installed_package_is_found(tmp_path: Path, installed: Path, text: str, file: str) -> None:
     documents, report = read(tmp_path, {"thingc.toml": SETTINGS, "a.yaml": ASSEMBLY.format(text)})
     assert documents is not None and not report.diagnostics
     assert list(documents.by_path) == ["a.yaml", text]
-    found = documents.named(documents.root, text)
+    found = documents.find_referenced(documents.root, text)
     assert found is not None and found.path == str(installed / file)
     assert str(installed / file) in documents.files
 
 
-def test_a_part_folder_goes_before_a_package(tmp_path: Path, installed: Path) -> None:
+def test_part_folder_takes_precedence_over_packages(tmp_path: Path, installed: Path) -> None:
     documents, report = read(tmp_path, {
         "thingc.toml": SETTINGS, "parts/nuts/__init__.py": TRAP, "parts/nuts/metals.yml": NUTS, "a.yaml": ASSEMBLY.format("nuts.metals"),
     })
@@ -67,22 +68,22 @@ def test_a_part_folder_goes_before_a_package(tmp_path: Path, installed: Path) ->
     ("metals.txt", Code.FILE_TYPE, "expected a materials document (.yaml, .yml, .toml), found `metals.txt`", None),
     ("nuts.robot", Code.WRONG_KIND, "expected a materials document, found `nuts.robot` of kind `assembly`", None),
 ])
-def test_what_is_said_of_names_of_packages(
+def test_invalid_package_names_are_reported(
     tmp_path: Path, installed: Path, text: str, code: Code, message: str, help: str | None,
 ) -> None:
     _, report = read(tmp_path, {"thingc.toml": SETTINGS, "a.yaml": ASSEMBLY.format(text)})
     assert said(report) == [(code, message, help, ("a.yaml", 3, 13))]
 
 
-def test_what_is_offered(tmp_path: Path, installed: Path) -> None:
+def test_packaged_documents_are_listed(tmp_path: Path, installed: Path) -> None:
     write(tmp_path, {"thingc.toml": SETTINGS, "parts/own/plates.yaml": NUTS, "parts/own/robot.yaml": ASSEMBLY.format("own.plates")})
     workspace = Workspace.find(str(tmp_path / "a.yaml"), Report())
     assert workspace is not None
     assert list(packaged_documents(workspace)) == ["nuts.metals", "own.plates", "thingc_stock.materials"]
 
 
-def test_the_stock_is_sound() -> None:
-    """Every material has what a part needs that is made of this material; densities are those of another library, where that has them."""
+def test_stock_materials_are_complete() -> None:
+    """Every material has all properties that a part needs. Densities are compared with another library, if it has the material."""
     path = Path(__file__).resolve().parents[2] / "parts/thingc_stock/materials.yaml"
     materials = yaml.safe_load(path.read_text())["materials"]
     compared = 0
@@ -95,8 +96,8 @@ def test_the_stock_is_sound() -> None:
     assert len(materials) > 35 and compared > 15
 
 
-def test_commands_in_a_workspace_of_its_own(tmp_path: Path, shared_store: str) -> None:
-    """`check`, with code and without, a build's manifest and `touched` know of it; a build does nothing twice."""
+def test_commands_support_packaged_documents(tmp_path: Path, shared_store: str) -> None:
+    """`check` with and without code, the manifest of a build, and up-to-date checks include them."""
     write(tmp_path, {
         "a.yaml": HEAD + "materials: [thingc_stock.materials]\ncomponents: {s: {part: 'plates:Plate', material: brass}}\n",
         "parts/plates.py": "from build123d import Box\n\nfrom thingc import Thing\n\n\nclass Plate(Thing):\n"

@@ -1,4 +1,4 @@
-"""TOML to trees: tomllib is the oracle of values, tomlkit's text and hand counting of places."""
+"""TOML trees: the oracle for values is tomllib; source positions are checked against the text."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def read(text: str) -> tuple[MappingNode | None, Report]:
     return read_toml(Source("/x.toml", text), report), report
 
 
-def test_values_are_those_of_tomllib() -> None:
+def test_values_match_tomllib() -> None:
     node, report = read(ARM)
     assert not report.diagnostics
     assert node is not None
@@ -76,7 +76,7 @@ def test_values_are_those_of_tomllib() -> None:
     (("steps", 1, "a"), False, "2"), (("steps", 1, "list", 0), False, "1"), (("steps", 1, "list", 1, "x", 1), False, "3"),
     (("a", "b", "c", "hex"), False, "0xff"), (("a", "b", "c"), True, "c"), (("a",), True, "a"),
 ])
-def test_places(path: tuple[str | int, ...], key: bool, written: str) -> None:
+def test_source_positions(path: tuple[str | int, ...], key: bool, written: str) -> None:
     node, _ = read(ARM)
     assert node is not None
     span = span_at(node, path, key=key)
@@ -96,7 +96,7 @@ def test_tables_span_their_statements() -> None:
     assert (text.line, text.end_line) == (29, 31)
 
 
-def test_carriage_returns_and_a_byte_order_mark_change_no_place() -> None:
+def test_line_endings_and_bom_do_not_change_positions() -> None:
     report = Report()
     source = decode("/x.toml", b"\xef\xbb\xbf" + ARM.replace("\n", "\r\n").encode(), report)
     assert source is not None
@@ -122,7 +122,7 @@ _values = st.recursive(_leaves, lambda inner: st.one_of(st.lists(inner, max_size
 
 @settings(max_examples=75)
 @given(st.dictionaries(_keys, _values, max_size=4))
-def test_what_tomlkit_writes_is_read_back(value: dict[str, Any]) -> None:
+def test_tomlkit_output_is_read_back(value: dict[str, Any]) -> None:
     text = tomlkit.dumps(value)
     node, report = read(text)
     assert not report.diagnostics, text
@@ -169,7 +169,7 @@ def test_what_tomlkit_writes_is_read_back(value: dict[str, Any]) -> None:
      "add `}`, or `,` between the entries; an inline table must be on one line", (1, 11, 1, 11)),
     ("a = 1 b = 2\n", Code.SYNTAX, "expected the end of the line", "write one `key = value` per line", (1, 7, 1, 8)),
 ])
-def test_what_is_said(text: str, code: Code, message: str, help: str | None, place: tuple[int, int, int, int]) -> None:
+def test_toml_errors_are_reported(text: str, code: Code, message: str, help: str | None, place: tuple[int, int, int, int]) -> None:
     _, report = read(text)
     assert len(report.diagnostics) == 1, [d.message for d in report.diagnostics]
     found = report.diagnostics[0]
@@ -178,7 +178,7 @@ def test_what_is_said(text: str, code: Code, message: str, help: str | None, pla
     assert (found.code, found.message, found.help, where) == (code, message, help, place)
 
 
-def test_bounds() -> None:
+def test_nesting_depth_is_limited() -> None:
     for text in ("a = " + "[" * 101 + "]" * 101, "a = " + "[" * 100_000, ".".join(["a"] * 120) + " = 1", "a = " + "{a=" * 5000):
         node, report = read(text + "\n")
         assert node is None
@@ -189,7 +189,7 @@ def test_bounds() -> None:
     assert isinstance(node.entries["a"], SequenceNode)
 
 
-def test_no_more_faults_than_anybody_reads() -> None:
+def test_number_of_errors_is_limited() -> None:
     _, report = read("".join(f"a{n} = 2026-11-20\n" for n in range(500)))
     assert [d.code for d in report.diagnostics] == [Code.DATE] * 200
     _, report = read("a = 1\n" * 500)
@@ -197,13 +197,13 @@ def test_no_more_faults_than_anybody_reads() -> None:
 
 
 @given(st.text(max_size=60))
-def test_any_text_is_a_tree_or_one_error(text: str) -> None:
+def test_any_text_gives_a_tree_or_an_error(text: str) -> None:
     _same_verdict(text)
 
 
 @settings(max_examples=75)
 @given(st.integers(0, len(ARM) - 1), st.integers(0, 6), st.text(max_size=4))
-def test_any_mutation_is_a_tree_or_an_error(at: int, cut: int, put: str) -> None:
+def test_any_mutation_gives_a_tree_or_an_error(at: int, cut: int, put: str) -> None:
     _same_verdict(ARM[:at] + put + ARM[at + cut :])
 
 

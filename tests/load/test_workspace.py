@@ -1,4 +1,4 @@
-"""Finding and reading the workspace of a document."""
+"""Finding and parsing the workspace of a document."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.package_info import PackageInfo
-from thingc.documents.workspace import Tessellation, Workspace, _explained, _parse_workspace
+from thingc.documents.workspace import Tessellation, Workspace, _parse_workspace, _validate_located
 
 
 def find(document: Path) -> tuple[Workspace | None, Report]:
@@ -23,7 +23,7 @@ def find(document: Path) -> tuple[Workspace | None, Report]:
     return Workspace.find(str(document), report), report
 
 
-def test_without_a_file_it_is_the_documents_own_folder(tmp_path: Path) -> None:
+def test_default_workspace_is_the_document_folder(tmp_path: Path) -> None:
     workspace, report = find(tmp_path / "a.yaml")
     assert not report.diagnostics
     assert workspace is not None
@@ -38,7 +38,7 @@ def test_without_a_file_it_is_the_documents_own_folder(tmp_path: Path) -> None:
     assert again.parts == (str(tmp_path / "parts"),)
 
 
-def test_the_nearest_file_above_counts(tmp_path: Path) -> None:
+def test_nearest_workspace_file_is_used(tmp_path: Path) -> None:
     for folder in ("p/q/deep", "p/q/models", "p/parts"):
         (tmp_path / folder).mkdir(parents=True)
     (tmp_path / "p/thingc.toml").write_text('thingc = "workspace/1"\n')
@@ -63,7 +63,7 @@ def test_the_nearest_file_above_counts(tmp_path: Path) -> None:
     assert inner.simulation == Tessellation(linear=inner.mesh.linear, angular=math.radians(30))  # never finer unless it is written
 
 
-def test_the_mesh_of_simulators_is_written_below_mesh(tmp_path: Path) -> None:
+def test_simulation_mesh_settings(tmp_path: Path) -> None:
     (tmp_path / "thingc.toml").write_text(HEAD + 'mesh = {linear = "20 um", simulation = {angular = "0.5 rad"}}\n')
     workspace, report = find(tmp_path / "a.yaml")
     assert not report.diagnostics
@@ -72,7 +72,7 @@ def test_the_mesh_of_simulators_is_written_below_mesh(tmp_path: Path) -> None:
     assert workspace.simulation == Tessellation(linear=1e-4, angular=0.5)
 
 
-def test_who_maintains_the_packages_is_written_below_about(tmp_path: Path) -> None:
+def test_package_maintainer_settings(tmp_path: Path) -> None:
     unsaid, _ = find(tmp_path / "a.yaml")
     assert unsaid is not None
     assert unsaid.about == PackageInfo(maintainer="TODO", mail="todo@todo.todo", license="TODO: License declaration", version="0.0.0")
@@ -83,7 +83,7 @@ def test_who_maintains_the_packages_is_written_below_about(tmp_path: Path) -> No
     assert workspace.about == PackageInfo(maintainer="Ada L.", mail="ada@example.org", license="MIT", version="1.2.3")
 
 
-def test_a_project_without_our_table_is_none_of_ours(tmp_path: Path) -> None:
+def test_pyproject_without_our_table_is_ignored(tmp_path: Path) -> None:
     (tmp_path / "sub").mkdir()
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     for text in ("[project]\n", "broken = = toml\n", "# thingc\n[tool.other]\n", "broken = = thingc\n"):
@@ -94,7 +94,7 @@ def test_a_project_without_our_table_is_none_of_ours(tmp_path: Path) -> None:
         assert workspace.root == str(tmp_path)
 
 
-def test_inputs_are_everything_that_was_looked_at(tmp_path: Path) -> None:
+def test_inputs_contain_all_examined_files(tmp_path: Path) -> None:
     (tmp_path / "p/q").mkdir(parents=True)
     text = b'thingc = "workspace/1"\n'
     (tmp_path / "p/thingc.toml").write_bytes(text)
@@ -127,7 +127,7 @@ def test_relative_and_contains_resolve_links(tmp_path: Path) -> None:
 HEAD = 'thingc = "workspace/1"\n'
 
 
-def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(tmp_path: Path) -> None:
+def test_default_part_folder_must_not_link_outside(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "in").mkdir()
     (tmp_path / "in/parts").symlink_to(tmp_path / "out")
@@ -173,7 +173,7 @@ def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(
     (HEAD + 'mesh = {simulation = {linear = "0 mm"}}\n', Code.BAD_QUANTITY, "expected a value above 0, found `0 mm`", None, (2, 32)),
     (HEAD + "a b\n", Code.SYNTAX, "expected `=` after the key", "write `key = value`", (2, 3)),
 ])
-def test_what_is_said(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
+def test_invalid_settings(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
     (tmp_path / "parts").mkdir()
     (tmp_path / "thingc.toml").write_text(text)
     workspace, report = find(tmp_path / "a.yaml")
@@ -183,7 +183,7 @@ def test_what_is_said(tmp_path: Path, text: str, code: Code, message: str, help:
     ]
 
 
-def test_faults_of_a_table_of_pyproject_have_their_place(tmp_path: Path) -> None:
+def test_errors_in_pyproject_have_their_position(tmp_path: Path) -> None:
     (tmp_path / "pyproject.toml").write_text('[project]\n\n[tool.thingc]\nthingc = "workspace/1"\nbild = "x"\n')
     workspace, report = find(tmp_path / "a.yaml")
     assert workspace is None
@@ -213,11 +213,11 @@ _uris = st.sampled_from(["relative", "package", "absolute", "packages", 3, []])
         optional={"linear": st.sampled_from(["1 mm", "1 deg"]), "angular": st.sampled_from(["5 deg", "0 deg"]),
             "x": st.just("1"), "simulation": st.sampled_from([{}, {"linear": "1 mm"}, {"angular": "0 rad"}, {"y": "1"}, "1 mm"])}),
 )
-def test_the_plain_reading_is_the_models_reading(
+def test_fast_parser_and_model_agree(
     tmp_path_factory: pytest.TempPathFactory, parts: object, build: object, timeout: object, mesh_uri: object,
     about: object, compat: object, mesh: object,
 ) -> None:
-    """The quick path and the document model accept the same files and read the same from them."""
+    """The fast parser and the document model accept the same files and read the same values."""
     import tomlkit
 
     table = {"parts": parts, "build": build, "part_timeout": timeout, "mesh_uri": mesh_uri, "about": about}
@@ -228,14 +228,14 @@ def test_the_plain_reading_is_the_models_reading(
     path = str(folder / "thingc.toml")
     quick, exact = Report(), Report()
     first = _parse_workspace(path, text.encode(), str(folder), {}, quick)
-    second = _explained(path, text.encode(), str(folder), (), {}, exact)
+    second = _validate_located(path, text.encode(), str(folder), (), {}, exact)
     assert (first is None) == (second is None), text
     assert quick.diagnostics == exact.diagnostics
     if first is not None and second is not None:
         assert replace(first, origin=second.origin) == second
 
 
-def test_reading_a_good_file_needs_neither_models_nor_positions(tmp_path: Path) -> None:
+def test_valid_file_is_read_without_heavy_imports(tmp_path: Path) -> None:
     (tmp_path / "thingc.toml").write_text(HEAD + 'part_timeout = "60 s"\n')
     program = (
         "import sys; from thingc.documents.workspace import Workspace; from thingc.base.diagnostics import Report; "

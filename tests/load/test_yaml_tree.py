@@ -1,4 +1,4 @@
-"""YAML to trees: ruamel.yaml (YAML 1.2) is the oracle of values and of places."""
+"""YAML trees: the oracle for values and positions is ruamel.yaml (YAML 1.2)."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def read(text: str) -> tuple[Node | None, Report]:
 
 
 def plain(value: Any) -> Any:
-    """ruamel's values without their decorations."""
+    """Return ruamel's values as plain Python objects."""
     if isinstance(value, dict):
         return {plain(key): plain(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -170,7 +170,7 @@ def by_ruamel(text: str) -> Any:
 
 
 @pytest.mark.parametrize("name", texts())
-def test_values_are_those_of_ruamel(name: str) -> None:
+def test_values_match_ruamel(name: str) -> None:
     text = texts()[name]
     node, report = read(text)
     assert not report.diagnostics
@@ -184,7 +184,7 @@ def test_values_are_those_of_ruamel(name: str) -> None:
 
 
 def places(value: Any, node: Node, path: str = "") -> list[tuple[str, tuple[int, int], tuple[int, int]]]:
-    """(path, place by ruamel, place by us) of every key and every value."""
+    """Return (path, ruamel's position, our position) of every key and every value."""
     found = []
     if isinstance(value, dict) and isinstance(node, MappingNode):
         for key, item in value.items():
@@ -207,7 +207,7 @@ def places(value: Any, node: Node, path: str = "") -> list[tuple[str, tuple[int,
 
 
 @pytest.mark.parametrize("name", [name for name in texts() if name not in ("anchors", "scalar")])
-def test_places_are_those_of_ruamel(name: str) -> None:
+def test_positions_match_ruamel(name: str) -> None:
     text = texts()[name]
     node, _ = read(text)
     assert node is not None
@@ -217,7 +217,7 @@ def test_places_are_those_of_ruamel(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", texts())
-def test_a_plain_scalar_spans_its_text(name: str) -> None:
+def test_scalar_span_covers_its_text(name: str) -> None:
     text = texts()[name]
     lines = text.split("\n")
     node, _ = read(text)
@@ -234,7 +234,7 @@ def test_a_plain_scalar_spans_its_text(name: str) -> None:
     assert checked or name in ("scalar", "flow")
 
 
-def test_block_collections_end_where_their_last_value_ends() -> None:
+def test_block_collection_ends_at_its_last_value() -> None:
     node, _ = read("a:\n  b: 1\n  c:\n  - x\n  - y   # words\n\n# more\nd: 2\n")
     assert isinstance(node, MappingNode)
     outer = node.entries["a"].span
@@ -243,7 +243,7 @@ def test_block_collections_end_where_their_last_value_ends() -> None:
     assert (inner.line, inner.column, inner.end_line) == (4, 3, 5)
 
 
-def test_carriage_returns_and_a_byte_order_mark_change_no_place() -> None:
+def test_line_endings_and_bom_do_not_change_positions() -> None:
     text = texts()["nesting"]
     unix, _ = read(text)
     report = Report()
@@ -258,7 +258,7 @@ def test_carriage_returns_and_a_byte_order_mark_change_no_place() -> None:
     assert read_yaml(old, report) == unix
 
 
-def test_the_pure_parser_gives_the_same_trees(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pure_python_parser_gives_the_same_trees(monkeypatch: pytest.MonkeyPatch) -> None:
     import yaml
 
     if not yaml.__with_libyaml__:
@@ -291,7 +291,7 @@ _values = st.recursive(
 
 @settings(max_examples=75)
 @given(st.dictionaries(_keys, _values, min_size=1, max_size=4), st.booleans())
-def test_what_ruamel_writes_is_read_back(value: dict[str, Any], flow: bool) -> None:
+def test_ruamel_output_is_read_back(value: dict[str, Any], flow: bool) -> None:
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style = flow
     stream = io.StringIO()
@@ -344,12 +344,12 @@ def only(report: Report) -> tuple[Code, str, str | None, tuple[int, int, int, in
      "the comma ends the expression: quote an expression with a comma inside `{}` and `[]`",
      'write `"=max(a, min(b, c), 1)"`', (1, 10, 1, 31)),
 ])
-def test_what_is_said(text: str, code: Code, message: str, help: str | None, place: tuple[int, int, int, int]) -> None:
+def test_yaml_errors_are_reported(text: str, code: Code, message: str, help: str | None, place: tuple[int, int, int, int]) -> None:
     _, report = read(text)
     assert only(report) == (code, message, help, place)
 
 
-def test_a_second_key_is_shown_with_the_first() -> None:
+def test_duplicate_key_shows_the_first_one() -> None:
     _, report = read("a: 1\nb: 2\na: 3\n")
     note = report.diagnostics[0].notes[0]
     assert note.message == "first defined here"
@@ -365,7 +365,7 @@ def test_a_second_key_is_shown_with_the_first() -> None:
     ("[0, =max(a, min(b, c), 1), 3 mm]\n", [0, "=max(a, min(b, c), 1)", "3 mm"]),
     ("{a: =min(b,\n  c)}\n", {"a": "=min(b, c)"}),
 ])
-def test_what_can_be_mended_is(text: str, value: Any) -> None:
+def test_recoverable_errors_keep_the_rest(text: str, value: Any) -> None:
     node, report = read(text)
     assert report.failed
     assert node is not None
@@ -374,7 +374,7 @@ def test_what_can_be_mended_is(text: str, value: Any) -> None:
 
 @pytest.mark.parametrize("text",
     ['{length: "=min(a, 80 mm)"}\n', "length: =min(a, 80 mm)\n", "{a: =(b), c: =min(d)}\n", "[=a, =b]\n"])
-def test_expressions_that_are_whole(text: str) -> None:
+def test_valid_expressions_in_flow_collections(text: str) -> None:
     assert not read(text)[1].diagnostics
 
 
@@ -420,7 +420,7 @@ def test_expressions_that_are_whole(text: str) -> None:
     ("a: \"\\q\"\n", "an unknown escape in double quotes", "write `\\\\` for a backslash, or use single quotes", (1, 5, 1, 6)),
     ("a: | text\n  b\n", "text after `|` or `>` must start on the next line", "write the text on the next line", (1, 6, 1, 10)),
 ])
-def test_syntax_errors_in_the_words_of_a_person(text: str, message: str | None, help: str | None, place: Any) -> None:
+def test_syntax_errors_have_helpful_messages(text: str, message: str | None, help: str | None, place: Any) -> None:
     node, report = read(text)
     assert node is None
     code, said, hint, where = only(report)
@@ -429,7 +429,7 @@ def test_syntax_errors_in_the_words_of_a_person(text: str, message: str | None, 
         assert (said, hint, where) == (message, help, place)
 
 
-def test_bounds() -> None:
+def test_size_limits() -> None:
     _, report = read("a: " + "[" * 101 + "]" * 101 + "\n")
     assert only(report) == (Code.TOO_LARGE, "the document has more than 100 levels of nesting", None, (1, 103, 1, 104))
     node, report = read("[" * 100 + "]" * 100 + "\n")
@@ -459,7 +459,7 @@ def test_bounds() -> None:
     (b"a: \x00\n", Code.SYNTAX, "a zero byte (U+0000) is not allowed in a document", (1, 4)),
     (b"#" * 10_000_001, Code.TOO_LARGE, "the file has more than 10000000 bytes", (1, 1)),
 ])
-def test_bytes_that_are_no_text(data: bytes, code: Code, message: str, place: tuple[int, int]) -> None:
+def test_invalid_bytes_are_reported(data: bytes, code: Code, message: str, place: tuple[int, int]) -> None:
     report = Report()
     assert decode("/x.yaml", data, report) is None
     found = only(report)

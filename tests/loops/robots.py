@@ -1,8 +1,7 @@
-"""Robots with loops, as documents (frames with masses, so that nothing is modelled), and MuJoCo asked about them.
+"""Robots with loops as documents (frames with masses, so nothing is modelled), and helpers for their MuJoCo models.
 
-`Inchworm` is a chain of six links between two soles; its forward kinematics are written out once more here in numpy, from the
-document's numbers and the formulas of the semantics, so that they are the oracle of everything the compiler says of it.
-"""
+`Inchworm` is a chain of six joints between two soles. Its forward kinematics are written out in numpy from the numbers of the document
+and the formulas of the semantics, as the oracle for the compiler."""
 
 from __future__ import annotations
 
@@ -27,16 +26,16 @@ MATE = np.array([[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]], dty
 
 @dataclass(frozen=True)
 class Built:
-    """What came of a document."""
+    """A compiled document and its artifacts."""
 
     compilation: Compilation
     artifacts: Artifacts | None
 
     @property
     def said(self) -> list[tuple[str, str, str | None, int | None]]:
-        """(code, message, help, line) of every diagnostic."""
+        """Code, message, help and line of every diagnostic."""
         return [
-            (d.code.code, d.message, d.help, d.span.line if d.span else None) for d in self.compilation.report.ordered()
+            (d.code.code, d.message, d.help, d.span.line if d.span else None) for d in self.compilation.report.sorted_diagnostics()
         ]
 
     def robot(self, mode: str) -> Robot:
@@ -69,7 +68,7 @@ class Built:
 
 
 def compiled(folder: Path, documents: dict[str, str] | str) -> Built:
-    """Every pass over the first of the documents."""
+    """Run every pass on the first of the documents."""
     files = {"robot.yaml": documents} if isinstance(documents, str) else documents
     folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
     for name, text in files.items():
@@ -80,7 +79,7 @@ def compiled(folder: Path, documents: dict[str, str] | str) -> Built:
 
 
 def at_key(model: mujoco.MjModel, name: str) -> mujoco.MjData:
-    """The state of a keyframe, everything computed."""
+    """The state of a keyframe after `mj_forward`."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(name).id)
     mujoco.mj_forward(model, data)
@@ -88,13 +87,13 @@ def at_key(model: mujoco.MjModel, name: str) -> mujoco.MjData:
 
 
 def equality_residual(data: mujoco.MjData) -> float:
-    """The largest position or angle that MuJoCo's equalities are off."""
+    """Largest violation [m or rad] of MuJoCo's equalities."""
     rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
     return float(np.abs(data.efc_pos[rows]).max(initial=0.0))
 
 
 def pose_of(thing: Any) -> Array:
-    """A body (its frame) or a site of `MjData` as a matrix."""
+    """Pose of a body or site of `MjData` as a matrix."""
     found = np.eye(4)
     found[:3, :3], found[:3, 3] = thing.xmat.reshape(3, 3), thing.xpos
     return found
@@ -132,7 +131,7 @@ def mated(X_PA: Array, X_CB: Array, q: float) -> Array:
 
 
 def apart(one: Array, other: Array) -> tuple[float, float]:
-    """Distance [m] and angle [rad] between two frames; the angle from the sine, exact near 0."""
+    """Distance [m] and angle [rad] between two frames. The angle is computed from the sine, which is accurate near 0."""
     r = one[:3, :3].T @ other[:3, :3]
     sine = np.linalg.norm([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / 2.0
     return float(np.linalg.norm(one[:3, 3] - other[:3, 3])), float(np.arctan2(sine, (np.trace(r) - 1.0) / 2.0))
@@ -144,14 +143,14 @@ NAMES = ("front", "shin_f", "thigh_f", "body", "thigh_r", "shin_r", "rear")
 JOINTS = ("ankle_f", "knee_f", "hip_f", "hip_r", "knee_r", "ankle_r")
 LENGTHS = (0.03, 0.06, 0.09, 0.12, 0.09, 0.06, 0.03)
 AXES = ("x", "y", "y", "z", "y", "x")
-"""About which axis of the links each joint turns: the mounts that meet there have their z along it."""
+"""Link axis about which each joint turns. The z axes of its mounts are along it."""
 LIMIT = np.radians(110.0)
 HOME = dict(zip(JOINTS, np.radians([5.0, 75.0, -60.0, 20.0, 55.0, -8.0]).tolist()))
-"""An arch: both soles look down."""
+"""An arch in which both soles face down."""
 
 
 def _face(axis: str, *, out: bool) -> tuple[str, Array]:
-    """The roll, pitch, yaw of a mount whose z is along (or, where the child's lies, against) an axis of its link."""
+    """Roll, pitch and yaw of a mount whose z is along an axis of its link, or against it for the child."""
     r, p, y = {
         ("x", True): (0, 90, 0), ("x", False): (0, -90, 0), ("y", True): (-90, 0, 0), ("y", False): (90, 0, 0),
         ("z", True): (0, 0, 0), ("z", False): (180, 0, 0),
@@ -160,7 +159,7 @@ def _face(axis: str, *, out: bool) -> tuple[str, Array]:
 
 
 def inchworm(*, modes: str, poses: str = "", more: str = "", limits: str = "-110 deg, upper: 110 deg") -> str:
-    """The document. Links lie along x; each has `low` at its origin and `high` at its far end, z along the joint's axis."""
+    """The document. Links are along x; each has `low` at its origin and `high` at its far end, with z along the joint axis."""
     lines = ["thingc: assembly/1", "name: worm", "components:"]
     for k, (name, length) in enumerate(zip(NAMES, LENGTHS)):
         mounts = []
@@ -187,7 +186,7 @@ def inchworm(*, modes: str, poses: str = "", more: str = "", limits: str = "-110
 
 
 def worm_links(q: dict[str, float], X_front: Array) -> dict[str, Array]:
-    """Where every link is when `front` is at `X_front`: the chain of matrices."""
+    """Poses of all links with `front` at `X_front`, by a chain of matrices."""
     found = {"front": X_front}
     for k, joint in enumerate(JOINTS):
         A = shift(LENGTHS[k], 0, 0) @ _face(AXES[k], out=True)[1]
@@ -199,9 +198,9 @@ def worm_links(q: dict[str, float], X_front: Array) -> dict[str, Array]:
 FRONT_SOLE = placed((0, 0, 0), (0, -np.pi / 2, 0))
 REAR_SOLE = placed((LENGTHS[-1], 0, 0), (0, np.pi / 2, 0))
 X_FRONT = MATE @ np.linalg.inv(FRONT_SOLE)
-"""The front link in the world, its sole on the world frame."""
+"""Pose of the front link in the world with its sole on the world frame."""
 
 
 def rear_sole(q: dict[str, float]) -> Array:
-    """The rear sole in the world, standing on the front one."""
+    """Pose of the rear sole in the world with the robot standing on the front one."""
     return worm_links(q, X_FRONT)["rear"] @ REAR_SOLE

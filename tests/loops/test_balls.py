@@ -1,4 +1,4 @@
-"""Balls: what turns them, what they are held by, and loops that are cut at one, by formulas and by MuJoCo."""
+"""Ball joints: drives, holds and loops that are cut at a ball, compared with formulas and MuJoCo."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ def hip(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return made
 
 
-def by_rate(mode: Mode, q: dict[str, float], force: Array) -> Array:
-    """Forces of MuJoCo's on the rates of the ball: the torque on the child in its own joint axes."""
+def to_rate_forces(mode: Mode, q: dict[str, float], force: Array) -> Array:
+    """Convert MuJoCo forces to the rates of the ball: the torque on the child in its own joint axes."""
     rates = [mode.qvel(mode.state(q=q, v={name: 1.0})) for name in COORDINATES]
     return np.array(rates) @ force
 
 
-def test_poses_are_rotation_vectors_and_quaternions(hip: Built) -> None:
+def test_ball_poses_accept_rpy_and_quaternions(hip: Built) -> None:
     expected = {
         "home": Rotation.from_euler("xyz", [20, -30, 25], degrees=True), "other": Rotation.from_quat([-0.2, 0.6, 0.4, 2]),
     }
@@ -73,7 +73,8 @@ def test_poses_are_rotation_vectors_and_quaternions(hip: Built) -> None:
 
 
 @pytest.mark.parametrize("name", ["stand", "hand"])
-def test_drives_turn_about_axes_of_the_child(hip: Built, name: str) -> None:
+def test_ball_drives_act_about_child_axes(hip: Built, name: str) -> None:
+    """Torques of motors, position drives and springs equal the formulas, with the joint in both directions."""
     model, mode = hip.model(name), Modes.parse(hip.text("modes.json"))[name]
     assert model.joint("hip").range == pytest.approx([0, math.radians(60)])
     assert [model.joint("hip").damping[k] for k in range(3)] == [0.1] * 3
@@ -86,13 +87,13 @@ def test_drives_turn_about_axes_of_the_child(hip: Built, name: str) -> None:
         data.ctrl[:] = commands
         mujoco.mj_forward(model, data)
         torque = commands[0] * AXES[0] + 3.0 * (commands[1] - AXES[1] @ r) * AXES[1] + commands[2] * AXES[2]
-        assert by_rate(mode, q, data.qfrc_actuator) == pytest.approx(torque, abs=1e-10)
-    assert by_rate(mode, q, data.qfrc_passive) == pytest.approx(-0.5 * r, abs=1e-10)
+        assert to_rate_forces(mode, q, data.qfrc_actuator) == pytest.approx(torque, abs=1e-10)
+    assert to_rate_forces(mode, q, data.qfrc_passive) == pytest.approx(-0.5 * r, abs=1e-10)
 
 
 @pytest.mark.parametrize("mode", ["stand", "hand"])
-def test_a_drive_of_a_ball_that_swings_up_is_told(tmp_path: Path, mode: str) -> None:
-    """Also where the tree crosses it backwards."""
+def test_unstable_ball_drive_is_reported(tmp_path: Path, mode: str) -> None:
+    """Also if the tree traverses the joint backwards."""
     stiff = HIP.replace("kind: position, kp: 3 N*m/rad", "kind: position, kp: 3e5 N*m/rad")
     kept = "\n".join(line for line in stiff.splitlines() if not line.startswith("  ") or ": {root:" not in line or f"  {mode}:" in line)
     ((code, message, help, line),) = compiled(tmp_path, kept).said
@@ -101,7 +102,7 @@ def test_a_drive_of_a_ball_that_swings_up_is_told(tmp_path: Path, mode: str) -> 
     assert help is not None and "use at most" in help
 
 
-def test_dry_friction_of_a_ball_crossed_backwards_is_a_loss(hip: Built) -> None:
+def test_dry_friction_of_a_reversed_ball_is_a_loss(hip: Built) -> None:
     assert hip.losses("stand") == []
     (loss,) = hip.losses("hand")
     assert (loss.path, loss.how) == ("hip", "approximated") and loss.what.startswith("the dry friction")
@@ -112,13 +113,13 @@ def test_static_efforts_balance_gravity_and_the_spring(hip: Built, name: str) ->
     robot, mode = hip.robot(name), Modes.parse(hip.text("modes.json"))[name]
     data = at_key(hip.model(name), "home")
     q = next(frame.q for frame in robot.keyframes if frame.name == "home")
-    needed = by_rate(mode, q, data.qfrc_bias - data.qfrc_passive)
+    needed = to_rate_forces(mode, q, data.qfrc_bias - data.qfrc_passive)
     found = static_efforts(robot, q, body_poses(robot, q))
     assert [found.by_joint[path] for path in COORDINATES] == pytest.approx(np.linalg.solve(AXES.T, needed), abs=1e-9)
     assert found.unheld < 1e-9
 
 
-def test_a_ball_with_one_drive_is_not_held(hip: Built) -> None:
+def test_ball_with_one_drive_cannot_hold_a_pose(hip: Built) -> None:
     robot = hip.robot("weak")
     q = robot.keyframes[0].q
     assert static_efforts(robot, q, body_poses(robot, q)).unheld > 0.1
@@ -154,7 +155,7 @@ def leg(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return made
 
 
-def test_a_leg_is_as_long_as_its_ends_are_apart(leg: Built) -> None:
+def test_ram_length_equals_the_distance_of_its_ends(leg: Built) -> None:
     for name in ("one", "two"):
         mode = leg.modes[name]
         for pose, height in (("low", 0.1), ("high", 0.24)):
@@ -163,7 +164,7 @@ def test_a_leg_is_as_long_as_its_ends_are_apart(leg: Built) -> None:
         assert [cut["name"] for cut in mode["cuts"]] == ["knob"]
 
 
-def test_a_loop_cut_at_a_ball_is_closed_by_a_point(leg: Built) -> None:
+def test_loop_cut_at_a_ball_uses_a_connect_equality(leg: Built) -> None:
     for name in ("one", "two"):
         model = leg.model(name)
         assert model.neq == 1 and model.equality(0).type[0] == mujoco.mjtEq.mjEQ_CONNECT
@@ -174,7 +175,8 @@ def test_a_loop_cut_at_a_ball_is_closed_by_a_point(leg: Built) -> None:
     assert [loss.what for loss in leg.losses("three") if loss.path == "ram" and "loop through" in loss.what]
 
 
-def test_a_ball_that_was_cut_moves_as_its_ends_do(leg: Built) -> None:
+def test_cut_ball_state_follows_its_ends(leg: Built) -> None:
+    """After a switch to a mode with another cut, and back, position and velocity of the ball are recovered."""
     modes = Modes.parse(leg.text("modes.json"))
     one = modes["one"]
     state, _, _ = caught(one, one.state("low", v={"lift": 0.3, "foot_0": 0.2, "foot_1": -0.1}))  # a motion that the loop allows
@@ -186,7 +188,8 @@ def test_a_ball_that_was_cut_moves_as_its_ends_do(leg: Built) -> None:
     assert {path: across.q[path] for path in KNOB} == pytest.approx({path: low[path] for path in KNOB}, abs=1e-9)
 
 
-def test_a_loop_does_not_leave_the_cone_of_its_ball(leg: Built, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_cone_limit_of_a_cut_ball_is_respected(leg: Built, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """A pose that needs a larger angle has no keyframe, and a cone that is too narrow is an error."""
     poses = leg.modes["one"]["poses"]
     low, high = (math.degrees(math.hypot(*(poses[pose][path] for path in KNOB))) for pose in ("low", "high"))
     assert low + 3.0 < high
@@ -199,7 +202,7 @@ def test_a_loop_does_not_leave_the_cone_of_its_ball(leg: Built, tmp_path_factory
     assert [(code, line) for code, _, _, line in narrow.said] == [("TC604", 13)]
 
 
-def test_a_ball_reaches_as_far_as_its_cone_lets_it(tmp_path: Path) -> None:
+def test_farthest_distance_respects_the_cone(tmp_path: Path) -> None:
     made = compiled(tmp_path, f"""
 thingc: assembly/1
 name: stick

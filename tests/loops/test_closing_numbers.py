@@ -1,4 +1,4 @@
-"""The numbers behind closing loops: least squares, rotation vectors, and random robots asked to go where they have been."""
+"""Numerics of closing loops: least squares, rotation vectors, and random robots that must return to a known pose."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ numbers = st.floats(-3.0, 3.0, allow_nan=False)
 
 @settings(max_examples=60)
 @given(st.integers(1, 8), st.integers(1, 8), st.integers(0, 2**32 - 1))
-def test_steps_are_damped_least_squares(n: int, m: int, seed: int) -> None:
-    """Against numpy, on the stacked system [J; sqrt(lambda) I] x = [-e; 0]."""
+def test_steps_match_damped_least_squares(n: int, m: int, seed: int) -> None:
+    """The oracle is numpy on the stacked system [J; sqrt(lambda) I] x = [-e; 0]."""
     source = np.random.default_rng(seed)
     J, e = source.normal(size=(m, n)), source.normal(size=m)
     damping = 1e-3
@@ -36,14 +36,14 @@ def test_steps_are_damped_least_squares(n: int, m: int, seed: int) -> None:
     assert solve(J.T.tolist(), e.tolist(), damping) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_more_coordinates_than_equations_take_the_shortest_step() -> None:
+def test_underdetermined_step_has_minimum_norm() -> None:
     source = np.random.default_rng(3)
     J, e = source.normal(size=(3, 7)), source.normal(size=3)
     assert solve(J.T.tolist(), e.tolist(), 1e-14) == pytest.approx(-np.linalg.pinv(J) @ e, rel=1e-9)
 
 
-def test_equations_that_say_the_same_twice_are_no_trouble() -> None:
-    """A planar loop: six equations of rank 3."""
+def test_redundant_equations_are_solved() -> None:
+    """A planar loop has six equations of rank 3."""
     J = np.zeros((6, 4))
     J[[0, 1, 5]] = np.random.default_rng(4).normal(size=(3, 4))
     e = J @ np.array([0.1, -0.2, 0.3, 0.05])
@@ -54,7 +54,7 @@ def test_equations_that_say_the_same_twice_are_no_trouble() -> None:
 
 @settings(max_examples=200)
 @given(st.tuples(numbers, numbers, numbers))
-def test_rotation_vectors(v: tuple[float, float, float]) -> None:
+def test_rotation_vectors_match_scipy(v: tuple[float, float, float]) -> None:
     r = Rotation.from_rotvec(v)
     rows: Any = tuple(map(tuple, r.as_matrix().tolist()))
     found = rotation_vector(rows)
@@ -64,7 +64,7 @@ def test_rotation_vectors(v: tuple[float, float, float]) -> None:
 
 
 @pytest.mark.parametrize("angle", [1e-300, 1e-12, 1e-6, math.pi - 1e-9, math.pi])
-def test_rotation_vectors_near_nothing_and_near_half_a_turn(angle: float) -> None:
+def test_rotation_vectors_near_zero_and_pi(angle: float) -> None:
     axis = np.array([1.0, -2.0, 2.0]) / 3.0
     found = np.array(rotation_vector(tuple(map(tuple, Rotation.from_rotvec(angle * axis).as_matrix().tolist()))))  # type: ignore[arg-type]
     assert np.linalg.norm(found) == pytest.approx(angle, rel=1e-6, abs=1e-15)
@@ -93,8 +93,8 @@ trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(3, 7), st.just(S
 
 @settings(max_examples=40)
 @given(trees, st.integers(0, 2**32 - 1))
-def test_a_robot_finds_back_to_where_it_was(tree: Tree, seed: int) -> None:
-    """The pose of the last body at q is held; from beside q (0.1 rad, 10 mm) the loop closes again, whatever the tree."""
+def test_loop_closes_from_a_nearby_state(tree: Tree, seed: int) -> None:
+    """The last body is held at its pose at q. Starting near q (0.1 rad, 10 mm), the loop closes again for any tree."""
     source = np.random.default_rng(seed)
     for robot in list(robots(tree.assembly).values())[:3]:
         body = len(robot.bodies) - 1
@@ -113,8 +113,8 @@ def test_a_robot_finds_back_to_where_it_was(tree: Tree, seed: int) -> None:
 
 
 @pytest.mark.parametrize("multiplier", [-0.5, 2.0])
-def test_a_joint_that_follows_keeps_following(multiplier: float) -> None:
-    """Two hinges in a row, of which the second follows the first: the pose of both at known angles is found."""
+def test_mimic_is_kept_when_closing(multiplier: float) -> None:
+    """Two hinges in a row, the second a mimic of the first: the pose at known angles is found."""
     arm = box("p:Arm", mounts={"near": np.eye(4), "far": t(0.2, 0.0, 0.0) @ rx(0.4)})
     model = assembly(
         "row", [component(name, "p:Arm") for name in ("base", "upper", "lower")],
@@ -132,8 +132,8 @@ def test_a_joint_that_follows_keeps_following(multiplier: float) -> None:
     assert solution.state.q == pytest.approx(q, abs=1e-9)
 
 
-def test_a_step_that_limits_undo_is_tried_with_more_damping() -> None:
-    """Two slides at their upper limits, 154 degrees apart. Without limits, both would go beyond them; the best is to move one back."""
+def test_step_blocked_by_limits_is_damped() -> None:
+    """Two slides at their upper limits, 154 degrees apart. Without limits both would exceed them; the best solution moves one back."""
     arm = box("p:Arm", mounts={"near": np.eye(4), "far": rx(0.45)})
     slides = [joint(name, *ends, "prismatic", lower=-0.2, upper=0.0) for name, ends in (
         ("one", ("base.far", "upper.near")), ("other", ("upper.far", "lower.near")),
@@ -154,8 +154,8 @@ def test_a_step_that_limits_undo_is_tried_with_more_damping() -> None:
 
 @settings(max_examples=25)
 @given(trees, st.integers(0, 2**32 - 1))
-def test_residuals_and_their_derivatives(tree: Tree, seed: int) -> None:
-    """Central differences: of the residuals themselves where the loop is closed, of half their squares wherever it is open."""
+def test_residual_derivatives_match_finite_differences(tree: Tree, seed: int) -> None:
+    """Central differences of the residuals if the loop is closed, and of half their squares if it is open."""
     source = np.random.default_rng(seed)
     robot = next(iter(robots(tree.assembly).values()))
     body = len(robot.bodies) - 1
@@ -164,7 +164,7 @@ def test_residuals_and_their_derivatives(tree: Tree, seed: int) -> None:
     start = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
     loops = held(robot, body, as_matrix(body_poses(robot, start)[body]) @ X_LM, X_LM)
     for q, closed in ((start, True), ({path: float(source.uniform(-0.3, 0.3)) for path in start}, False)):
-        error, columns = loops.linearized(state(robot, q))
+        error, columns = loops.linearize(state(robot, q))
         p, w = loops.residuals(state(robot, q))[0]
         assert (np.linalg.norm(error[:3]), np.linalg.norm(error[3:])) == pytest.approx((p, w), abs=1e-12)
         assert len(columns) == len(loops.coordinates)
@@ -172,7 +172,7 @@ def test_residuals_and_their_derivatives(tree: Tree, seed: int) -> None:
             ends = []
             for step in (-1e-6, 1e-6):
                 there = {**q, **{path: q[path] + share * step for path, share in coordinate.moves}}
-                ends.append(np.array(loops.linearized(state(robot, there))[0]))
+                ends.append(np.array(loops.linearize(state(robot, there))[0]))
             if closed:
                 assert (ends[1] - ends[0]) / 2e-6 == pytest.approx(column, abs=1e-6)
             assert (ends[1] @ ends[1] - ends[0] @ ends[0]) / 4e-6 == pytest.approx(np.dot(error, column), abs=1e-6)
@@ -180,8 +180,9 @@ def test_residuals_and_their_derivatives(tree: Tree, seed: int) -> None:
 
 @settings(max_examples=25)
 @given(trees, st.integers(0, 2**32 - 1))
-def test_the_best_that_can_be_done_is_no_worse_than_what_scipy_finds(tree: Tree, seed: int) -> None:
-    """A target half a metre off: the sum of squares that is left, within limits, against `scipy.optimize.least_squares`."""
+def test_unreachable_target_matches_scipy_optimum(tree: Tree, seed: int) -> None:
+    """The target is about half a metre away. The remaining sum of squares, within limits, is compared with
+    `scipy.optimize.least_squares`."""
     source = np.random.default_rng(seed)
     robot = next(iter(robots(tree.assembly).values()))
     body = len(robot.bodies) - 1

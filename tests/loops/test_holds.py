@@ -1,4 +1,4 @@
-"""`hold`: a further mount held to the world, from the document to MuJoCo, against matrices written by hand."""
+"""`hold`: a further mount held to the world, from the document to MuJoCo, compared with written-out matrices."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ from thingc.driver.pipeline import compile
 from thingc.tools.cli import info
 
 EXACT = 1e-9
-"""[m] and [rad]: what the residual of a closure must stay below."""
+"""Upper bound of the residual of a closure [m] and [rad]."""
 
 
 def written(X: Array) -> str:
-    """A pose as a document writes it."""
+    """Format a pose as in a document."""
     x, y, z = X[:3, 3].tolist()
     roll, pitch, yaw = Rotation.from_matrix(X[:3, :3]).as_euler("xyz").tolist()  # lower case: extrinsic
     return f"{{xyz: [{x!r} m, {y!r} m, {z!r} m], rpy: [{roll!r} rad, {pitch!r} rad, {yaw!r} rad]}}"
 
 
 AWAY = shift(0.006, -0.008, 0.0) @ rear_sole(HOME) @ turn("x", np.radians(3.0))
-"""The rear sole 1 cm and 3 deg from where `arched` puts it."""
+"""The rear sole 1 cm and 3 deg from its pose in `arched`."""
 
 MODES = f"""\
   front: {{root: front.sole, base: held, pose: arched}}
@@ -73,13 +73,13 @@ def worm(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return found
 
 
-def test_the_target_is_a_centimetre_and_three_degrees_away() -> None:
+def test_target_is_one_centimetre_and_three_degrees_away() -> None:
     distance, angle = apart(rear_sole(HOME), AWAY)
     assert (distance, np.degrees(angle)) == pytest.approx((0.01, 3.0), abs=1e-12)
 
 
-def test_the_closure_is_solved_at_build_time(worm: Built) -> None:
-    """The chain of matrices at the keyframe's q puts the sole where it is held."""
+def test_closure_is_solved_at_build_time(worm: Built) -> None:
+    """The chain of matrices at q of the keyframe puts the sole at the hold."""
     frame = worm.robot("bridge").keyframes[0]
     assert frame.name == "arched"
     distance, angle = apart(rear_sole(frame.q), AWAY)
@@ -91,7 +91,7 @@ def test_the_closure_is_solved_at_build_time(worm: Built) -> None:
 
 
 @pytest.mark.parametrize("mode", ["bridge", "stay", "hanging"])
-def test_mujoco_finds_the_equality_met_at_every_keyframe(worm: Built, mode: str) -> None:
+def test_equality_is_satisfied_at_every_keyframe(worm: Built, mode: str) -> None:
     model = worm.model(mode)
     assert model.nkey >= 1
     for key in range(model.nkey):
@@ -100,8 +100,8 @@ def test_mujoco_finds_the_equality_met_at_every_keyframe(worm: Built, mode: str)
         assert equality_residual(data) < EXACT
 
 
-def test_what_is_written_out_is_where_mujoco_has_the_link(worm: Built) -> None:
-    """The anchor is at the pose of the link in the world, by MuJoCo's own kinematics; nothing is left to qpos0."""
+def test_weld_anchor_is_at_the_link_pose(worm: Built) -> None:
+    """The anchor body is at the world pose of the link by MuJoCo's kinematics, independent of qpos0."""
     model = worm.model("bridge")
     equality = model.equality("rear/sole:hold")
     assert int(equality.type[0]) == mujoco.mjtEq.mjEQ_WELD
@@ -116,7 +116,7 @@ def test_what_is_written_out_is_where_mujoco_has_the_link(worm: Built) -> None:
     assert pose_of(data.site("rear/sole")) == pytest.approx(AWAY, abs=EXACT)
 
 
-def test_here_is_where_the_modes_own_pose_puts_it(worm: Built) -> None:
+def test_here_means_the_pose_of_the_mode(worm: Built) -> None:
     frames = {frame.name: frame for frame in worm.robot("stay").keyframes}
     assert frames["arched"].q == HOME and frames["arched"].moved == {}
     assert np.array(worm.modes["stay"]["holds"]["rear/sole"]["X_WM"]) == pytest.approx(rear_sole(HOME), abs=1e-14)
@@ -125,7 +125,7 @@ def test_here_is_where_the_modes_own_pose_puts_it(worm: Built) -> None:
         assert distance < EXACT and angle < EXACT
 
 
-def test_poses_that_do_not_close_are_losses_and_no_keyframes(worm: Built) -> None:
+def test_unclosed_poses_are_losses_without_keyframes(worm: Built) -> None:
     for mode in ("bridge", "stay"):
         robot = worm.robot(mode)
         closed, lost = {frame.name for frame in robot.keyframes}, {one.name for one in robot.unclosed}
@@ -140,7 +140,8 @@ def test_poses_that_do_not_close_are_losses_and_no_keyframes(worm: Built) -> Non
 
 
 @pytest.mark.parametrize("mode", ["pinned", "reached", "dangling"])
-def test_a_point_is_held_at_every_keyframe_and_the_link_may_turn(worm: Built, mode: str) -> None:
+def test_force_only_hold_fixes_a_point(worm: Built, mode: str) -> None:
+    """With `carries: force` the equality has three rows, and the point is at its place in every keyframe."""
     model, robot = worm.model(mode), worm.robot(mode)
     assert robot.keyframes[0].name == "arched" and (mode == "pinned" or len(robot.keyframes) > 1)
     for frame in robot.keyframes:
@@ -152,17 +153,16 @@ def test_a_point_is_held_at_every_keyframe_and_the_link_may_turn(worm: Built, mo
     assert place == pytest.approx(expected, abs=1e-12)
 
 
-def test_the_pinned_sole_turns_where_the_clamped_one_cannot(worm: Built) -> None:
-    """Held at one place, clamped (`bridge`) and by its point (`reached`): the clamp leaves no way to `lifted`, the point does, with
-    the sole askew."""
+def test_force_only_hold_allows_more_poses_than_a_clamp(worm: Built) -> None:
+    """At the same place, the clamp (`bridge`) cannot reach `lifted`, but the point hold (`reached`) can, with a tilted sole."""
     assert "lifted" in {one.name for one in worm.robot("bridge").unclosed}
     soles = {frame.name: rear_sole(frame.q) for frame in worm.robot("reached").keyframes}
     distance, angle = apart(soles["lifted"], AWAY)
     assert distance < EXACT and np.degrees(angle) > 5.0
 
 
-def test_a_joint_goes_on_turning_at_a_pinned_sole(worm: Built) -> None:
-    """Spun about its sole, with gravity compensated, the link turns and the point stays."""
+def test_link_rotates_about_a_force_only_hold(worm: Built) -> None:
+    """With gravity compensated, a link that spins about its sole keeps rotating, and the point stays."""
     model = worm.model("dangling")
     data = at_key(model, "arched")
     start = np.array(data.site("front/sole").xpos)
@@ -179,7 +179,7 @@ def test_a_joint_goes_on_turning_at_a_pinned_sole(worm: Built) -> None:
     assert np.linalg.norm(data.body("front").cvel[:3]) > 0.1
 
 
-def test_modes_json_and_info_say_what_a_hold_carries(worm: Built) -> None:
+def test_hold_type_is_in_modes_json_and_info(worm: Built) -> None:
     carries = {mode: next(iter(worm.modes[mode]["holds"].values()))["carries"] for mode in ("stay", "pinned", "dangling")}
     assert carries == {"stay": "force and torque", "pinned": "force", "dangling": "force"}
     assembly = worm.compilation.assembly
@@ -188,7 +188,7 @@ def test_modes_json_and_info_say_what_a_hold_carries(worm: Built) -> None:
     assert "\n  rear is held at rear/sole, free to rotate\n" in text.partition("mode pinned:")[2].partition("\nmode ")[0]
 
 
-def test_values_that_had_to_move_are_a_loss(worm: Built) -> None:
+def test_changed_pose_values_are_a_loss(worm: Built) -> None:
     (loss,) = [loss for loss in worm.losses("bridge") if loss.path == "arched"]
     q = worm.robot("bridge").keyframes[0].q
     joint = max(JOINTS, key=lambda one: abs(q[one] - HOME[one]))
@@ -198,8 +198,8 @@ def test_values_that_had_to_move_are_a_loss(worm: Built) -> None:
     assert [loss.path for loss in worm.losses("front")] == []
 
 
-def test_joints_that_the_pose_names_stay_if_the_others_suffice(tmp_path: Path) -> None:
-    """Held where `home` with another ankle puts it: the pose names all but the ankle, so the ankle goes there alone."""
+def test_named_joints_are_kept_if_others_suffice(tmp_path: Path) -> None:
+    """The target is the pose with another ankle angle. The pose names all joints except the ankle, so only the ankle moves."""
     named = {joint: q for joint, q in HOME.items() if joint != "ankle_r"}
     poses = "  bent: {" + ", ".join(f"{joint}: {q!r} rad" for joint, q in named.items()) + "}\n"
     held = rear_sole({**HOME, "ankle_r": 0.4})
@@ -216,8 +216,8 @@ def test_joints_that_the_pose_names_stay_if_the_others_suffice(tmp_path: Path) -
     ]
 
 
-def test_a_pose_that_closes_only_as_another_one_is_a_loss(worm: Built) -> None:
-    """From `straight` Newton's method ends in the arch; a keyframe of that name would be a lie."""
+def test_pose_that_closes_only_far_away_is_a_loss(worm: Built) -> None:
+    """From `straight`, Newton's method converges to the arch. A keyframe with that name would be wrong."""
     (loss,) = [loss for loss in worm.losses("stay") if loss.path == "straight"]
     assert (loss.what, loss.how) == (
         "the keyframe: the loops close only with `knee_f` and 5 more changed by at most 75 deg", "omitted",
@@ -225,7 +225,7 @@ def test_a_pose_that_closes_only_as_another_one_is_a_loss(worm: Built) -> None:
     assert "straight" not in worm.modes["stay"]["poses"]
 
 
-def test_a_mode_must_close_where_it_starts(tmp_path: Path) -> None:
+def test_mode_that_does_not_close_at_its_start_is_an_error(tmp_path: Path) -> None:
     found = compiled(tmp_path, inchworm(
         poses=POSES, modes=f"  m: {{root: front.sole, pose: lifted, hold: {{rear.sole: {written(AWAY @ MATE)}}}}}\n",
     ))
@@ -235,7 +235,7 @@ def test_a_mode_must_close_where_it_starts(tmp_path: Path) -> None:
     )]
 
 
-def test_a_free_base_goes_where_the_hold_wants_it_and_the_joints_stay(worm: Built) -> None:
+def test_free_base_moves_to_the_hold_and_joints_stay(worm: Built) -> None:
     robot = worm.robot("hanging")
     assert [frame.name for frame in robot.keyframes] == ["arched", "lifted", "straight"]
     for frame in robot.keyframes:
@@ -250,7 +250,7 @@ def test_a_free_base_goes_where_the_hold_wants_it_and_the_joints_stay(worm: Buil
     assert pose_of(data.site("front/sole")) == pytest.approx(MATE, abs=EXACT)
 
 
-def test_modes_json_says_what_is_held_where(worm: Built) -> None:
+def test_modes_json_contains_holds(worm: Built) -> None:
     described = worm.modes
     assert described["front"]["holds"] == {} and "residuals" not in described["front"]
     (path, hold), = described["bridge"]["holds"].items()
@@ -261,7 +261,8 @@ def test_modes_json_says_what_is_held_where(worm: Built) -> None:
     assert all(value < EXACT for value in described["bridge"]["residuals"]["arched"])
 
 
-def test_a_held_link_does_not_touch_the_floor_and_other_pairs_are_the_same_in_every_mode(worm: Built) -> None:
+def test_held_link_excludes_floor_contacts(worm: Built) -> None:
+    """Other excluded pairs are the same in every mode."""
     def pairs(mode: str, scene: bool = False) -> set[frozenset[str]]:
         model = worm.scene(mode) if scene else worm.model(mode)
         return {
@@ -278,8 +279,8 @@ def test_a_held_link_does_not_touch_the_floor_and_other_pairs_are_the_same_in_ev
 
 
 @pytest.mark.parametrize("mode", ["bridge", "stay"])
-def test_it_holds_still_with_gravity_compensated(worm: Built, mode: str) -> None:
-    """From the keyframe, with the bias forces cancelled, nothing moves: the equality pulls at nothing."""
+def test_hold_is_static_with_gravity_compensated(worm: Built, mode: str) -> None:
+    """From the keyframe, with bias forces cancelled, nothing moves: the equality exerts no force."""
     model = worm.model(mode)
     data = at_key(model, "arched")
     start = data.qpos.copy()
@@ -290,8 +291,8 @@ def test_it_holds_still_with_gravity_compensated(worm: Built, mode: str) -> None
     assert np.abs(data.qvel).max() < EXACT
 
 
-def test_the_sole_stays_under_the_robots_own_weight(worm: Built) -> None:
-    """1.1 kg on the hold and the drives: what MuJoCo's softness leaves is microns."""
+def test_hold_carries_the_weight_of_the_robot(worm: Built) -> None:
+    """With 1.1 kg on the hold and the drives, MuJoCo's soft constraint deviates by micrometres."""
     model = worm.model("bridge")
     data = at_key(model, "arched")
     for _ in range(1000):
@@ -301,7 +302,7 @@ def test_the_sole_stays_under_the_robots_own_weight(worm: Built) -> None:
     assert distance < 5e-6 and angle < 5e-5
 
 
-def test_info_says_what_is_held_and_how_well_it_closes(worm: Built) -> None:
+def test_info_shows_holds_and_closing_errors(worm: Built) -> None:
     assembly = worm.compilation.assembly
     assert assembly is not None
     text = "\n".join(info.as_text(assembly, worm.compilation.robots))
@@ -336,8 +337,8 @@ def tip_at(q: float) -> Array:
     return turn("z", q) @ MATE @ np.linalg.inv(HUB) @ TIP
 
 
-def test_a_hold_out_of_reach_is_said_with_what_is_left(tmp_path: Path) -> None:
-    """The lever can point at it and stays 100 mm short."""
+def test_unreachable_hold_reports_the_remaining_error(tmp_path: Path) -> None:
+    """The lever can point at the hold but is 100 mm too short."""
     beyond = tip_at(np.radians(20.0)) @ shift(0.1, 0, 0)
     mode = f"  m:\n    root: post\n    pose: up\n    hold:\n      arm.tip: {written(beyond @ MATE)}\n"
     found = compiled(tmp_path, LEVER + mode)
@@ -347,8 +348,8 @@ def test_a_hold_out_of_reach_is_said_with_what_is_left(tmp_path: Path) -> None:
     )]
 
 
-def test_limits_are_kept(tmp_path: Path) -> None:
-    """Held at 75 deg, 15 deg past the limit: the best is at the limit, a chord of 2 * 200 mm * sin(7.5 deg) away."""
+def test_limits_are_respected_when_closing(tmp_path: Path) -> None:
+    """The hold is at 75 deg, 15 deg beyond the limit. The best solution is at the limit, a chord of 2 * 200 mm * sin(7.5 deg) away."""
     held = tip_at(np.radians(75.0))
     found = compiled(tmp_path, LEVER + f"  m: {{root: post, pose: up, hold: {{arm.tip: {written(held @ MATE)}}}}}\n")
     chord = 400 * np.sin(np.radians(7.5))
@@ -357,7 +358,7 @@ def test_limits_are_kept(tmp_path: Path) -> None:
     ]
 
 
-def test_every_pose_goes_to_the_place_that_is_held(tmp_path: Path) -> None:
+def test_every_pose_closes_at_the_hold(tmp_path: Path) -> None:
     held = tip_at(np.radians(30.0))
     text = LEVER.replace("lower: -60 deg", "lower: 25 deg").replace("down: {hinge: -30 deg}", "down: {hinge: 40 deg}")
     found = compiled(tmp_path, text + f"  m: {{root: post, pose: down, hold: {{arm.tip: {written(held @ MATE)}}}}}\n")
@@ -368,15 +369,15 @@ def test_every_pose_goes_to_the_place_that_is_held(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("away", "kept"), [(29, True), (31, False)])
-def test_a_pose_that_moves_by_more_than_30_deg_is_no_keyframe(away: int, kept: bool, tmp_path: Path) -> None:
-    """That of the mode itself (30 deg) stays one, however far it moves."""
+def test_pose_that_moves_over_30_deg_has_no_keyframe(away: int, kept: bool, tmp_path: Path) -> None:
+    """The mode's own pose (30 deg) keeps its keyframe, however far it moves."""
     text = LEVER.replace("down: {hinge: -30 deg}", f"down: {{hinge: {away - 10} deg}}")
     found = compiled(tmp_path, text + f"  m: {{root: post, pose: up, hold: {{arm.tip: {written(tip_at(np.radians(-10.0)) @ MATE)}}}}}\n")
     assert [frame.name for frame in found.robot("m").keyframes] == (["up", "down"] if kept else ["up"])
     assert all(frame.q["hinge"] == pytest.approx(np.radians(-10.0), abs=1e-9) for frame in found.robot("m").keyframes)
 
 
-def test_a_component_is_held_by_its_origin_laid_plainly(tmp_path: Path) -> None:
+def test_component_hold_uses_its_origin_without_mate(tmp_path: Path) -> None:
     held = turn("z", 0.3) @ MATE @ np.linalg.inv(HUB)
     found = compiled(tmp_path, LEVER + f"  m: {{root: post, pose: up, hold: {{arm: {written(held)}}}}}\n")
     assert found.said == []
@@ -384,7 +385,7 @@ def test_a_component_is_held_by_its_origin_laid_plainly(tmp_path: Path) -> None:
     assert set(found.modes["m"]["holds"]) == {"arm/origin"}
 
 
-def test_the_root_stands_still_already(tmp_path: Path) -> None:
+def test_hold_on_the_root_is_an_error(tmp_path: Path) -> None:
     found = compiled(tmp_path, LEVER + "  m: {root: arm.tip, hold: {arm.hub: here, post: here}}\n")
     assert found.said == [(
         "TC603", "mode `m` holds `arm/hub`, which does not move: it is on the root `arm`",
@@ -392,7 +393,7 @@ def test_the_root_stands_still_already(tmp_path: Path) -> None:
     )]
 
 
-def test_a_mount_is_held_once_under_all_its_names(tmp_path: Path) -> None:
+def test_hold_of_one_mount_by_two_names_is_an_error(tmp_path: Path) -> None:
     found = compiled(
         tmp_path, LEVER + "  m: {root: post, hold: {arm.tip: here, end: here}}\nmounts: {end: arm.tip}\n",
     )
@@ -415,14 +416,14 @@ def test_a_mount_is_held_once_under_all_its_names(tmp_path: Path) -> None:
         ("{arm.tip: {at: here, carries: torque}}", ("TC204", None, None, 12)),
     ],
 )
-def test_wrong_holds(tmp_path: Path, hold: str, said: tuple[str, str | None, str | None, int]) -> None:
+def test_invalid_holds_are_reported(tmp_path: Path, hold: str, said: tuple[str, str | None, str | None, int]) -> None:
     found = compiled(tmp_path, LEVER + f"  m: {{root: post, hold: {hold}}}\n")
     assert len(found.said) == 1
     for got, expected in zip(found.said[0], said):
         assert expected is None or got == expected
 
 
-def test_holds_are_merged_key_by_key_over_what_a_mode_extends(tmp_path: Path) -> None:
+def test_holds_are_merged_with_extended_modes(tmp_path: Path) -> None:
     links = worm_links(HOME, np.eye(4))
     moved = shift(0.004, 0, 0.002) @ np.linalg.inv(links["body"]) @ links["front"] @ FRONT_SOLE
     found = compiled(tmp_path, inchworm(modes=(
@@ -439,8 +440,9 @@ def test_holds_are_merged_key_by_key_over_what_a_mode_extends(tmp_path: Path) ->
         assert equality_residual(at_key(found.model(mode), "arched")) < EXACT
 
 
-def test_a_mount_that_is_the_origin_of_a_component_is_mated(tmp_path: Path) -> None:
-    """As a root and held: `hand.tip` is a mount of the assembly `hand`, although it lies on the origin of `hand.cap`, which is laid."""
+def test_exported_mount_at_an_origin_is_mated(tmp_path: Path) -> None:
+    """As a root and as a hold, the exported mount `hand.tip` is mated, although it is at the origin of `hand.cap`, which is placed
+    without a mate."""
     weight = "{frame: true, mass: 100 g, inertia: {ixx: 9 kg*mm^2, iyy: 9 kg*mm^2, izz: 9 kg*mm^2}}"
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "inner.yaml").write_text(

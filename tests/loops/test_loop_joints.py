@@ -1,4 +1,4 @@
-"""`loop: true`: joints that close loops, against the closed formulas of the four-bar linkage and of the slider-crank."""
+"""`loop: true`: joints that close loops, compared with closed formulas of the four-bar linkage and the slider-crank."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from thingc.model.robot.spanning_tree import root
 from thingc.tools.cli.info import as_text, mode_data
 
 A, B, C, D = 0.06, 0.18, 0.12, 0.2
-"""Crank, coupler, rocker and ground [m]: by Grashof's rule the crank goes round."""
+"""Crank, coupler, rocker and ground [m]. By Grashof's rule, the crank can rotate fully."""
 
 FACING = "rpy: 180 0 -90 deg"
-"""A mount that, mated to one whose z is up, lays the axes of its link on those of the mount: angles are plain."""
+"""A mount that, mated to one with z up, aligns the axes of its link with those of the mount, so joint angles are plane angles."""
 
 ANGLES = (20.0, 75.0, 130.0, 200.0, 290.0)
 
@@ -48,8 +48,8 @@ modes:
 
 
 def rocker_angle(crank: float) -> float:
-    """The angle of the rocker [rad] on the branch above the ground: the law of cosines in the two triangles over the diagonal
-    from the crank's end to the rocker's pivot."""
+    """Angle of the rocker [rad] on the branch above the ground, by the law of cosines in the two triangles at the diagonal from the end
+    of the crank to the pivot of the rocker."""
     x, y = A * np.cos(crank) - D, A * np.sin(crank)
     diagonal = np.hypot(x, y)
     inner = np.arccos((C**2 + diagonal**2 - B**2) / (2 * C * diagonal))
@@ -66,8 +66,8 @@ def fourbar(tmp_path_factory: pytest.TempPathFactory) -> Built:
 MODES = ("bench", "by_coupler", "other", "third")
 
 
-def test_the_loop_closes_as_the_formula_says(fourbar: Built) -> None:
-    """Limits keep it on its branch; the crank, which the poses name, stays."""
+def test_loop_closes_at_the_analytic_angles(fourbar: Built) -> None:
+    """Limits select the branch, and the crank keeps the angle from the pose."""
     for frame, angle in zip(fourbar.robot("bench").keyframes, np.radians(ANGLES), strict=True):
         assert frame.q["drive"] == pytest.approx(angle, abs=1e-15)
         assert frame.q["pivot"] == pytest.approx(rocker_angle(angle), abs=1e-9)
@@ -80,15 +80,16 @@ def test_the_loop_closes_as_the_formula_says(fourbar: Built) -> None:
     assert not [loss for loss in fourbar.losses("bench") if loss.how == "approximated"]
 
 
-def test_which_joint_is_cut(fourbar: Built) -> None:
-    """The one that closes the loop in the document, unless the mode names another or it has limits; never the driven one."""
+def test_cut_joint_selection(fourbar: Built) -> None:
+    """The joint that closes the loop in the document is cut, unless the mode names another or it has limits. A driven joint is never
+    cut."""
     assert {mode: [closure.path for closure in fourbar.robot(mode).closures] for mode in MODES} == {
         "bench": ["wrist"], "by_coupler": ["wrist"], "other": ["pivot"], "third": ["elbow"],
     }
 
 
-def test_limits_stay_in_the_tree_and_info_says_why_a_loop_is_cut_where_it_is(fourbar: Built, tmp_path: Path) -> None:
-    """Also those of the joint that closes the loop in the document."""
+def test_joints_with_limits_are_not_cut(fourbar: Built, tmp_path: Path) -> None:
+    """This includes the joint that closes the loop in the document. `info` gives the reason for the cut."""
     limited = FOURBAR.replace("wrist: {type: continuous", "wrist: {type: revolute, limit: {lower: -3 rad, upper: 3 rad}")
     found = compiled(tmp_path, limited)
     assert found.said == []
@@ -124,14 +125,15 @@ def test_limits_stay_in_the_tree_and_info_says_why_a_loop_is_cut_where_it_is(fou
     ]
 
 
-def test_a_pose_has_the_same_q_in_every_mode(fourbar: Built) -> None:
+def test_poses_have_equal_q_in_every_mode(fourbar: Built) -> None:
     expected = [(frame.name, frame.q) for frame in fourbar.robot("bench").keyframes]
     for mode in MODES:
         assert [(frame.name, frame.q) for frame in fourbar.robot(mode).keyframes] == expected
         assert fourbar.modes[mode]["poses"] == dict(expected)
 
 
-def test_loops_are_closed_once_for_all_modes_and_not_again_while_nothing_changes(fourbar: Built, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_loop_solutions_are_shared_and_cached(fourbar: Built, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each pose is solved once for all modes, and not again if nothing changes."""
     assembly, memo, asked = fourbar.compilation.assembly, Memo(), []
     assert assembly is not None
     close = Loops.close
@@ -142,7 +144,7 @@ def test_loops_are_closed_once_for_all_modes_and_not_again_while_nothing_changes
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_mujoco_finds_the_loop_closed_at_every_keyframe(fourbar: Built, mode: str) -> None:
+def test_loop_is_closed_at_every_keyframe(fourbar: Built, mode: str) -> None:
     model, robot = fourbar.model(mode), fourbar.robot(mode)
     for frame in robot.keyframes:
         data = at_key(model, frame.name)
@@ -152,7 +154,7 @@ def test_mujoco_finds_the_loop_closed_at_every_keyframe(fourbar: Built, mode: st
         assert frame.residual is not None and max(frame.residual) < 1e-9
 
 
-def test_pairwise_poses_are_equal_in_every_mode(fourbar: Built) -> None:
+def test_relative_poses_are_equal_in_every_mode(fourbar: Built) -> None:
     def pairs(mode: str, key: str) -> np.ndarray:
         data = at_key(fourbar.model(mode), key)
         at = [pose_of(data.body(name)) for name in ("ground", "crank", "coupler", "rocker")]
@@ -164,7 +166,7 @@ def test_pairwise_poses_are_equal_in_every_mode(fourbar: Built) -> None:
             assert pairs(mode, f"at_{angle:.0f}") == pytest.approx(expected, abs=1e-9)
 
 
-def test_neighbours_through_the_loop_never_touch_in_any_mode(fourbar: Built) -> None:
+def test_loop_neighbours_are_excluded_in_every_mode(fourbar: Built) -> None:
     pairs = (("ground", "crank"), ("crank", "coupler"), ("ground", "rocker"), ("coupler", "rocker"))
     expected = {frozenset(pair) for pair in pairs}
     for mode in MODES:
@@ -177,8 +179,8 @@ def test_neighbours_through_the_loop_never_touch_in_any_mode(fourbar: Built) -> 
 
 
 @pytest.mark.parametrize("mode", ["bench", "other", "third"])
-def test_it_runs(fourbar: Built, mode: str) -> None:
-    """The crank driven once round: the rocker follows the formula and the loop stays closed, whichever joint was cut."""
+def test_simulated_rocker_follows_the_formula(fourbar: Built, mode: str) -> None:
+    """The crank is driven once around. The rocker follows the formula, and the loop stays closed, whichever joint is cut."""
     model = fourbar.model(mode)
     data = at_key(model, "at_20")
     ids = {name: model.joint(name).qposadr[0] for name in ("drive", "pivot") if name != "pivot" or mode != "other"}
@@ -193,7 +195,7 @@ def test_it_runs(fourbar: Built, mode: str) -> None:
     assert worst < 1e-4
 
 
-def test_what_a_cut_joint_cannot_have_is_a_loss(fourbar: Built) -> None:
+def test_dynamics_and_limits_of_cut_joints_are_losses(fourbar: Built) -> None:
     assert [(loss.path, loss.what, loss.how) for loss in fourbar.losses("bench")] == [
         ("wrist", "the dynamics: the loop is cut at this joint", "omitted")
     ]
@@ -202,7 +204,7 @@ def test_what_a_cut_joint_cannot_have_is_a_loss(fourbar: Built) -> None:
     ]
 
 
-def test_modes_json_says_where_the_loop_was_cut(fourbar: Built) -> None:
+def test_modes_json_contains_cuts(fourbar: Built) -> None:
     described = fourbar.modes["bench"]
     (cut,) = described["cuts"]
     assert [joint["name"] for joint in described["joints"]] == ["drive", "elbow", "pivot"]
@@ -216,9 +218,9 @@ def test_modes_json_says_where_the_loop_was_cut(fourbar: Built) -> None:
     assert set(described["residuals"]) == set(described["poses"])
 
 
-def test_a_hold_on_a_robot_with_a_loop(tmp_path: Path) -> None:
-    """The end of the coupler is held 5 mm and a little turn from where the loop has it: the free crank's base follows, both
-    loops closed; on a fixed ground the loop has one freedom, so a hold `here` stops it where it is."""
+def test_hold_and_loop_close_together(tmp_path: Path) -> None:
+    """The end of the coupler is held 5 mm and a small rotation from its pose in the loop. With a free crank the base follows and both
+    loops close. With a fixed ground, the loop has one degree of freedom, so a hold `here` blocks it."""
     text = FOURBAR.partition("modes:")[0] + (
         "modes:\n"
         "  stopped: {root: ground, pose: at_75, poses: [at_130], hold: {rocker.high: here}}\n"
@@ -282,7 +284,8 @@ def slider(folder: Path, **more: str) -> Built:
         ({"WRIST": f"loop: true, {DRIVEN}", "MAIN": DRIVEN, "PIN": DRIVEN}, "bore"),  # the only passive one
     ],
 )
-def test_a_joint_that_is_worth_nothing_in_the_tree_is_cut(tmp_path: Path, more: dict[str, str], cut: str) -> None:
+def test_least_useful_joint_is_cut(tmp_path: Path, more: dict[str, str], cut: str) -> None:
+    """The order of preference is tested with a slider-crank. A cut slide has no equality in MuJoCo and is a loss."""
     found = slider(tmp_path, **more)
     assert found.said == []
     (closure,) = found.robot("run").closures
@@ -298,8 +301,8 @@ def test_a_joint_that_is_worth_nothing_in_the_tree_is_cut(tmp_path: Path, more: 
     assert losses == ([lost] if cut == "bore" else [])
 
 
-def test_a_rigid_loop_becomes_a_weld(tmp_path: Path) -> None:
-    """A `fixed` joint that closes a loop leaves both its links what they are."""
+def test_fixed_loop_joint_becomes_a_weld(tmp_path: Path) -> None:
+    """A `fixed` joint that closes a loop keeps both links separate."""
     text = FOURBAR.replace(
         "wrist: {type: continuous, parent: coupler.high, child: rocker.high, loop: true, dynamics: {damping: 0.001 N*m*s/rad}}",
         "wrist: {type: fixed, parent: coupler.high, child: rocker.high, loop: true}",
@@ -317,8 +320,8 @@ def test_a_rigid_loop_becomes_a_weld(tmp_path: Path) -> None:
     assert equality_residual(at_key(found.model("bench"), "up")) < 1e-9
 
 
-def test_a_loop_of_impossible_lengths_is_said_once_for_all_modes(tmp_path: Path) -> None:
-    """A coupler of 20 mm: 200 mm of ground cannot be spanned by 60 + 20 + 100 mm. Stretched out, 20 mm are missing."""
+def test_impossible_loop_is_reported_once(tmp_path: Path) -> None:
+    """With a coupler of 20 mm, 60 + 20 + 100 mm cannot span 200 mm of ground; 20 mm are missing."""
     text = FOURBAR.replace("upper: 175 deg", "upper: 200 deg").replace("xyz: 180 0 0 mm", "xyz: 20 0 0 mm")
     text = text.replace("xyz: 120 0 0 mm", "xyz: 100 0 0 mm")
     found = compiled(tmp_path, text)
@@ -331,8 +334,9 @@ def test_a_loop_of_impossible_lengths_is_said_once_for_all_modes(tmp_path: Path)
 @pytest.mark.parametrize(("off", "said"), [
     ("0.00004 mm", []), ("0.002 mm", ["the loop through joint `wrist` does not close: at best its ends are 0.002 mm and 0 deg apart"]),
 ])
-def test_what_digits_leave_out_across_the_plane_of_a_linkage_is_no_gap(off: str, said: list[str], tmp_path: Path) -> None:
-    """All joints turn about z, and one end lies a little higher: no joint mends that. Along the plane it closes to the last digit."""
+def test_tiny_gap_across_the_plane_is_tolerated(off: str, said: list[str], tmp_path: Path) -> None:
+    """All joints turn about z, and one end is slightly higher, which no joint can correct. In the plane the loop closes to the last
+    digit."""
     text = FOURBAR.replace("high: {xyz: 180 0 0 mm}", f"high: {{xyz: 180 0 {off.removesuffix(' mm')} mm}}")
     found = compiled(tmp_path, text)
     assert [message for _, message, _, _ in found.said] == said

@@ -1,4 +1,4 @@
-"""Loops close at the values nearest to those of the pose, as MuJoCo's own constraints find them."""
+"""Loops close at the values nearest to those of the pose, as found by MuJoCo's own constraints."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ OPENED = "0.2 0.9998 0.002 0.02 -0.001 0 0.01 0.012 -0.02 {foot}"
 
 @pytest.mark.parametrize(("foot", "upper"), [(0.0, 1.0), (0.02, 0.02)])
 def test_keyframe_closes_at_the_nearest_values(foot: float, upper: float, tmp_path: Path) -> None:
-    """Zeros of a keyframe are values, too; a joint at its limit stays there. What moves is a warning, and listed by the import."""
+    """Zeros of a keyframe count as values, and a joint at its limit stays there. Changed values are a warning and are listed by the
+    import."""
     source = tmp_path / "leg.xml"
     source.write_text(LEG.format(values=OPENED.format(foot=foot), upper=upper))
     theirs = mujoco.MjModel.from_xml_path(str(source))
@@ -103,7 +104,7 @@ modes:
 
 
 def planar_gap(q: np.ndarray) -> np.ndarray:
-    """Of `drive`, `pin`, `pivot`, `pin_2` and `pivot_2` [rad]: how far the ends of both loops are apart [m], by complex numbers."""
+    """Distances between the ends of both loops [m] for `drive`, `pin`, `pivot`, `pin_2` and `pivot_2` [rad], with complex numbers."""
     drive, pin, pivot, pin_2, pivot_2 = np.exp(1j * q)
     first = 0.06 * drive + 0.18 * drive * pin - 0.2 - 0.12 * pivot
     second = 0.2 + 0.1 * pivot + 0.19 * pivot * pin_2 - 0.4 - 0.11 * pivot_2
@@ -111,7 +112,8 @@ def planar_gap(q: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("given", [("drive", "pivot", "pivot_2"), ("drive", "pin", "pivot", "pin_2", "pivot_2")])
-def test_given_values_move_least_and_the_others_freely(given: tuple[str, ...], tmp_path: Path) -> None:
+def test_given_values_change_least(given: tuple[str, ...], tmp_path: Path) -> None:
+    """Values in the pose change as little as possible; other joints are free. The oracle is constrained minimization in SciPy."""
     from scipy.optimize import minimize
 
     names = ("drive", "pin", "pivot", "pin_2", "pivot_2")

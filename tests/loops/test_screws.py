@@ -1,4 +1,4 @@
-"""Screws: a lead screw and its nut, from either side, in MuJoCo and as part of a loop."""
+"""Screws: a lead screw and its nut with either root, in MuJoCo and in a loop."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def press(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return made
 
 
-def at(model: mujoco.MjModel, q: float) -> mujoco.MjData:
+def data_at(model: mujoco.MjModel, q: float) -> mujoco.MjData:
     data = mujoco.MjData(model)
     for name, ratio in (("lead", 1.0), ("lead:slide", PITCH), ("wheel", 0.5)):
         data.joint(name).qpos = ratio * q
@@ -53,24 +53,24 @@ def at(model: mujoco.MjModel, q: float) -> mujoco.MjData:
 
 
 @pytest.mark.parametrize("q", [-2.0, 0.0, 41.5])
-def test_the_ram_is_where_its_thread_puts_it_whatever_the_root(press: Built, q: float) -> None:
-    """`X_PC = Rz(q + offset) Tz(lead (q + offset) / turn) M inv(X_CB)`, written out."""
+def test_screw_pose_follows_the_thread_for_each_root(press: Built, q: float) -> None:
+    """The oracle is `X_PC = Rz(q + offset) Tz(lead (q + offset) / turn) M inv(X_CB)`, written out."""
     c, s = math.cos(q + 1.0), math.sin(q + 1.0)
     nut = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, PITCH * (q + 1.0)], [0, 0, 0, 1]])
     expected = nut @ np.array([[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]) @ np.array(
         [[1, 0, 0, -0.02], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
     )
     for mode in ("stand", "hung", "loose"):
-        data = at(press.model(mode), q)
+        data = data_at(press.model(mode), q)
         found = np.linalg.inv(pose_of(data.body("frame"))) @ pose_of(data.body("ram"))
         assert np.abs(found - expected).max() < 1e-12
 
 
-def reduced(press: Built, mode: str, q: float) -> tuple[float, float]:
-    """The inertia that the drive sees [kg m^2] with the frame held, and the torque [N m] by which gravity along (1, 2, 3) of the frame
-    turns it: MuJoCo's own, of hinge, slide and mimic together."""
+def effective_dynamics(press: Built, mode: str, q: float) -> tuple[float, float]:
+    """Effective inertia data_at the drive [kg m^2] with the frame held, and the torque [N m] of gravity along (1, 2, 3) of the frame. Both
+    are computed by MuJoCo from hinge, slide and mimic."""
     model = press.model(mode)
-    data = at(model, q)
+    data = data_at(model, q)
     down = pose_of(data.body("frame"))[:3, :3] @ [1.0, 2.0, 3.0]
     model.opt.gravity[:] = down
     mujoco.mj_forward(model, data)
@@ -89,16 +89,16 @@ def reduced(press: Built, mode: str, q: float) -> tuple[float, float]:
     raise ValueError(mode)
 
 
-def test_inertia_and_gravity_of_the_coordinate_do_not_depend_on_the_root(press: Built) -> None:
+def test_screw_dynamics_do_not_depend_on_the_root(press: Built) -> None:
     for q in (0.0, 7.3):
-        one, other = reduced(press, "stand", q), reduced(press, "loose", q)
+        one, other = effective_dynamics(press, "stand", q), effective_dynamics(press, "loose", q)
         assert other == pytest.approx(one, rel=1e-8, abs=1e-12)
         # weight along the thread: 1.2 kg, 3 m/s^2 along z of the frame; what is off the axis turns with it
         assert one[0] > 1.2 * PITCH**2 + 2e-5
 
 
-def test_a_load_does_not_slip_at_the_effort_of_the_drive(press: Built) -> None:
-    """1.2 kg hang on the thread, and the drive gives all that it can, up and down: the ram stays on its thread within 0.2 mm."""
+def test_thread_does_not_slip_under_load(press: Built) -> None:
+    """With 1.2 kg on the thread and full drive effort up and down, the ram stays on its thread within 0.2 mm."""
     model = press.model("stand")
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -119,12 +119,12 @@ def test_a_load_does_not_slip_at_the_effort_of_the_drive(press: Built) -> None:
     assert worst < 0.0002
 
 
-def test_what_is_said_to_be_lost(press: Built) -> None:
+def test_thread_is_an_approximation(press: Built) -> None:
     losses = [(loss.path, loss.how) for loss in press.losses(None) if "thread" in loss.what]
     assert losses == [("lead", "approximated")]
 
 
-def test_modes_switch_with_a_screw(press: Built) -> None:
+def test_mode_switch_with_a_screw(press: Built) -> None:
     modes = Modes.parse(press.text("modes.json"))
     start = modes["loose"].state("up", v={"lead": 2.0, "wheel": 1.0}, base_twist=[0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     model = press.model("loose")
@@ -155,8 +155,8 @@ modes:
 """
 
 
-def test_a_loop_that_is_cut_at_a_screw_is_a_loss(tmp_path: Path) -> None:
-    """What MuJoCo cannot close it leaves open, and a loss says so: never silence."""
+def test_loop_cut_at_a_screw_is_a_loss(tmp_path: Path) -> None:
+    """MuJoCo cannot close this loop, so it stays open and an export loss is reported."""
     made = compiled(tmp_path, LOOP)
     assert made.said == []
     (closure,) = made.robot("stand").closures
@@ -187,7 +187,7 @@ modes:
 """
 
 
-def test_a_differential_screw_advances_by_the_difference_of_its_leads(tmp_path: Path) -> None:
+def test_differential_screw_advances_by_lead_difference(tmp_path: Path) -> None:
     made = compiled(tmp_path, DIFFERENTIAL)
     assert made.said == []
     for mode in ("bench", "other"):

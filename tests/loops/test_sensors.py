@@ -1,4 +1,4 @@
-"""`sensors`: from the document into MuJoCo, and what they read there against mechanics by hand."""
+"""`sensors`: from the document into MuJoCo, with readings compared with written-out mechanics."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ def walker(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return found
 
 
-def resting(model: mujoco.MjModel) -> mujoco.MjData:
-    """The first keyframe with every joint held where it is: the accelerations are nothing."""
+def data_at_rest(model: mujoco.MjModel) -> mujoco.MjData:
+    """The first keyframe with bias forces compensated, so all accelerations are 0."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
@@ -87,8 +87,8 @@ def resting(model: mujoco.MjModel) -> mujoco.MjData:
     return data
 
 
-def weight(data: mujoco.MjData, bodies: list[str], about: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Force and moment about a point that hold some bodies up, in the world."""
+def supporting_wrench(data: mujoco.MjData, bodies: list[str], about: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Force and moment about a point that carry these bodies, in the world."""
     force, moment = np.zeros(3), np.zeros(3)
     for name in bodies:
         body = data.body(name)
@@ -99,14 +99,14 @@ def weight(data: mujoco.MjData, bodies: list[str], about: np.ndarray) -> tuple[n
 
 
 def expect_wrench(data: mujoco.MjData, sensor: str, site: str, bodies: list[str]) -> None:
-    """What carries `bodies` through the site pushes them up: the reading, in the axes of the site."""
+    """Assert that a force sensor reads the wrench that carries `bodies` through the site, in the axes of the site."""
     r, about = data.site(site).xmat.reshape(3, 3), data.site(site).xpos
-    force, moment = weight(data, bodies, about)
+    force, moment = supporting_wrench(data, bodies, about)
     assert data.sensor(f"{sensor}:force").data == pytest.approx(r.T @ force, abs=1e-9)
     assert data.sensor(f"{sensor}:torque").data == pytest.approx(r.T @ moment, abs=1e-9)
 
 
-def test_the_names_and_their_order(walker: Built) -> None:
+def test_sensor_names_and_order(walker: Built) -> None:
     names = [
         "imu:accelerometer", "imu:gyro", "imu:quat", "swing:position", "swing:velocity", "swing:effort",
         "hip:force", "hip:torque",
@@ -125,8 +125,8 @@ def test_the_names_and_their_order(walker: Built) -> None:
 
 
 @pytest.mark.parametrize("mode", ["bench", "adrift", "stand", "shin"])
-def test_the_imu_reads_in_the_axes_of_its_mount(walker: Built, mode: str) -> None:
-    """At rest the accelerometer reads 1 g upwards (of the root MuJoCo says nothing: a loss); turning joints turn it."""
+def test_imu_reads_in_mount_axes(walker: Built, mode: str) -> None:
+    """At rest, the accelerometer reads 1 g upwards. On the root, MuJoCo reports no acceleration, which is a loss."""
     model = walker.model(mode)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -140,14 +140,14 @@ def test_the_imu_reads_in_the_axes_of_its_mount(walker: Built, mode: str) -> Non
     mujoco.mju_quat2Mat(found, data.sensor("imu:quat").data)
     assert found.reshape(3, 3) == pytest.approx(r, abs=1e-12)
     if mode == "bench":
-        assert resting(model).sensor("imu:accelerometer").data.tolist() == [0.0, 0.0, 0.0]
+        assert data_at_rest(model).sensor("imu:accelerometer").data.tolist() == [0.0, 0.0, 0.0]
     elif mode != "adrift":
-        still = resting(model)
+        still = data_at_rest(model)
         r = pose_of(still.body("body"))[:3, :3] @ placed((0, 0, 0), (0, 0, np.pi / 6))[:3, :3]
         assert still.sensor("imu:accelerometer").data == pytest.approx(r.T @ [0, 0, G], abs=1e-9)
 
 
-def test_joints_read_the_documents_coordinate_whatever_the_root(walker: Built) -> None:
+def test_joint_sensors_read_document_coordinates(walker: Built) -> None:
     for mode in ("bench", "adrift", "stand", "shin"):
         model = walker.model(mode)
         data = mujoco.MjData(model)
@@ -160,19 +160,19 @@ def test_joints_read_the_documents_coordinate_whatever_the_root(walker: Built) -
         assert float(data.sensor("leg/ankle:position").data[0]) == pytest.approx(-np.pi / 9, abs=1e-12)
 
 
-def test_a_force_is_what_carries_the_link_puts_on_it(walker: Built) -> None:
-    bench = resting(walker.model("bench"))
+def test_force_sensors_measure_the_carried_weight(walker: Built) -> None:
+    bench = data_at_rest(walker.model("bench"))
     expect_wrench(bench, "leg/load", "leg/foot/ankle", ["leg/foot"])
     expect_wrench(bench, "leg/sole", "leg/foot/sole", ["leg/foot"])
     # On the sole stands everything.
-    stand = resting(walker.model("stand"))
+    stand = data_at_rest(walker.model("stand"))
     expect_wrench(stand, "leg/sole", "leg/foot/sole", ["leg/foot", "leg/shin", "body"])
     # The hip carries the body where the leg carries the hip.
     expect_wrench(stand, "hip", "body/hip", ["body"])
-    expect_wrench(resting(walker.model("shin")), "hip", "body/hip", ["body"])
+    expect_wrench(data_at_rest(walker.model("shin")), "hip", "body/hip", ["body"])
 
 
-def test_where_a_force_is_read_elsewhere_is_a_loss(walker: Built) -> None:
+def test_displaced_force_sensors_are_losses(walker: Built) -> None:
     def lost(mode: str) -> list[tuple[str, str, str]]:
         return [(loss.path, loss.what, loss.how) for loss in walker.losses(mode)]
 
@@ -190,8 +190,8 @@ def test_where_a_force_is_read_elsewhere_is_a_loss(walker: Built) -> None:
     assert lost("shin") == []
 
 
-def test_a_force_in_the_middle_of_a_chain(tmp_path: Path) -> None:
-    """A mount in the middle link that no joint uses: MuJoCo reads what passes through the joint below."""
+def test_force_sensor_on_an_inner_link_is_a_loss(tmp_path: Path) -> None:
+    """The mount is on a middle link and no joint uses it. MuJoCo measures the force through the joint below."""
     text = LEG.replace("sole: {type: force, at: sole}", "skin: {type: force, at: shin.skin}")
     text = text.replace("low: {rpy", "skin: {xyz: 20 0 0 mm}, low: {rpy")
     found = compiled(tmp_path, {
@@ -204,9 +204,9 @@ def test_a_force_in_the_middle_of_a_chain(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", ["bench", "stand"])
-def test_a_camera_looks_along_the_mounts_z_with_its_y_up(walker: Built, mode: str) -> None:
+def test_camera_looks_along_mount_z_with_y_up(walker: Built, mode: str) -> None:
     model = walker.model(mode)
-    data = resting(model)
+    data = data_at_rest(model)
     assert model.camera("eye").fovy == pytest.approx(60.0)
     lens = pose_of(data.body("body")) @ placed((0, 0, 0.1)) @ placed((0.03, 0, 0), (0, np.pi / 2, 0))
     camera = data.camera("eye")
@@ -216,7 +216,7 @@ def test_a_camera_looks_along_the_mounts_z_with_its_y_up(walker: Built, mode: st
     assert r[:, 1] == pytest.approx(lens[:3, 1], abs=1e-12)
 
 
-def test_raw_attributes_reach_sensors_and_cameras(tmp_path: Path) -> None:
+def test_raw_attributes_apply_to_sensors_and_cameras(tmp_path: Path) -> None:
     raw = "raw:\n  mjcf:\n    sensor: {'imu:gyro': {noise: 0.01}}\n    camera: {eye: {resolution: 320 240}}\n"
     found = compiled(tmp_path, {"walker.yaml": BODY + raw, "leg.yaml": LEG})
     assert found.said == []
@@ -269,14 +269,14 @@ SENSORS = BODY.partition("sensors:")[0] + "sensors:\n"
          "`contact`, `pose`, `twist`, `centre`, `tendon`, `drive`, `clock` or `energy`, found the string `sonar`", None),
     ],
 )
-def test_wrong_sensors(tmp_path: Path, sensor: str, code: str, message: str, help: str | None) -> None:
+def test_invalid_sensors_are_reported(tmp_path: Path, sensor: str, code: str, message: str, help: str | None) -> None:
     text = SENSORS + f"  {sensor}\nmodes:\n  bench: {{root: body}}\n"
     found = compiled(tmp_path, {"walker.yaml": text, "leg.yaml": LEG})
     line = next(number for number, words in enumerate(text.splitlines(), 1) if words == f"  {sensor}")
     assert found.said == [(code, message, help, line)]
 
 
-def test_a_joint_that_does_not_move_cannot_be_measured(tmp_path: Path) -> None:
+def test_sensor_of_a_fixed_joint_is_reported(tmp_path: Path) -> None:
     text = BODY.replace("swing: {type: joint, joint: hip}", "swing: {type: joint, joint: neck}").replace(
         "    at: {in: body.origin, xyz: 0 0 100 mm}\n", "",
     ).replace("joints:\n", "joints:\n  neck: {type: fixed, parent: body.imu, child: head.origin}\n")

@@ -1,4 +1,4 @@
-"""Loops that are cut at a universal: closed in MuJoCo by a point and a tendon, against the same loop cut elsewhere."""
+"""Loops cut at a universal joint: closed in MuJoCo by a point and a tendon, and compared with the same loop cut elsewhere."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def wobbler(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return found
 
 
-def reduced(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[float, float]:
-    """The inertia [kg m^2] and the torque of gravity [N m] that the drive feels, of what the equalities leave free: one coordinate."""
+def effective_dynamics(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[float, float]:
+    """Effective inertia [kg m^2] and gravity torque [N m] at the drive, for the one degree of freedom that the equalities leave."""
     rows = data.efc_J.reshape(-1, model.nv)[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
     free = np.linalg.svd(rows)[2][np.linalg.matrix_rank(rows, 1e-9) :]
     assert len(free) == 1, "one degree of freedom is left"
@@ -52,7 +52,7 @@ def reduced(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("mode", ["cut", "turned"])
-def test_a_universal_that_is_cut_leaves_what_the_same_loop_cut_elsewhere_does(wobbler: Built, mode: str) -> None:
+def test_cut_universal_has_the_dynamics_of_other_cuts(wobbler: Built, mode: str) -> None:
     assert [(closure.path, closure.kind) for closure in wobbler.robot(mode).closures] == [("cross", "universal")]
     assert [loss for loss in wobbler.losses(mode) if loss.path == "cross"] == []
     model, other = wobbler.model(mode), wobbler.model("hinge")
@@ -61,11 +61,11 @@ def test_a_universal_that_is_cut_leaves_what_the_same_loop_cut_elsewhere_does(wo
         assert (data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY).sum() == 4
         assert equality_residual(data) < 1e-9
         if mode == "cut":  # gravity is along z of the root
-            assert reduced(model, data) == pytest.approx(reduced(other, at_key(other, name)), rel=1e-8)
+            assert effective_dynamics(model, data) == pytest.approx(effective_dynamics(other, at_key(other, name)), rel=1e-8)
 
 
-def test_the_axes_stay_at_right_angles_while_it_moves(wobbler: Built) -> None:
-    """A second of falling; the other mode's universal has them so by its two hinges."""
+def test_universal_axes_stay_perpendicular(wobbler: Built) -> None:
+    """Simulated for a second of falling. In the other mode, two hinges guarantee this."""
     model = wobbler.model("cut")
     model.dof_damping[:] = 1e-3
     data = at_key(model, "one")
@@ -81,7 +81,7 @@ def test_the_axes_stay_at_right_angles_while_it_moves(wobbler: Built) -> None:
     assert worst < np.radians(0.05) and abs(data.joint("drive").qpos[0] - begun) > 0.5
 
 
-def test_info_says_why_another_joint_of_the_loop_is_cut(wobbler: Built) -> None:
+def test_info_explains_the_selected_cut(wobbler: Built) -> None:
     assert wobbler.compilation.assembly is not None
     told = as_text(wobbler.compilation.assembly, (wobbler.robot("bench"),))
     assert "    through cross, which is not a hinge or ball joint, which are preferred for cuts" in told

@@ -1,4 +1,4 @@
-"""Documents as a server has them open, without the server."""
+"""Open documents of a language server, without the server process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from thingc.tools.lsp.open_documents import OpenDocuments
 
 
 class Documents:
-    """Texts of a trusted workspace, of whose parts what is in a store is known. `woken` is how often workers were to be asked."""
+    """Documents of a trusted workspace; only the parts in a store are known. `woken` counts the requests for workers."""
 
     def __init__(self, store: str) -> None:
         self.woken = 0
@@ -21,7 +21,7 @@ class Documents:
         self.woken += 1
 
     def analysis(self, path: Path, text: str) -> Analysis:
-        """The analysis of a document with this text."""
+        """Return the analysis of a document with this text."""
         self._opened.put(str(path), OpenText(uri=path.as_uri(), version=1, text=text))
         return self._opened.analysis(str(path))
 
@@ -31,5 +31,5 @@ def _raise(fault: Exception) -> Diagnostic:
 
 
 def analysed(store: str, path: Path, text: str) -> Analysis:
-    """The analysis of a document, by itself."""
+    """Return the analysis of a single document."""
     return Documents(store).analysis(path, text)

@@ -1,4 +1,4 @@
-"""An editor, as thingc sees one: pygls' own client over the standard input and output of a `thingc lsp`."""
+"""An editor for tests: the client of pygls over the standard input and output of a `thingc lsp` process."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PATIENCE = 120.0
 
 
 class Editor:
-    """Types into documents and hears what is published. Everything waits for its answer."""
+    """Edits documents and receives published diagnostics. Every operation waits for its response."""
 
     def __init__(self, store: str, *, trusted: bool = True, folder: Path | None = None) -> None:
         self._loop = asyncio.new_event_loop()
@@ -52,7 +52,7 @@ class Editor:
         return self.client._server
 
     def request(self, method: str, params: Any) -> Any:
-        """The answer to a request with these parameters (plain JSON); raises `JsonRpcException`."""
+        """Return the response to a request with these parameters (plain JSON); raises `JsonRpcException`."""
         protocol = self.client.protocol
         typed = protocol._converter.structure(params, types.METHOD_TO_TYPES[method][2])
 
@@ -62,11 +62,11 @@ class Editor:
         return self._run(asked())
 
     def notify(self, method: str, params: Any) -> None:
-        """Say something without waiting."""
+        """Send a notification without waiting."""
         self._loop.call_soon_threadsafe(self.client.protocol.notify, method, params)
 
     def open(self, path: Path, text: str | None = None) -> list[types.Diagnostic]:
-        """Open a file; what is published of it."""
+        """Open a file and return its published diagnostics."""
         uri = path.as_uri()
         self.versions[uri] = 1
         self.notify(types.TEXT_DOCUMENT_DID_OPEN, types.DidOpenTextDocumentParams(types.TextDocumentItem(
@@ -75,12 +75,12 @@ class Editor:
         return self.said(path)
 
     def type(self, path: Path, text: str) -> list[types.Diagnostic]:
-        """Give a file another text; what is published of that."""
+        """Replace the text of a file and return its published diagnostics."""
         self.type_ahead(path, text)
         return self.said(path)
 
     def type_ahead(self, path: Path, text: str) -> None:
-        """Give a file another text."""
+        """Replace the text of a file without waiting."""
         uri = path.as_uri()
         self.versions[uri] += 1
         self.notify(types.TEXT_DOCUMENT_DID_CHANGE, types.DidChangeTextDocumentParams(
@@ -93,12 +93,12 @@ class Editor:
         self.notify(types.TEXT_DOCUMENT_DID_CLOSE, types.DidCloseTextDocumentParams(types.TextDocumentIdentifier(path.as_uri())))
 
     def said(self, path: Path) -> list[types.Diagnostic]:
-        """What is published of the last version of a file, as soon as it is."""
+        """Wait for the diagnostics of the last version of a file and return them."""
         uri = path.as_uri()
         return self.wait(lambda one: one.uri == uri and one.version == self.versions[uri])
 
     def wait(self, wanted: Any, since: int = 0) -> list[types.Diagnostic]:
-        """The diagnostics of the last publication that is `wanted`, as soon as there is one behind the first `since`."""
+        """Wait for a publication after the first `since` ones that is `wanted`, and return its diagnostics."""
         async def heard() -> list[types.Diagnostic]:
             async with self._heard:
                 await self._heard.wait_for(lambda: any(wanted(one) for one in self.published[since:]))
@@ -107,7 +107,7 @@ class Editor:
         return self._run(heard())
 
     def leave(self) -> int:
-        """Shut the server down; its exit code."""
+        """Shut the server down and return its exit code."""
         async def leave() -> int:
             await self.client.shutdown_async(None)
             self.client.exit(None)
@@ -117,5 +117,5 @@ class Editor:
 
 
 def lines(diagnostics: list[types.Diagnostic]) -> list[str]:
-    """Diagnostics in a line each: `3:5 TC302 unknown component ...`."""
+    """Return one line per diagnostic: `3:5 TC302 unknown component ...`."""
     return [f"{one.range.start.line + 1}:{one.range.start.character + 1} {one.code} {one.message.splitlines()[0]}" for one in diagnostics]

@@ -1,4 +1,4 @@
-"""What is offered where the cursor stands: cases in which `│` is the cursor, and the two robots with values and keys taken away."""
+"""Completion at the cursor: cases in which `│` is the cursor, and the two robots with values and keys removed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def sound(robot: Path, shared_store: str) -> dict[str, Analysis]:
-    """The analyses of the robot and of its finger."""
+    """Return the analyses of the robot and of its finger."""
     documents = Documents(shared_store)
     return {
         text: documents.analysis(path, text) for path, text in ((robot, ROBOT), (robot.with_name("finger.yaml"), FINGER))
@@ -37,7 +37,7 @@ def sound(robot: Path, shared_store: str) -> dict[str, Analysis]:
 
 
 def at(text: str, found: str, marked: str) -> tuple[str, int]:
-    """The text with `found`, which stands once in it, replaced by what has the cursor in it; and the cursor."""
+    """Return the text in which `found`, which occurs once, is replaced by `marked`, and the offset of the cursor in it."""
     assert text.count(found) == 1, found
     changed = text.replace(found, marked)
     return changed.replace("│", ""), changed.index("│")
@@ -84,7 +84,7 @@ CASES: dict[str, tuple[str, str, list[str]]] = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_offered_first(sound: dict[str, Analysis], name: str) -> None:
+def test_first_completion_items(sound: dict[str, Analysis], name: str) -> None:
     found, marked, first = CASES[name]
     base = ROBOT if found in ROBOT else FINGER
     text, offset = at(base, found, marked)
@@ -108,7 +108,7 @@ TEXTS: dict[str, tuple[str, str, str, str]] = {
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_what_stands_there_when_it_is_accepted(sound: dict[str, Analysis], name: str) -> None:
+def test_text_after_accepting_an_item(sound: dict[str, Analysis], name: str) -> None:
     found, marked, shown, after = TEXTS[name]
     text, offset = at(ROBOT, found, marked)
     item = next(one for one in items(sound[ROBOT], text, offset) if one.shown == shown)
@@ -138,7 +138,7 @@ limit = {lower = "0 mm", upper = "=reach"}
 @pytest.mark.parametrize(("kind", "offered"), [
     ("prismatic", {"m", "mm"}), ("screw", {"rad", "deg"}), ("cylindrical", {"m", "mm", "rad", "deg"}),
 ])
-def test_a_limit_is_in_the_units_of_its_kind(toml: tuple[Documents, Path], kind: str, offered: set[str]) -> None:
+def test_units_of_a_limit_depend_on_the_joint_type(toml: tuple[Documents, Path], kind: str, offered: set[str]) -> None:
     documents, path = toml
     text, offset = at(TOML_ROBOT.replace("prismatic", kind), 'lower = "0 mm"', 'lower = "5 │')
     units = {one.shown for one in items(documents.analysis(path, text), text, offset)}
@@ -154,7 +154,7 @@ def test_a_limit_is_in_the_units_of_its_kind(toml: tuple[Documents, Path], kind:
     ('limit = {lower', "dri│\nlimit = {lower", "drive", "drive = \nlimit"),
     ("[joints.lift]", "[joi│", "joints", "[joints"),
 ], ids=["word", "mount", "open", "unit", "expression", "key", "header"])
-def test_toml(toml: tuple[Documents, Path], found: str, marked: str, shown: str, after: str) -> None:
+def test_completion_in_toml(toml: tuple[Documents, Path], found: str, marked: str, shown: str, after: str) -> None:
     documents, path = toml
     text, offset = at(TOML_ROBOT, found, marked)
     item = next(one for one in items(documents.analysis(path, text), text, offset) if one.shown == shown)
@@ -170,13 +170,13 @@ def toml(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> tuple[D
     return documents, folder / "arm.toml"
 
 
-def test_a_document_that_was_never_well_formed_has_the_keys_of_its_kind(robot: Path, shared_store: str) -> None:
+def test_document_that_never_parsed_offers_top_level_keys(robot: Path, shared_store: str) -> None:
     text = "thingc: assembly/1\nname: ]\n"
     offered = [one.shown for one in items(analysed(shared_store, robot, text), text, len(text))]
     assert offered[:1] == ["components"] and "joints" in offered and "name" not in offered
 
 
-def test_codes_that_were_found_come_first(robot: Path, shared_store: str) -> None:
+def test_reported_codes_are_offered_first(robot: Path, shared_store: str) -> None:
     long = ROBOT.replace("upper: 120 deg", "upper: 120000 deg")
     analysis = analysed(shared_store, robot, long)
     assert {one.code.code for one in analysis.findings} == {"TC515"}
@@ -185,7 +185,7 @@ def test_codes_that_were_found_come_first(robot: Path, shared_store: str) -> Non
     assert offered[:2] == ["TC515", "TC306"]
 
 
-def test_variants(robot: Path, shared_store: str) -> None:
+def test_completion_in_variants(robot: Path, shared_store: str) -> None:
     path = robot.with_name("sizes.yaml")
     text = "thingc: variants/1\nname: sizes\nassembly: robot.yaml\nparameters:\n  count: [1, 2]\n"
     analysis = analysed(shared_store, path, text)
@@ -195,7 +195,8 @@ def test_variants(robot: Path, shared_store: str) -> None:
     assert [one.shown for one in items(analysis, cut, offset)] == ["reach"]
 
 
-def test_whatever_is_typed_edits_stay_on_one_line_around_the_cursor(sound: dict[str, Analysis]) -> None:
+def test_edits_stay_on_the_line_of_the_cursor(sound: dict[str, Analysis]) -> None:
+    """Random text is inserted at random places."""
     chance = random.Random(3)
     offered = 0
     for _ in range(250):
@@ -209,7 +210,7 @@ def test_whatever_is_typed_edits_stay_on_one_line_around_the_cursor(sound: dict[
     assert offered > 300
 
 
-def test_details_say_where_a_mount_is_and_what_a_parameter_comes_to(robot: Path, shared_store: str) -> None:
+def test_details_show_mount_poses_and_parameter_values(robot: Path, shared_store: str) -> None:
     moved = FINGER.replace("mounts: {seat: {}}", "mounts: {seat: {xyz: 0 10 0 mm, rpy: 90 0 0 deg}}")
     changed = moved.replace("mass: 50 g", "mass: =25 g * 2")
     path = robot.with_name("finger.yaml")
@@ -222,7 +223,7 @@ def test_details_say_where_a_mount_is_and_what_a_parameter_comes_to(robot: Path,
     assert [(one.shown, one.detail) for one in items(documents.analysis(path, text), text, offset)] == [("=mass", "50 g")]
 
 
-def test_workers_are_asked_for_parts_that_are_not_known(tmp_path: Path) -> None:
+def test_workers_are_requested_for_unknown_parts(tmp_path: Path) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "frame.py").write_text("from thingc import Thing\n\nclass Bar(Thing):\n    pass\n")
@@ -237,7 +238,7 @@ def test_workers_are_asked_for_parts_that_are_not_known(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def parts(shared_store: str) -> str:
-    """A store with the parts of both robots, and what their classes take."""
+    """Return a store with the parts of both robots and the schemas of their classes."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("THINGC_STORE", shared_store)
         for name in ("arm.yaml", "minchw/minchw.yaml"):
@@ -246,7 +247,7 @@ def parts(shared_store: str) -> str:
 
 
 def places(text: str) -> Iterator[tuple[Keys, str, int, int]]:
-    """Every key and every value on a line: path, what it is, first character and the one behind it."""
+    """Yield every key and every value on a line: path, role, first character and end offset."""
     tree = read_tree("a.yaml", text.encode(), Report())
     assert tree is not None
     starts = Source("a.yaml", text).starts
@@ -263,7 +264,7 @@ def places(text: str) -> Iterator[tuple[Keys, str, int, int]]:
 
 
 OWN = {"components", "joints", "poses", "modes", "parameters", "mounts", "links", "tests", "sensors"}
-"""Sections whose names the document chooses itself."""
+"""Sections whose names are chosen by the document."""
 CONSEQUENCES = {
     "TC525",  # a mount is shown by the name of another one: one may want to
     "TC348",  # in a mode that floats no drive holds the base
@@ -272,9 +273,9 @@ DOCUMENTS = ["arm.yaml", "end_effector.yaml", "minchw/leg.yaml", "minchw/minchw.
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-def test_what_was_taken_away_is_among_what_is_offered_and_whatever_is_accepted_is_right_there(parts: str, name: str) -> None:
-    """In each place of the robots the key or the name that stands there is cut, and asked for. A sample of all that is offered is
-    accepted: of the place itself nothing is found that was not before."""
+def test_removed_text_is_offered_and_accepted_items_are_valid(parts: str, name: str) -> None:
+    """At each place of the robots, the key or name is removed and completion is requested. Then a sample of all items is accepted: no
+    new finding may appear at that place."""
     path = ROOT / "assemblies" / name
     text = path.read_text()
     documents = Documents(parts)
@@ -310,7 +311,7 @@ def test_what_was_taken_away_is_among_what_is_offered_and_whatever_is_accepted_i
         assert found == [], f"{keys}: {one.text}"
 
 
-def test_a_part_comes_with_what_it_takes(parts: str) -> None:
+def test_part_items_show_parameters_and_description(parts: str) -> None:
     text = (ROOT / "assemblies" / "arm.yaml").read_text()
     analysis = analysed(parts, ROOT / "assemblies" / "arm.yaml", text)
     cut, offset = at(text, "part: arm:BasePlate", "part: │")

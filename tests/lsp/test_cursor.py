@@ -1,4 +1,4 @@
-"""Where a cursor stands, in sound documents and in broken ones."""
+"""The path and role at the cursor, in valid and in broken documents."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ two'''
 
 
 def cells(text: str, path: str) -> Iterator[tuple[str, tuple[str | int, ...], int, int]]:
-    """Keys and scalars of a sound document, by the parser: role, path, first character and the one behind it."""
+    """Yield keys and scalars of a valid document from the parser: role, path, first character and end offset."""
     report = Report()
     tree = read_tree(path, text.encode(), report)
     assert tree is not None and not report.diagnostics
@@ -105,7 +105,8 @@ def read(path: str) -> str:
     (read("assemblies/minchw/minchw.yaml"), "a.yaml", 97),
     (as_toml(read("assemblies/minchw/minchw.yaml")), "a.toml", 97),
 ], ids=["everything", "crlf", "toml", "hand", "hand_toml", "arm", "minchw", "minchw_toml"])
-def test_the_path_at_every_place_is_the_parsers_also_when_the_rest_is_cut_off(text: str, name: str, step: int) -> None:
+def test_cursor_path_matches_the_parser(text: str, name: str, step: int) -> None:
+    """The path must also be correct if the rest of the line or of the document is missing."""
     toml = name.endswith(".toml")
     places = [(role, path, start, end, at) for role, path, start, end in cells(text, name) for at in range(start, end + 1)]
     assert places
@@ -161,7 +162,7 @@ TOML_CASES = {
 
 
 @pytest.mark.parametrize("name", [*YAML_CASES, *TOML_CASES])
-def test_places_in_broken_text(name: str) -> None:
+def test_cursor_in_broken_text(name: str) -> None:
     toml = name in TOML_CASES
     marked, role, path, typed = (TOML_CASES if toml else YAML_CASES)[name]
     text = marked.replace("│", "")
@@ -174,7 +175,7 @@ def test_places_in_broken_text(name: str) -> None:
     assert text[cursor.start : cursor.end].startswith(typed) and "\n" not in text[cursor.start : cursor.end]
 
 
-def test_keys_before_and_behind_the_cursor_are_known_and_the_one_under_it_is_not_among_them() -> None:
+def test_sibling_keys_exclude_the_key_at_the_cursor() -> None:
     text = "components:\n  plate:\n    part: a:B\n    pa\n    mass: 3 g\n"
     cursor = cursor_at(text, text.index("pa\n") + 2, toml=False)
     assert cursor is not None
@@ -185,7 +186,7 @@ def test_keys_before_and_behind_the_cursor_are_known_and_the_one_under_it_is_not
     assert own is not None and own.separated and own.keys["components", "plate"] == ("part",)
 
 
-def test_hostile_text_is_read_to_its_end() -> None:
+def test_pathological_text_is_handled() -> None:
     for text in ("[" * 5000, "{a: " * 5000, "- " * 3000, '"' * 5001, "a: {\n" * 500, "[[a." * 999, "a = [\n" * 500, "\x00: :\t- {:}"):
         for toml in (False, True):
             for at in (0, len(text) // 2, len(text)):

@@ -1,4 +1,4 @@
-"""What is said of the thing under the cursor, and what stands behind expressions; and both, with completion, through a real client."""
+"""Hover text and inlay hints; and both, with completion, through a real client."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def analysis(robot: Path, documents: Documents) -> Analysis:
 
 
 def said(analysis: Analysis, text: str, marked: str) -> str:
-    """What is said at `│` in a stretch of the text that stands once in it."""
+    """Return the hover text at `│` in a piece of text that occurs once."""
     found = marked.replace("│", "")
     assert text.count(found) == 1, found
     before = text[: text.index(found) + marked.index("│")]
@@ -66,23 +66,23 @@ def said(analysis: Analysis, text: str, marked: str) -> str:
     ("be│nch: {root", "**bench**: `base` is the root, fixed to the world; starts in pose `out`."),
     ("# a com│ment", ""),
 ])
-def test_what_is_said(analysis: Analysis, marked: str, words: str) -> None:
+def test_hover_text(analysis: Analysis, marked: str, words: str) -> None:
     assert said(analysis, CHANGED + "# a comment", marked) == words
 
 
-def test_a_code_is_explained(documents: Documents, robot: Path) -> None:
+def test_hover_explains_diagnostic_codes(documents: Documents, robot: Path) -> None:
     text = CHANGED.replace("palm: {assembly: palm.yaml}", "palm: {assembly: palm.yaml, allow: {TC519: so}}")
     assert said(documents.analysis(robot, text), text, "TC5│19").startswith("**TC519**: actuator that does not drive a joint\n\nFix: ")
 
 
-def test_values_stand_behind_expressions_in_the_range_that_is_asked_for(analysis: Analysis) -> None:
+def test_inlay_hints_in_the_requested_range(analysis: Analysis) -> None:
     place = TextPlace(line=1, column=1)
     assert [one["label"] for one in hints(analysis, CHANGED, place, {"range": WHOLE})] == ["= 60 mm", "= 2", "= 50 g ... 100 g", "= 2"]
     first = hints(analysis, CHANGED, place, {"range": {"start": {"line": 5, "character": 0}, "end": {"line": 5, "character": 0}}})
     assert first == [{"position": {"line": 5, "character": 18}, "label": "= 60 mm", "kind": 1, "paddingLeft": True}]
 
 
-def test_broken_text_keeps_the_last_answers_where_its_lines_are_as_they_were(robot: Path, shared_store: str) -> None:
+def test_broken_text_keeps_hovers_on_unchanged_lines(robot: Path, shared_store: str) -> None:
     documents = Documents(shared_store)
     documents.analysis(robot, CHANGED)
     broken = CHANGED.replace("reach / 2", "reach / 4").replace("count: =count, as: i}\n    assembly", "count: =count, as: i\n    assembly")
@@ -108,7 +108,7 @@ def _place(text: str, offset: int) -> dict[str, int]:
     return {"line": before.count("\n"), "character": len(before) - before.rfind("\n") - 1}
 
 
-def test_over_the_protocol(editor: Editor, robot: Path) -> None:
+def test_completion_hover_and_hints_over_the_protocol(editor: Editor, robot: Path) -> None:
     told = editor.told.capabilities
     assert told.completion_provider is not None and "." in (told.completion_provider.trigger_characters or [])
     document = {"uri": robot.as_uri()}

@@ -1,4 +1,4 @@
-"""Names over the wire: where they are declared and used, and their exchange in unsaved and broken texts."""
+"""Definitions, references and renames over the protocol, in unsaved and broken documents."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def user(folder: Path) -> Path:
 
 
 def position(text: str, words: str) -> dict[str, int]:
-    """The place of the `|` in words that stand once in a text."""
+    """Return the position of the `|` in words that occur once in a text."""
     plain = words.replace("|", "")
     assert text.count(plain) == 1, f"{plain!r} stands {text.count(plain)} times"
     before = text[: text.index(plain) + words.index("|")]
@@ -91,7 +91,7 @@ def ask(editor: Editor, method: str, path: Path, words: str = "", **more: Any) -
 
 
 def shown(answer: Any) -> list[str]:
-    """Places as file and the beginning of the line, the characters there in brackets."""
+    """Return locations as the file name and the text around the range, which is in brackets."""
     places = []
     for one in answer:
         path = Path(one.uri.removeprefix("file://"))
@@ -102,7 +102,7 @@ def shown(answer: Any) -> list[str]:
 
 
 def applied(answer: Any) -> dict[str, str]:
-    """The texts of files with the edits of an answer, by name."""
+    """Return the texts of files with the edits of a response applied, by name."""
     texts = {}
     for change in answer.document_changes:
         path = Path(change.text_document.uri.removeprefix("file://"))
@@ -139,7 +139,7 @@ DEFINED = {
 }
 
 
-def test_definitions(editor: Editor, user: Path) -> None:
+def test_definitions_of_names(editor: Editor, user: Path) -> None:
     for name in ("walker.yaml", "study.yaml", "head.toml", "user.yaml"):
         editor.open(user / name)
     assert {(name, words): "; ".join(shown(ask(editor, "definition", user / name, words))) for name, words in DEFINED} == DEFINED
@@ -159,7 +159,7 @@ def test_references_and_highlights(editor: Editor, user: Path) -> None:
     ]
 
 
-def test_a_rename_goes_through_unsaved_documents_and_python(editor: Editor, user: Path) -> None:
+def test_rename_edits_unsaved_documents_and_python(editor: Editor, user: Path) -> None:
     editor.open(user / "user.yaml")
     editor.type(user / "user.yaml", "# unsaved\n" + USER)
     text = "# unsaved\n" + USER
@@ -198,14 +198,14 @@ REFUSED = {
 }
 
 
-def test_what_cannot_be_is_refused_in_words(editor: Editor, user: Path) -> None:
+def test_invalid_renames_are_refused_with_a_message(editor: Editor, user: Path) -> None:
     for (name, words, new), expected in REFUSED.items():
         with pytest.raises(JsonRpcException) as refused:
             ask(editor, "rename", user / name, words, newName=new)
         assert str(refused.value) == expected, (words, new)
 
 
-def test_another_part_that_may_have_the_mount_is_named(editor: Editor, user: Path) -> None:
+def test_rename_refuses_ambiguous_uses_in_other_parts(editor: Editor, user: Path) -> None:
     (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef seat_of(bracket):\n    return bracket.seat\n")
     refused = "`seat` at parts/others.py:5 may refer to this mount of a part of `Bracket`: rename it there by hand"
     with pytest.raises(JsonRpcException, match=refused):
@@ -219,7 +219,7 @@ def test_another_part_that_may_have_the_mount_is_named(editor: Editor, user: Pat
     assert sorted(applied(ask(editor, "rename", user / "user.yaml", "{wi|dth: 12", newName="breadth"))) == ["brackets.py", "user.yaml"]
 
 
-def test_broken_text_is_read_as_it_was_where_it_is_still_the_same(editor: Editor, folder: Path) -> None:
+def test_broken_text_uses_the_last_valid_state(editor: Editor, folder: Path) -> None:
     path = folder / "walker.yaml"
     editor.open(path)
     broken = WALKER.replace("  tail: {frame: true,", "\n  tail: {frame: [true,")
@@ -244,7 +244,7 @@ FOLDS = {
 }
 
 
-def test_symbols_folds_and_colours(editor: Editor, folder: Path) -> None:
+def test_symbols_and_folding_ranges(editor: Editor, folder: Path) -> None:
     for name in ("walker.yaml", "head.toml"):
         text = FILES[name]
         path = folder / name
@@ -266,7 +266,7 @@ def test_symbols_folds_and_colours(editor: Editor, folder: Path) -> None:
     assert names == ["knee"]
 
 
-def test_the_words_of_expressions_are_told_apart(editor: Editor, folder: Path) -> None:
+def test_semantic_tokens_of_expressions(editor: Editor, folder: Path) -> None:
     path = folder / "walker.yaml"
     text = WALKER.replace('"=width / 2"', '"=min(width, 2e1 mm) / pi # é"').replace(" # é", "")
     editor.open(path, text)

@@ -1,4 +1,4 @@
-"""The set-up of Neovim that the docs show, in Neovim."""
+"""The Neovim configuration of the documentation works in Neovim."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ vim.cmd("qa!")
 
 
 @pytest.mark.skipif(shutil.which("nvim") is None, reason="Neovim is not installed")
-def test_what_is_typed_is_answered(tmp_path: Path) -> None:
+def test_edits_are_answered_in_neovim(tmp_path: Path) -> None:
     *_, configuration = re.findall(r"```lua\n(.*?)```", (ROOT / "docs" / "editor.md").read_text(), re.DOTALL)
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "crane.yaml").write_text(DOCUMENT)

@@ -1,4 +1,4 @@
-"""What is analysed when, and what of that is published."""
+"""The order in which open documents are analysed, and which diagnostics are published."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from thingc.tools.lsp.open_documents import OpenDocuments, Superseded
 
 
 class Desk:
-    """Open documents, and what they publish."""
+    """Open documents and their published diagnostics."""
 
     def __init__(self, folder: Path) -> None:
         write(folder)
@@ -39,7 +39,7 @@ class Desk:
         self.opened.put(path, OpenText(uri=f"file:///{name}", version=version, text=text))
 
     def said(self) -> list[tuple[str, int | None, list[str]]]:
-        """What is published until there is nothing more to do."""
+        """Return everything published until no work is left."""
         self.published.clear()
         while self.opened.next():
             pass
@@ -53,7 +53,7 @@ def desk(tmp_path: Path) -> Iterator[Desk]:
     desk.opened.close()
 
 
-def test_the_document_that_is_typed_in_is_first_and_its_parents_follow(desk: Desk) -> None:
+def test_edited_document_is_first_then_its_parents(desk: Desk) -> None:
     for name in ("robot.yaml", "palm.yaml", "finger.yaml", "materials.yaml"):
         desk.put(name, 1)
     assert {(name, version, *found) for name, version, found in desk.said()} == {(name, 1) for name in DOCUMENTS}
@@ -65,7 +65,7 @@ def test_the_document_that_is_typed_in_is_first_and_its_parents_follow(desk: Des
     assert desk.said() == [("robot.yaml", 2, [])], "nobody depends on it"
 
 
-def test_who_types_on_does_not_wait_for_documents_that_have_waited_longer(desk: Desk) -> None:
+def test_edited_document_does_not_wait_for_older_requests(desk: Desk) -> None:
     for name in ("robot.yaml", "palm.yaml", "finger.yaml"):
         desk.put(name, 1)
     desk.said()
@@ -75,7 +75,7 @@ def test_who_types_on_does_not_wait_for_documents_that_have_waited_longer(desk: 
         assert desk.published[-1] == ("finger.yaml", version, []), "robot.yaml still waits"
 
 
-def test_what_stays_while_a_document_is_open_is_not_looked_through_for_cycles_again_and_again(desk: Desk) -> None:
+def test_long_lived_objects_are_frozen_once_for_gc(desk: Desk) -> None:
     frozen = [gc.get_freeze_count()]
     for version in (1, 2):
         desk.put("robot.yaml", version)
@@ -85,7 +85,7 @@ def test_what_stays_while_a_document_is_open_is_not_looked_through_for_cycles_ag
     assert frozen[0] < frozen[1] >= frozen[2], "once, lest what is replaced is kept"
 
 
-def test_a_document_that_is_not_open_is_shown_where_it_is_wrong(desk: Desk) -> None:
+def test_errors_in_closed_documents_are_published_there(desk: Desk) -> None:
     (desk.folder / "palm.yaml").write_text(DOCUMENTS["palm.yaml"].replace("frame: true", "frame: tru"))
     desk.put("robot.yaml", 1)
     assert sorted(desk.said(), key=str) == [("palm.yaml", None, ["TC204"]), ("robot.yaml", 1, [])]
@@ -95,8 +95,8 @@ def test_a_document_that_is_not_open_is_shown_where_it_is_wrong(desk: Desk) -> N
     assert ("palm.yaml", None, ["TC204"]) in desk.said(), "it is wrong on the disk"
 
 
-def test_a_change_supersedes_what_takes_long(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The document that is typed in has a while; what another one is looked at for is dropped at once."""
+def test_change_supersedes_a_slow_analysis(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The analysis of the edited document continues for a while; that of another document is dropped at once."""
     begun: list[str] = []
 
     def endless(path: str, texts: Any, options: Any, lend: Any, memo: Any, known: Any) -> Analysis:
@@ -104,7 +104,7 @@ def test_a_change_supersedes_what_takes_long(desk: Desk, monkeypatch: pytest.Mon
         if len(begun) < 3:  # while it is at work
             threading.Thread(target=desk.put, args=[("robot.yaml", 2), ("palm.yaml", 1)][len(begun) - 1]).start()
         while len(begun) < 3:
-            memo.apart().last("place", ())
+            memo.make_empty().last("place", ())
             time.sleep(0.005)
         return Analysis(path=path, open=texts)
 
@@ -119,7 +119,7 @@ def test_a_change_supersedes_what_takes_long(desk: Desk, monkeypatch: pytest.Mon
     assert desk.said() == [("palm.yaml", 1, []), ("robot.yaml", 2, [])]
 
 
-def test_whatever_fails_is_a_diagnostic(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_internal_failure_is_a_diagnostic(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: Any) -> Analysis:
         raise OSError(28, "No space left on device", "/store/x")
 
@@ -131,7 +131,7 @@ def test_whatever_fails_is_a_diagnostic(desk: Desk, monkeypatch: pytest.MonkeyPa
     assert desk.said() == [("robot.yaml", 2, [])]
 
 
-def test_broken_text_keeps_what_was_known(desk: Desk) -> None:
+def test_broken_text_keeps_the_last_valid_analysis(desk: Desk) -> None:
     path = str(desk.folder / "robot.yaml")
     desk.put("robot.yaml", 1)
     desk.put("robot.yaml", 2, DOCUMENTS["robot.yaml"].replace("joints:", "joints: {"))
@@ -145,8 +145,8 @@ def test_broken_text_keeps_what_was_known(desk: Desk) -> None:
         assert now.known is whole and now.text != whole.text and {joint.name for joint in now.known.model.joints} >= {"lift", "yaw_0"}
 
 
-def test_what_is_remembered_of_nested_documents_changes_nothing(desk: Desk) -> None:
-    """Slips come and go in all documents; after each the analysis is that of somebody who has seen nothing before."""
+def test_cached_nested_documents_do_not_change_results(desk: Desk) -> None:
+    """Mistakes are added and removed in all documents. After each change the analysis equals one without a cache."""
     path = str(desk.folder / "robot.yaml")
     slips = [
         ("robot.yaml", "base.top", "base.tip"), ("finger.yaml", "{seat: bone.seat}", "{seet: bone.seat}"), ("robot.yaml", "50 g", "-50 g"),
@@ -170,7 +170,7 @@ def test_what_is_remembered_of_nested_documents_changes_nothing(desk: Desk) -> N
         assert (now.model is None) == (fresh.model is None) and (now.robots == fresh.robots)
 
 
-def test_nested_documents_that_are_as_they_were_are_not_resolved_again(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unchanged_nested_documents_are_not_resolved_again(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     filled: list[str] = []
     fill = assembly._fill
     monkeypatch.setattr(assembly, "_fill", lambda *given, **more: (filled.append(given[1].document.relative), fill(*given, **more)))

@@ -1,4 +1,4 @@
-"""Parts, as somebody edits them: nothing waits for them, a save describes them again, and nothing of a stranger's workspace is run."""
+"""Editing parts: diagnostics do not wait for part descriptions, saving a part describes it again, and untrusted code is never run."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ def editor(shared_store: str) -> Iterator[Editor]:
 
 
 def until(editor: Editor, path: Path, wanted: list[str], since: int = 0) -> None:
-    """Wait until this is what is said of a file."""
+    """Wait until these diagnostics are published for a file."""
     editor.wait(lambda one: one.uri == path.as_uri() and lines(list(one.diagnostics)) == wanted, since)
 
 
-def test_parts_are_found_out_beside_what_is_typed(editor: Editor, rig: Path) -> None:
+def test_parts_are_described_in_the_background(editor: Editor, rig: Path) -> None:
     wrong = RIG.replace("block.top", "block.tip") + POSE
     pose, mount = "7:15 TC304 there is no joint `turn`", "6:40 TC303 `block` (`blocks:Block(width={} mm)`) has no mount `tip`"
     assert lines(editor.open(rig, wrong)) == [pose], "of the parts nothing is known yet"
@@ -79,7 +79,7 @@ def test_parts_are_found_out_beside_what_is_typed(editor: Editor, rig: Path) -> 
     assert psutil.wait_procs([psutil.Process(editor.process.pid), *worker], timeout=60.0)[1] == []
 
 
-def test_nothing_of_a_workspace_runs_that_is_not_trusted(shared_store: str, rig: Path) -> None:
+def test_untrusted_workspace_code_is_not_run(shared_store: str, rig: Path) -> None:
     (rig.parent / "parts/blocks.py").write_text(BLOCKS)
     editor = Editor(shared_store, trusted=False)
     assert lines(editor.open(rig, RIG + POSE)) == ["7:15 TC304 there is no joint `turn`"]

@@ -1,4 +1,4 @@
-"""Places of thingc and of the protocol, and edits from one text to another."""
+"""Conversion between positions of thingc and of the protocol, and edits that turn one text into another."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ TEXTS = st.text(st.sampled_from("ab\n\r\t \u00e9\u2028\U0001f916\U0001d11e"), ma
 
 
 @given(TEXTS, st.data())
-def test_positions_are_in_utf_16(text: str, data: st.DataObject) -> None:
-    """The protocol's characters are units of UTF-16, whatever stands before; there and back is the same place."""
+def test_positions_use_utf_16(text: str, data: st.DataObject) -> None:
+    """Characters of the protocol are UTF-16 code units. The conversion round-trips."""
     start = data.draw(st.integers(0, len(text)))
     end = data.draw(st.integers(start, len(text)))
     span = Source("x", text).span(start, end)
@@ -31,14 +31,14 @@ def test_positions_are_in_utf_16(text: str, data: st.DataObject) -> None:
 
 
 @given(TEXTS, st.integers(-3, 60), st.integers(-3, 2**31))
-def test_any_position_is_a_place(text: str, line: int, character: int) -> None:
+def test_out_of_range_positions_are_clamped(text: str, line: int, character: int) -> None:
     lines = TextLines(text)
     assert 0 <= lines.index(lines.place({"line": line, "character": character})) <= len(text)
 
 
 @settings(max_examples=60)
 @given(TEXTS, TEXTS)
-def test_edits_make_one_text_of_another(before: str, after: str) -> None:
+def test_edits_transform_one_text_into_another(before: str, after: str) -> None:
     lines = TextLines(before)
     made = before
     for edit in reversed(edits(lines, after)):
@@ -47,7 +47,7 @@ def test_edits_make_one_text_of_another(before: str, after: str) -> None:
     assert made == after
 
 
-def test_uris_are_files() -> None:
+def test_uris_are_converted_to_paths() -> None:
     for path in ("/a/b c.yaml", "/\u00e9/\U0001f916#?%.yaml"):
         assert path_of(Path(path).as_uri()) == path
     assert path_of("file:///a/%62.yaml") == "/a/b.yaml"

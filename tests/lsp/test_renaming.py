@@ -1,5 +1,5 @@
-"""A name is exchanged wherever it stands, or the request is refused: the robot is the same but for it, and the way back gives the same
-bytes."""
+"""A rename changes every occurrence of a name, or is refused. The robot stays the same except for the name, and renaming back restores
+the bytes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ REFUSED = {
     "mount hip_1": "`hip_1` cannot be renamed to `x_hip_1`: the text at walker.yaml:{hip_$n} would change its meaning",
     "index i": "the index `i` is the default: first add `as: i` under `repeat`",
 }
-"""What of the walker keeps its name, and why; braces stand for the line on which a text is first."""
+"""Names of the walker that cannot be renamed, and why; braces contain text whose first line number is inserted."""
 
 
 def seen(folder: Path) -> WorkspaceIndex:
@@ -59,8 +59,8 @@ def drawn(folder: Path, store: str) -> Snapshot:
     return take_snapshot(compilation)
 
 
-def test_the_walker_means_everything_that_can_be_meant(walker: WorkspaceIndex) -> None:
-    """So that a new way to name something is tried below."""
+def test_walker_uses_every_kind_of_name(walker: WorkspaceIndex) -> None:
+    """This ensures that a new kind of name is covered by the tests below."""
     from typing import get_args
 
     from thingc.documents.spec.name_types import Declared, DeclaresName, ReferenceKind, RefersTo
@@ -71,7 +71,7 @@ def test_the_walker_means_everything_that_can_be_meant(walker: WorkspaceIndex) -
 
 
 def exchanged(sight: WorkspaceIndex, old: str, new: str) -> tuple[WorkspaceIndex, dict[str, str]]:
-    """All names that begin with `old` with `new` in its place, one after the other, and what is said of those that stay."""
+    """Rename all names that begin with `old` to begin with `new`, one by one; return the result and the messages of refused renames."""
     refused = {}
     for one in [name for name in sight.index.by_name if name.text.startswith(old) and not name.what.startswith(("document", "part"))]:
         name = next((
@@ -92,8 +92,8 @@ def plain(text: object) -> str:
     return str(text).replace("x_", "")
 
 
-def test_every_name_of_the_walker_is_exchanged_and_back(walker: WorkspaceIndex, tmp_path: Path, shared_store: str) -> None:
-    """The robot is the same but for names, its variants can be planned, and nothing is said that was not said before."""
+def test_every_name_of_the_walker_can_be_renamed_and_back(walker: WorkspaceIndex, tmp_path: Path, shared_store: str) -> None:
+    """The robot is the same except for names, its variants can be planned, and no diagnostic is added."""
     after, refused = exchanged(walker, "", "x_")
     lines = WALKER.splitlines()
 
@@ -116,7 +116,7 @@ def test_every_name_of_the_walker_is_exchanged_and_back(walker: WorkspaceIndex, 
     assert {path: again.read(path) for path in again.documents} == {path: walker.read(path) for path in walker.documents}
 
 
-def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rename_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     from thingc.tools.cli.main import main
 
     write(tmp_path)
@@ -142,10 +142,10 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_names_of_both_robots_are_exchanged_and_back() -> None:
-    """Some of them, others with another seed; each means the same afterwards, or `rename_edits` would have refused it."""
+def test_names_of_both_robots_can_be_renamed_and_back() -> None:
+    """A sample of the names. `rename_edits` refuses a rename that changes the meaning of any reference."""
     sight = seen(ROOT)
-    assert [name for name in sight.index.by_name if sight.index.declared(name) is None and name.what != "document"] == []
+    assert [name for name in sight.index.by_name if sight.index.find_declaration(name) is None and name.what != "document"] == []
     names = [name for name in sight.index.by_name if name.what in ("component", "joint", "parameter", "pose", "mode", "export", "test")]
     for name in random.Random(15).sample(names, 6):
         done = rename_edits(sight, name, f"x_{name.text}")
@@ -153,7 +153,7 @@ def test_names_of_both_robots_are_exchanged_and_back() -> None:
         assert done.texts and again.texts == {path: sight.read(path) for path in done.texts}
 
 
-def test_a_differential_whose_drives_are_used_is_not_renamed(tmp_path: Path) -> None:
+def test_differential_whose_drives_are_used_is_not_renamed(tmp_path: Path) -> None:
     """`wrist_0` in a mode would no longer be a drive."""
     motor = "{kind: motor}"
     body = "frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}"
@@ -178,7 +178,7 @@ modes: {{all: {{root: a, actuators: [wrist_0]}}}}
     assert [text.replace("wrist:", "both:").replace(", actuators: [wrist_0]", "")] == list(edits.texts.values())
 
 
-def test_a_scene_follows_a_renamed_mode(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rename_of_a_mode_updates_scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("arm.yaml").write_text("""\
 thingc: assembly/1

@@ -1,4 +1,4 @@
-"""`thingc lsp` as an editor meets it: what is typed, and what is published."""
+"""`thingc lsp` from the view of an editor: edits and published diagnostics."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def robot(tmp_path: Path) -> Path:
     return write(tmp_path)
 
 
-def test_what_is_wrong_is_published_with_the_version(editor: Editor, robot: Path) -> None:
+def test_diagnostics_are_published_with_the_version(editor: Editor, robot: Path) -> None:
     assert editor.open(robot) == []
     found = editor.type(robot, ROBOT.replace("parent: base.top\n    child", "parent: bass.top\n    child"))
     assert lines(found) == ["19:13 TC302 this document has no component `bass`"]
@@ -51,7 +51,8 @@ def test_what_is_wrong_is_published_with_the_version(editor: Editor, robot: Path
 
 
 def test_every_keystroke_of_a_random_session_is_answered(editor: Editor, robot: Path) -> None:
-    """Letters come and go anywhere, some faster than they are answered; what is said of the last text is what a check says of it."""
+    """Text is inserted and deleted at random, sometimes faster than it is answered. The diagnostics of the last text equal those of a
+    check."""
     chance = random.Random(15)
     text = ROBOT
     editor.open(robot)
@@ -73,7 +74,7 @@ def test_every_keystroke_of_a_random_session_is_answered(editor: Editor, robot: 
 
 
 @pytest.mark.parametrize("text", ODD)
-def test_no_text_is_too_odd(editor: Editor, robot: Path, text: str) -> None:
+def test_unusual_texts_are_handled(editor: Editor, robot: Path, text: str) -> None:
     path = robot.parent / "odd.yaml"
     found = editor.open(path, text)
     assert not any("failed" in one.message for one in found)
@@ -84,15 +85,15 @@ def test_no_text_is_too_odd(editor: Editor, robot: Path, text: str) -> None:
     editor.close(path)
 
 
-def test_ten_megabytes_are_refused_and_hold_nothing_up(editor: Editor, robot: Path) -> None:
+def test_ten_megabytes_are_refused_without_blocking(editor: Editor, robot: Path) -> None:
     path = robot.parent / "large.yaml"
     assert [one.code for one in editor.open(path, ROBOT + "# " + "x" * 10_000_000)] == ["TC108"]
     assert editor.open(robot) == []
     editor.close(path)
 
 
-def test_what_is_none_of_ours_is_left_alone(editor: Editor, tmp_path: Path) -> None:
-    """Files of others, files that are nowhere, requests that nobody knows."""
+def test_foreign_files_and_unknown_requests_are_ignored(editor: Editor, tmp_path: Path) -> None:
+    """Files of other tools, URIs that are not files, and unknown methods."""
     assert editor.open(tmp_path / "docker.yaml", "services: {web: [}\n") == []
     assert editor.open(tmp_path / "notes.txt", "thingc: assembly/1\n") == []
     with pytest.raises(JsonRpcException, match="Method Not Found"):
@@ -103,8 +104,8 @@ def test_what_is_none_of_ours_is_left_alone(editor: Editor, tmp_path: Path) -> N
     assert editor.open(tmp_path / "new.yaml", "thingc: assembly/1\nname: new\n") != []
 
 
-def test_two_workspaces_are_two(editor: Editor, tmp_path: Path) -> None:
-    """The same names in both; each document is that of its own."""
+def test_two_workspaces_are_independent(editor: Editor, tmp_path: Path) -> None:
+    """Both contain the same file names; each document belongs to its own workspace."""
     robots = []
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
@@ -117,7 +118,7 @@ def test_two_workspaces_are_two(editor: Editor, tmp_path: Path) -> None:
     assert editor.wait(lambda one: one.uri == robots[1].as_uri() and not one.diagnostics, seen) == []
 
 
-def test_the_settings_of_a_workspace_count_unsaved(editor: Editor, robot: Path) -> None:
+def test_unsaved_workspace_settings_are_used(editor: Editor, robot: Path) -> None:
     settings = robot.parent / "thingc.toml"
     assert editor.open(robot) == []
     assert editor.open(settings) == []
@@ -125,8 +126,8 @@ def test_the_settings_of_a_workspace_count_unsaved(editor: Editor, robot: Path) 
     assert editor.type(settings, 'thingc = "workspace/1"\n') == []
 
 
-def test_messages_that_are_none_are_answered_or_passed_over(shared_store: str) -> None:
-    """Nothing that is sent ends the server or makes it print; every request has its answer."""
+def test_invalid_messages_do_not_stop_the_server(shared_store: str) -> None:
+    """No message ends the server or makes it print to standard error, and every request is answered."""
     hover = {"textDocument": {"uri": "file:///x.yaml"}, "position": {"line": 0, "character": 0}}
     sent: list[Any] = [
         {"id": 1, "method": "textDocument/hover", "params": hover}, {"method": "textDocument/didOpen", "params": {}},
@@ -159,7 +160,7 @@ def test_messages_that_are_none_are_answered_or_passed_over(shared_store: str) -
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_while_it_waits(number: signal.Signals, shared_store: str) -> None:
+def test_signal_ends_a_waiting_server(number: signal.Signals, shared_store: str) -> None:
     with subprocess.Popen(
         [sys.executable, "-P", "-m", "thingc", "lsp", "--store", shared_store], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -173,7 +174,7 @@ def test_a_signal_ends_it_while_it_waits(number: signal.Signals, shared_store: s
         assert process.wait(20.0) == 130 and process.stderr.read() == b""
 
 
-def test_a_server_says_so_where_its_extra_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_extra_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["lsp"]) == 2
     said = capsys.readouterr().err

@@ -1,14 +1,20 @@
-"""Real editing sessions, as transcripts: what somebody does, and, indented, what is said then of each file of which something else is said.
+"""Editing sessions as transcripts: the steps and, indented, the new diagnostics of every file whose diagnostics have changed.
 
-`REGENERATE=1 pytest tests/lsp/test_sessions.py` writes them anew: read the difference. What is done:
+`REGENERATE=1 pytest tests/lsp/test_sessions.py` rewrites the transcripts: review the difference.
 
-    file NAME                     the lines behind it, with `| ` before each, are a file on the disk (beside those of `live/documents.py`)
-    open NAME, close NAME
-    type NAME "OLD" "NEW"         the text OLD goes, as far as NEW is another, which is typed letter by letter: every letter is answered
-    act NAME "WORD" "TITLE"       asks for code actions where WORD stands; all are listed, and the one that begins with TITLE is done
-    format NAME                   formats it
-    show NAME "WORD"              the lines of its text that have the word
-"""
+A transcript contains these steps:
+
+`file NAME` writes the following lines, each with the prefix `| `, to a file on disk (next to those of `live/documents.py`).
+
+`open NAME` and `close NAME` open and close a document.
+
+`type NAME "OLD" "NEW"` deletes the part of OLD that differs from NEW, and types that of NEW letter by letter; every letter is answered.
+
+`act NAME "WORD" "TITLE"` requests code actions at WORD, lists all of them, and applies the one that starts with TITLE.
+
+`format NAME` formats a document.
+
+`show NAME "WORD"` prints the lines of its text that contain the word."""
 
 from __future__ import annotations
 
@@ -35,7 +41,7 @@ def editor(shared_store: str) -> Iterator[Editor]:
 
 
 class Session:
-    """One transcript, played in a folder of its own."""
+    """Plays one transcript in its own folder."""
 
     def __init__(self, editor: Editor, folder: Path) -> None:
         self.editor, self.folder = editor, folder
@@ -45,7 +51,7 @@ class Session:
         write(folder)
 
     def play(self, transcript: str) -> str:
-        """The transcript with what was said."""
+        """Return the transcript with the recorded responses."""
         played = []
         for step in re.split(r"\n(?=[^\s|])", transcript.strip()):
             command = "\n".join(line for line in step.split("\n") if not line.startswith("  "))
@@ -55,7 +61,7 @@ class Session:
         return "\n".join(played) + "\n"
 
     def step(self, command: str) -> list[str]:
-        """What a step says."""
+        """Return the response to a step."""
         if command.startswith("#"):
             return []
         verb, name, *words = re.findall(r'"(?:[^"\\]|\\.)*"|\S+', command.split("\n")[0])
@@ -109,7 +115,7 @@ class Session:
         return {"start": position, "end": position}
 
     def apply(self, path: Path, edits: Any) -> None:
-        """Change a text as an editor does: all places are those of the text before."""
+        """Apply edits as an editor does: all positions refer to the original text."""
         text = self.texts[path]
         starts = [0, *(found.end() for found in re.finditer("\n", text))]
 
@@ -121,7 +127,7 @@ class Session:
         self.change(path, text)
 
     def heard(self, since: int) -> list[str]:
-        """Of which files something else is said now."""
+        """Return the diagnostics of all files whose diagnostics have changed."""
         for _ in range(len(self.texts) + 1):  # each is answered behind one document that is looked at
             self.request("textDocument/formatting", self.folder / "none.txt", options={"tabSize": 2, "insertSpaces": True})
         told = []
@@ -136,7 +142,7 @@ class Session:
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.txt")))
-def test_session(editor: Editor, tmp_path: Path, name: str) -> None:
+def test_session_matches_its_transcript(editor: Editor, tmp_path: Path, name: str) -> None:
     transcript = (FOLDER / f"{name}.txt").read_text()
     played = Session(editor, tmp_path).play(transcript)
     if os.environ.get("REGENERATE"):

@@ -1,4 +1,4 @@
-"""A workspace without CAD that names things in every way there is: nested, repeated, by patterns, in tests, settings and rules."""
+"""A workspace without CAD that uses names in every possible way: nested, repeated, by patterns, in tests, settings and rules."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ FILES = {"walker.yaml": WALKER, "leg.yaml": LEG, "head.toml": HEAD, "paints.yaml
 
 
 def write(folder: Path) -> Path:
-    """The workspace in a folder; that."""
+    """Write the workspace into a folder and return the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in FILES.items():
         (folder / name).write_text(text)

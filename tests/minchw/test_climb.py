@@ -1,5 +1,5 @@
-"""`examples/climb.py`: over the corner of floor and wall, in kinematics by hand and in physics, the switch of the root onto the wall, and
-what docs/studies/walking.md shows of it."""
+"""`examples/climb.py`: the corner of floor and wall in planar kinematics and in physics, the switch of the root to the wall, and the
+results in docs/studies/walking.md."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ pytestmark = pytest.mark.slow
 
 DOCS = ROOT / "docs" / "studies" / "walking.md"
 ONTO_WALL = 3
-"""After so many swings the front foot has landed on the wall."""
+"""The number of swings after which the front foot is on the wall."""
 
 
 @pytest.fixture(scope="module")
 def climbing() -> ModuleType:
-    """The example, imported as running it does."""
+    """The example, imported as a module."""
     folder = str(ROOT / "examples")
     sys.path.insert(0, folder)
     try:
@@ -38,7 +38,7 @@ def climbing() -> ModuleType:
 
 @pytest.fixture(scope="module")
 def climbed(climbing: ModuleType, minchw: Path) -> tuple:
-    """A step on the floor, then the front foot onto the wall: the robot, what was seen, and the margins by stage."""
+    """A step on the floor, then the front foot on the wall: the robot, the recorded states, and the margins by stage."""
     tunnel = climbing.Tunnel()
     robot = climbing.Climb(minchw, "", tunnel.faces)
     plan = tunnel.plan(robot.models)
@@ -47,8 +47,8 @@ def climbed(climbing: ModuleType, minchw: Path) -> tuple:
     return robot, tunnel, seen, watch
 
 
-def test_the_corner_by_planar_kinematics_by_hand(climbing: ModuleType, climbed: tuple) -> None:
-    """Where each step puts its foot, seen from the other one, with joints away from their limits all the way."""
+def test_corner_in_planar_kinematics(climbing: ModuleType, climbed: tuple) -> None:
+    """The position of each foot relative to the other one after each step. Joints stay away from their limits."""
     tunnel, gait = importlib.import_module("inchworm_tunnel"), importlib.import_module("inchworm_gait")
     robot = climbed[0]
     beyond, at = {"front": False, "rear": False}, {"front": 0.07, "rear": 0.39}
@@ -69,7 +69,7 @@ def test_the_corner_by_planar_kinematics_by_hand(climbing: ModuleType, climbed: 
                 assert low + radians(15) < value < high - radians(15)
 
 
-def test_onto_the_wall(climbing: ModuleType, climbed: tuple) -> None:
+def test_step_onto_the_wall(climbing: ModuleType, climbed: tuple) -> None:
     robot, tunnel, seen, watch = climbed
     assert seen.touches == set()
     assert 50.0 < watch.least["floor"] < 200.0 and 50.0 < watch.least["floor to wall"] < 200.0
@@ -81,7 +81,7 @@ def test_onto_the_wall(climbing: ModuleType, climbed: tuple) -> None:
     assert degrees(robot.held["front"].turn("front")) == pytest.approx(90.0, abs=0.1)
 
 
-def test_the_root_goes_over_onto_the_wall_with_every_link_where_it_was(climbed: tuple) -> None:
+def test_root_switches_to_the_wall_without_moving_links(climbed: tuple) -> None:
     before, after = (climbed[0].held[foot] for foot in ("rear", "front"))
     for world in (before, after):
         mujoco.mj_kinematics(world.model, world.data)
@@ -92,8 +92,9 @@ def test_the_root_goes_over_onto_the_wall_with_every_link_where_it_was(climbed: 
         np.testing.assert_allclose(after.data.body(name).xmat, before.data.body(name).xmat, atol=1e-9)
 
 
-def test_on_the_wall_it_is_the_mode_of_the_wall(climbed: tuple, minchw: Path) -> None:
-    """`front_foot` with its foot on the wall of the world, against `front_foot_wall`, whose gravity is turned: as heavy on every joint."""
+def test_wall_contact_equals_the_wall_mode(climbed: tuple, minchw: Path) -> None:
+    """`front_foot` with its foot on the wall is compared with `front_foot_wall`, whose gravity is rotated. The gravity torques of all
+    joints are equal."""
     world = climbed[0].held["front"]
     wall = mujoco.MjModel.from_xml_path(str(minchw / "mjcf" / "minchw_front_foot_wall.xml"))
     np.testing.assert_allclose(world.gravity("front"), wall.opt.gravity, atol=1e-12)
@@ -106,8 +107,8 @@ def test_on_the_wall_it_is_the_mode_of_the_wall(climbed: tuple, minchw: Path) ->
     assert np.abs(here.qfrc_bias).max() > 0.5
 
 
-def test_a_swing_is_aimed_from_where_the_root_stands(climbing: ModuleType, minchw: Path) -> None:
-    """The rear foot as root a millimetre nearer to the wall and half a degree askew: the front foot lands where it should all the same."""
+def test_swing_starts_from_the_actual_pose_of_the_root(climbing: ModuleType, minchw: Path) -> None:
+    """The rear foot, which is the root, is displaced by a millimetre and half a degree. The front foot lands at its planned position."""
     tunnel = climbing.Tunnel()
     robot = climbing.Climb(minchw, "", tunnel.faces)
     swing, foothold, world = tunnel.plan(robot.models)[2], tunnel.footholds()[2], robot.held["rear"]
@@ -126,7 +127,7 @@ def test_a_swing_is_aimed_from_where_the_root_stands(climbing: ModuleType, minch
     assert np.abs(landed[1]).max() > 1e-3  # and would not have
 
 
-def test_every_step_of_the_way_has_a_foothold(climbing: ModuleType, climbed: tuple) -> None:
+def test_every_step_has_a_foothold(climbing: ModuleType, climbed: tuple) -> None:
     robot, tunnel = climbed[:2]
     footholds, plan = tunnel.footholds(), tunnel.plan(robot.models)
     assert len(footholds) == len(plan) == 2 * (1 + 1 + 2) + 2 * 4
@@ -137,20 +138,20 @@ def test_every_step_of_the_way_has_a_foothold(climbing: ModuleType, climbed: tup
 
 
 def table(marker: str) -> dict[str, list[str]]:
-    """The cells of a report on the page, by the name of the row."""
+    """Return the cells of a report on the page, by the name of the row."""
     shown = re.search(rf"<!-- {marker} -->\n```text\n(.*?)\n```", DOCS.read_text(), re.DOTALL)
     assert shown is not None
     return {cells[0]: cells[1:] for cells in (re.split(r" {2,}", line.rstrip()) for line in shown[1].split("\n"))}
 
 
-def test_the_docs_show_the_margin_on_the_floor(climbing: ModuleType, climbed: tuple) -> None:
+def test_docs_show_the_margin_on_the_floor(climbing: ModuleType, climbed: tuple) -> None:
     shown = table("report of the climb")
     assert float(shown["smallest pull margin, floor [N]"][0]) == pytest.approx(climbed[3].least["floor"], rel=0.02)
     assert all(float(shown[f"smallest pull margin, {stage} [N]"][0]) > 0.0 for stage in climbing.STAGES)
     assert shown["contacts besides soles"] == ["nothing", "nothing"]
 
 
-def test_the_docs_show_at_which_speed_it_comes_off(climbing: ModuleType, minchw: Path) -> None:
+def test_docs_show_the_speed_at_which_feet_detach(climbing: ModuleType, minchw: Path) -> None:
     shown = table("report of speeds")
     for pace in (4.0, 6.0):
         column = climbing.PACES.index(pace)

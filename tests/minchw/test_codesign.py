@@ -1,5 +1,5 @@
-"""`examples/codesign.py`: what a walk takes, against MuJoCo stepped by hand; what is said of walks that are none; that a search which was
-stopped anywhere finds what it would have found; and what docs/studies/codesign.md shows of it."""
+"""`examples/codesign.py`: the effort of a walk compared with MuJoCo, reasons for failed walks, interrupted searches, and the results in
+docs/studies/codesign.md."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PAGE = ROOT / "docs" / "studies" / "codesign.md"
 
 @pytest.fixture(scope="module")
 def codesign() -> ModuleType:
-    """The example, imported as running it does."""
+    """The example, imported as a module."""
     folder = str(ROOT / "examples")
     sys.path.insert(0, folder)
     try:
@@ -38,12 +38,12 @@ def codesign() -> ModuleType:
 
 @pytest.fixture(scope="module")
 def robots(codesign: ModuleType, minchw: Path, shared_store: str) -> Iterator[thingc.RobotFamily]:
-    """MInchW as published: its parts are in the store since it was built."""
+    """MInchW as published. Its parts are in the store."""
     with thingc.family(codesign.DOCUMENT, store=shared_store) as robots:
         yield robots
 
 
-def test_a_walk_takes_what_mujoco_says(codesign: ModuleType, robots: thingc.RobotFamily) -> None:
+def test_effort_of_a_walk_equals_that_of_mujoco(codesign: ModuleType, robots: thingc.RobotFamily) -> None:
     walking = importlib.import_module("codesign_walk")
     by_hand = codesign.BY_HAND
     outcome, *_ = walking.evaluate(robots, [by_hand, walking.Design(leg=0.064, body=0.0947, stride=0.05, knee=1.5, pace=1.4)], 2)
@@ -77,7 +77,7 @@ def test_a_walk_takes_what_mujoco_says(codesign: ModuleType, robots: thingc.Robo
     assert {row[:38].strip(): row[38:].strip() for row in own.split("\n")}.items() <= {**shown, "": "make walk"}.items()
 
 
-def test_a_walk_that_is_none_says_why(codesign: ModuleType, robots: thingc.RobotFamily) -> None:
+def test_failed_walk_has_a_reason(codesign: ModuleType, robots: thingc.RobotFamily) -> None:
     walking = importlib.import_module("codesign_walk")
 
     def design(**other: float) -> Any:
@@ -90,10 +90,10 @@ def test_a_walk_that_is_none_says_why(codesign: ModuleType, robots: thingc.Robot
     assert [one.value > 0.0 for one in found] == [False] * 4 + [True]
 
 
-def test_a_search_that_was_stopped_finds_what_it_would_have_found(
+def test_interrupted_search_has_the_same_result(
     codesign: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Walks are answered by a formula; the search is stopped before a round, within one, and while its walks are asked for."""
+    """A formula replaces the walks. The search is stopped before a round, during a round, and while it requests walks."""
     outcome = importlib.import_module("codesign_walk").Outcome
     left = [10**9]
 
@@ -150,7 +150,7 @@ def test_a_search_that_was_stopped_finds_what_it_would_have_found(
     assert search("stopped") == search("asked") == search("told") == search("whole") == whole
 
 
-def test_the_page_shows_what_was_printed() -> None:
+def test_page_shows_the_output() -> None:
     text = PAGE.read_text()
     tried = re.findall(r"^ +(\d+) (.+)$", text.partition("<!-- report of what was tried -->\n")[2].split("```")[1], re.MULTILINE)
     total, to_the_end = int(tried[0][0]), int(re.search(r"walks, (\d+) of them", tried[0][1])[1])  # type: ignore[index]

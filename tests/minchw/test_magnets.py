@@ -1,8 +1,6 @@
-"""What a magnet of 300 N holds: pulled off a plane by a growing force, and dragged along it, in MuJoCo.
-
-The oracle is arithmetic: the plane lets go where the pull is magnet plus weight, and a foot slides where the drag is friction
-times that. Soles: a box and a cylinder, parts of this file's own; MInchW's foot alone; and MInchW whole, by one foot.
-"""
+"""The holding force of a magnet with 300 N in MuJoCo: it is pulled off a plane by a growing force, and dragged along the plane. Expected
+values: the plane lets go at the force of the magnet plus the weight, and a foot slides at the friction coefficient times this force.
+Tested soles: a box and a cylinder, which are parts of this file; the foot of MInchW; and the whole robot on one foot."""
 
 from __future__ import annotations
 
@@ -23,7 +21,7 @@ from .conftest import pose_of
 PULL, G = 300.0, 9.81
 WITHIN = 0.03
 RATE = 150.0
-"""How fast a force grows [N/s]: in a step of 2 ms by 0.1 % of what is measured."""
+"""The rate at which a force grows [N/s]: 0.1 % of the expected value in a step of 2 ms."""
 
 PARTS = """
     from build123d import Box, Cylinder, Pos
@@ -76,7 +74,7 @@ MINCHW_FOOT = """
       standing: {root: magnet.sole, base: free, contacts: {adhesion: {magnet.sole: 300 N}}}
 """
 SLIDE = {"box": 0.4, "cylinder": 0.4, "minchw_foot": 0.5}
-"""Friction of what is in contact, as the materials have it: the plane below has another."""
+"""The friction of the contact, from the materials. The plane has a different value."""
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +96,7 @@ def feet(shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> dict[st
 
 
 def on_plane(path: Path, timestep: float, **plane: object) -> mujoco.MjModel:
-    """A model over a plane with friction 0.9, which only counts where the plane has a priority above 1."""
+    """Return a model on a plane with friction 0.9, which is used only if the priority of the plane is above 1."""
     spec = mujoco.MjSpec.from_file(str(path))
     spec.option.timestep = timestep
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # a pyramid bears less drag across its corners
@@ -111,14 +109,14 @@ def on_plane(path: Path, timestep: float, **plane: object) -> mujoco.MjModel:
 
 @dataclass(slots=True)
 class Bench:
-    """A foot with its magnet on, pulled at the middle of its sole."""
+    """A foot with an active magnet, pulled at the middle of its sole."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
     sole: str
 
     def step(self, force: np.ndarray) -> None:
-        """One step under a force [N] at the middle of the sole, where it tips nothing."""
+        """Simulate one step with a force [N] at the middle of the sole, which causes no tilting torque."""
         site = self.data.site(self.sole)
         body = int(self.model.site_bodyid[self.model.site(self.sole).id])
         self.data.qfrc_applied[:] = 0.0
@@ -130,7 +128,7 @@ class Bench:
             mujoco.mj_step(self.model, self.data)
 
     def grow(self, direction: np.ndarray, gone: Callable[[], bool], start: float, most: float) -> float:
-        """The force [N] along `direction` at which `gone` first holds, growing from `start`."""
+        """Increase the force [N] along `direction` from `start`. Return the force at which `gone` first holds."""
         force = start
         while not gone():
             force += RATE * self.model.opt.timestep
@@ -143,7 +141,7 @@ class Bench:
 
 
 def standing(path: Path, timestep: float, magnet: float = PULL) -> Bench:
-    """At rest on the plane, the magnet at its force."""
+    """Return a state at rest on the plane with the given magnet force."""
     model = on_plane(path, timestep)
     bench = Bench(model, mujoco.MjData(model), "magnet/sole")
     assert model.nu == 1 and tuple(model.actuator_ctrlrange[0]) == (0.0, PULL)
@@ -156,7 +154,7 @@ def standing(path: Path, timestep: float, magnet: float = PULL) -> Bench:
 
 @pytest.mark.parametrize("timestep", [0.001, 0.002])
 @pytest.mark.parametrize("kind", SLIDE)
-def test_a_foot_comes_off_at_300_N_and_its_weight(feet: dict[str, Path], kind: str, timestep: float) -> None:
+def test_foot_detaches_at_300_n_plus_its_weight(feet: dict[str, Path], kind: str, timestep: float) -> None:
     bench = standing(feet[kind], timestep)
     weight = float(bench.model.body_mass.sum()) * G
     assert 4.0 < weight < 6.0
@@ -168,7 +166,7 @@ def test_a_foot_comes_off_at_300_N_and_its_weight(feet: dict[str, Path], kind: s
 
 
 @pytest.mark.parametrize("magnet", [0.0, 120.0])
-def test_a_coil_that_takes_some_of_it_leaves_the_rest(feet: dict[str, Path], magnet: float) -> None:
+def test_coil_reduces_the_force(feet: dict[str, Path], magnet: float) -> None:
     bench = standing(feet["cylinder"], 0.002, magnet)
     weight = float(bench.model.body_mass.sum()) * G
     found = bench.grow(np.array([0, 0, 1.0]), lambda: not bench.touches(), 0.0, 450.0)
@@ -178,7 +176,7 @@ def test_a_coil_that_takes_some_of_it_leaves_the_rest(feet: dict[str, Path], mag
 @pytest.mark.parametrize("timestep", [0.001, 0.002])
 @pytest.mark.parametrize("kind", SLIDE)
 @pytest.mark.parametrize("angle", [0.0, 50.0])
-def test_a_foot_slides_at_friction_times_that(feet: dict[str, Path], kind: str, timestep: float, angle: float) -> None:
+def test_foot_slides_at_friction_times_the_force(feet: dict[str, Path], kind: str, timestep: float, angle: float) -> None:
     bench = standing(feet[kind], timestep)
     weight = float(bench.model.body_mass.sum()) * G
     along = np.array([cos(radians(angle)), sin(radians(angle)), 0.0])
@@ -190,8 +188,8 @@ def test_a_foot_slides_at_friction_times_that(feet: dict[str, Path], kind: str, 
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.002])
-def test_minchw_is_pulled_off_by_one_foot_at_300_N_and_what_rests_on_it(minchw: Path, timestep: float) -> None:
-    """The whole robot stands arched on both feet, one magnet on: that foot bears what it bore before, and 300 N."""
+def test_minchw_detaches_at_300_n_plus_the_load_of_the_foot(minchw: Path, timestep: float) -> None:
+    """The whole robot stands on both feet in an arched pose with one active magnet. The force is the load of this foot plus 300 N."""
     path = minchw / "mjcf" / "minchw_crawl.xml"
     model = on_plane(path, timestep, priority=2, friction=[0.5, 0.005, 0.0001], solref=[0.004, 1.0], solimp=[0.99, 0.999, 0.0005, 0.5, 2.0])
     data = pose_of(model, "arched")
@@ -210,7 +208,7 @@ def test_minchw_is_pulled_off_by_one_foot_at_300_N_and_what_rests_on_it(minchw: 
 
 
 def bears(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, float]:
-    """What the plane presses against each sole [N], the magnet's own force included."""
+    """Return the force [N] between the plane and each sole, including the force of the magnet."""
     found = {"front": 0.0, "rear": 0.0}
     for index, contact in enumerate(data.contact):
         names = {model.geom(int(geom)).name for geom in contact.geom}
@@ -222,7 +220,7 @@ def bears(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, float]:
 
 
 @pytest.mark.parametrize(("magnets", "stays"), [(PULL, True), (0.0, False)])
-def test_minchw_hangs_from_a_ceiling_by_its_magnets(minchw: Path, magnets: float, stays: bool) -> None:
+def test_minchw_hangs_from_a_ceiling(minchw: Path, magnets: float, stays: bool) -> None:
     path = minchw / "mjcf" / "minchw_crawl_ceiling.xml"
     model = on_plane(path, 0.002, priority=2, friction=[0.5, 0.005, 0.0001], solref=[0.004, 1.0], solimp=[0.99, 0.999, 0.0005, 0.5, 2.0])
     assert tuple(model.opt.gravity) == (0.0, 0.0, G)

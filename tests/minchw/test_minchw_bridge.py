@@ -1,4 +1,5 @@
-"""`bridge`: both feet held, a loop through the world; and the sensors. Oracles: MuJoCo's kinematics and matrices by hand."""
+"""The mode `bridge`, in which both feet are held, so that the world closes a loop; and the sensors. They are compared with MuJoCo's
+kinematics and with matrices."""
 
 from __future__ import annotations
 
@@ -16,13 +17,13 @@ from .conftest import FRONT_YAW, POSES, REAR_YAW, THIGH, YAW_TO_KNEE
 BRIDGES = ("bridge", "bridge_wall", "bridge_ceiling")
 EXACT = 1e-9
 HELD = (0.006 - 0.20731 - 0.0947 - 0.128 * cos(radians(100)), 0.0, 0.008)
-"""Where the document holds the rear sole [m], worked out by hand for its own parameters."""
+"""Where the document holds the rear sole [m], computed from the parameters of the document."""
 MATE = np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]])
 
 
 @pytest.fixture(scope="module")
 def bridges(minchw: Path) -> dict[str, mujoco.MjModel]:
-    """Mode to its model."""
+    """The model of each mode."""
     return {mode: mujoco.MjModel.from_xml_path(str(minchw / "mjcf" / f"minchw_{mode}.xml")) for mode in BRIDGES}
 
 
@@ -39,7 +40,7 @@ def pitched(degrees: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mode", BRIDGES)
-def test_both_soles_are_where_the_document_holds_them(bridges: dict[str, mujoco.MjModel], mode: str) -> None:
+def test_soles_are_at_the_held_poses(bridges: dict[str, mujoco.MjModel], mode: str) -> None:
     data = start(bridges[mode])
     front, rear = data.site("front/sole"), data.site("rear/sole")
     assert front.xpos == pytest.approx(np.zeros(3), abs=EXACT)
@@ -48,8 +49,8 @@ def test_both_soles_are_where_the_document_holds_them(bridges: dict[str, mujoco.
     assert rear.xmat.reshape(3, 3) == pytest.approx(np.diag([-1.0, -1, 1]) @ pitched(3) @ MATE, abs=EXACT)
 
 
-def test_the_hold_is_a_centimetre_and_three_degrees_from_the_pose(minchw: Path) -> None:
-    """`arched` by itself, on drawings' numbers: the soles stand right under ankles that are drawn up to 280 mm apart."""
+def test_hold_differs_from_the_pose(minchw: Path) -> None:
+    """In the pose `arched` alone, the soles are below the ankles, which are up to 280 mm apart."""
     knee = radians(POSES["arched"]["front/knee"])
     apart = FRONT_YAW + REAR_YAW + 2 * YAW_TO_KNEE + 2 * THIGH * cos(knee)
     assert apart == pytest.approx(280.0, abs=1.0)
@@ -64,7 +65,7 @@ def test_the_hold_is_a_centimetre_and_three_degrees_from_the_pose(minchw: Path) 
 
 
 @pytest.mark.parametrize("mode", BRIDGES)
-def test_mujoco_finds_the_loop_closed_and_it_stays(bridges: dict[str, mujoco.MjModel], mode: str) -> None:
+def test_loop_is_closed_and_stays_closed(bridges: dict[str, mujoco.MjModel], mode: str) -> None:
     model = bridges[mode]
     data = start(model)
     rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
@@ -75,7 +76,7 @@ def test_mujoco_finds_the_loop_closed_and_it_stays(bridges: dict[str, mujoco.MjM
     assert data.site("rear/sole").xpos == pytest.approx(HELD, abs=1e-4)
 
 
-def test_the_camera_looks_out_of_the_lens_in_every_mode(models: dict[str, mujoco.MjModel], bridges: dict[str, mujoco.MjModel]) -> None:
+def test_camera_looks_out_of_the_lens_in_every_mode(models: dict[str, mujoco.MjModel], bridges: dict[str, mujoco.MjModel]) -> None:
     for mode, model in {**bridges, **models}.items():
         data = start(model)
         assert model.camera("eye").fovy[0] == 60.0
@@ -84,9 +85,9 @@ def test_the_camera_looks_out_of_the_lens_in_every_mode(models: dict[str, mujoco
         assert -data.camera("eye").xmat.reshape(3, 3)[:, 2] == pytest.approx(lens[:, 2], abs=1e-9), mode
 
 
-def test_sensors_read_what_statics_says(models: dict[str, mujoco.MjModel]) -> None:
-    """Held still on the front foot: the sensor at the rear sole carries its foot and nothing else, the one at the knee the
-    torque that holds it."""
+def test_sensors_equal_statics(models: dict[str, mujoco.MjModel]) -> None:
+    """The robot is held on the front foot. The sensor at the rear sole carries only its foot, and the sensor at the knee measures the
+    holding torque."""
     model = copy.copy(models["front_foot"])
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
     data = start(model)

@@ -1,9 +1,7 @@
-"""What is published about MInchW, stated of the robot that the documents describe.
-
-Source: the case study "Magnetic crawler robot" of "Code-based Design for Consistent Prototyping, Manufacture and Physical
-Modeling of Multimodal Robots": two coil-regulated permanent magnets of 300 N, six Dynamixel X servos, six 18650 cells,
-2.08 kg, 48.5 cm, 26 large components without fasteners and electronics, not perfectly symmetric, middle section as root.
-"""
+"""Published facts about MInchW, compared with the robot in the documents. Source: the case study "Magnetic crawler robot" of "Code-based
+Design for Consistent Prototyping, Manufacture and Physical Modeling of Multimodal Robots": two coil-regulated permanent magnets of
+300 N, six Dynamixel X servos, six 18650 cells, 2.08 kg, 48.5 cm, 26 large components without fasteners and electronics, not perfectly
+symmetric, middle section as root."""
 
 from __future__ import annotations
 
@@ -25,14 +23,14 @@ from .conftest import DOCUMENT, MODES, meshes_in, pose_of
 
 @pytest.fixture(scope="module")
 def info(minchw: Path, shared_store: str) -> dict[str, Any]:
-    """What `thingc info` says (after the build, so that nothing is modelled twice)."""
+    """The output of `thingc info` after the build, so that nothing is built twice."""
     ran = thingc_here("info", DOCUMENT, "--format", "json", store=shared_store, cwd=ROOT)
     assert ran.code == 0, ran.out + ran.err
     return ran.answer
 
 
 def families(info: dict[str, Any]) -> Counter[str]:
-    """How often each family is used."""
+    """Return the number of uses of each family."""
     return Counter(o["definition"].partition("(")[0] for o in info["occurrences"])
 
 
@@ -45,14 +43,14 @@ def test_twenty_six_large_components(info: dict[str, Any]) -> None:
     assert found["thingc_stock.cells:Cell18650"] == 6
 
 
-def test_it_weighs_2_08_kg(info: dict[str, Any], models: dict[str, mujoco.MjModel]) -> None:
+def test_mass_is_2_08_kg(info: dict[str, Any], models: dict[str, mujoco.MjModel]) -> None:
     assert info["mass"] == pytest.approx(2.08, rel=0.01)
     assert sum(o["mass"] for o in info["occurrences"]) == pytest.approx(info["mass"], rel=1e-12)
     for model in models.values():
         assert float(model.body_mass.sum()) == pytest.approx(info["mass"], rel=1e-12)
 
 
-def test_at_most_two_fifths_of_the_mass_is_weighed_or_guessed(info: dict[str, Any], shared_store: str) -> None:
+def test_at_most_two_fifths_of_the_mass_are_measured_or_estimated(info: dict[str, Any], shared_store: str) -> None:
     shares: Counter[str] = Counter()
     for o in info["occurrences"]:
         shares[o["mass_source"]] += o["mass"] / info["mass"]
@@ -65,14 +63,14 @@ def test_at_most_two_fifths_of_the_mass_is_weighed_or_guessed(info: dict[str, An
     assert printed == {source: pytest.approx(100 * share, abs=0.051) for source, share in shares.items()}
 
 
-def test_bought_parts_weigh_what_their_data_sheets_say(info: dict[str, Any]) -> None:
+def test_masses_of_bought_parts_equal_data_sheets(info: dict[str, Any]) -> None:
     said = {"thingc_stock.dynamixel:XM430": 0.082, "thingc_stock.dynamixel:XM540": 0.165, "thingc_stock.cells:Cell18650": 0.047}
     for o in info["occurrences"]:
         if o["definition"] in said:
             assert (o["mass"], o["mass_source"]) == (said[o["definition"]], "vendor")
 
 
-def test_it_is_48_5_cm_long_when_it_is_stretched(models: dict[str, mujoco.MjModel], vertices: dict[str, Any]) -> None:
+def test_stretched_length_is_48_5_cm(models: dict[str, mujoco.MjModel], vertices: dict[str, Any]) -> None:
     model = models["front_foot"]
     data = pose_of(model, "stretched")
     placed = sim.parts(model, data)
@@ -105,8 +103,8 @@ def test_each_foot_pulls_300_n_in_every_mode(models: dict[str, mujoco.MjModel]) 
     assert held["crawl_wall"] == held["crawl_ceiling"] == (300.0, 300.0)
 
 
-def test_it_is_not_perfectly_symmetric(info: dict[str, Any], models: dict[str, mujoco.MjModel]) -> None:
-    """Neither the masses nor the shape are symmetric about the middle between the soles; the legs are each other's image."""
+def test_robot_is_not_symmetric(info: dict[str, Any], models: dict[str, mujoco.MjModel]) -> None:
+    """Neither the masses nor the shape are symmetric about the middle between the soles. The legs are mirror images of each other."""
     model = models["crawl"]
     data = pose_of(model, "stretched")
     front, rear = (data.site(f"{foot}/sole").xpos for foot in ("front", "rear"))
@@ -122,14 +120,14 @@ def test_it_is_not_perfectly_symmetric(info: dict[str, Any], models: dict[str, m
 
 
 def graph(text: str) -> tuple[dict[str, str], list[tuple[str, str, str]]]:
-    """Of a DOT text: node to label, and (from, to, first line of the label) of every edge, by labels."""
+    """Parse a DOT text: the label of each node, and (from, to, first line of the label) of every edge, by labels."""
     nodes = dict(re.findall(r'^  (n\d+) \[label="(.*?)" ', text, re.M))
     edges = re.findall(r'^  (n\d+) -> (n\d+) \[label="(.*?)(?:\\n.*?)?"', text, re.M)
     return nodes, [(nodes[a], nodes[b], label) for a, b, label in edges]
 
 
-def test_the_assembly_graph_is_the_published_one(minchw: Path) -> None:
-    """A middle section, two legs as subassemblies of one definition, and every shared definition a single node."""
+def test_assembly_graph_equals_the_published_one(minchw: Path) -> None:
+    """A middle section, two legs as nested documents with one definition, and a single node for each shared definition."""
     nodes, edges = graph((minchw / "hag.dot").read_text())
     assert len(set(nodes.values())) == len(nodes)
     assert nodes["n0"] == "minchw"
@@ -145,7 +143,7 @@ def test_the_assembly_graph_is_the_published_one(minchw: Path) -> None:
     assert sorted(motion) == ["ankle", "knee", "yaw"]
 
 
-def test_legs_that_differ_are_two_definitions_that_share_their_parts(shared_store: str) -> None:
+def test_different_legs_are_two_definitions_with_shared_parts(shared_store: str) -> None:
     ran = thingc_here("hag", DOCUMENT, "--format", "dot", "-p", "rear_leg=80 mm", store=shared_store, cwd=ROOT)
     assert ran.code == 0, ran.err
     nodes, edges = graph(ran.out)
@@ -158,7 +156,7 @@ def test_legs_that_differ_are_two_definitions_that_share_their_parts(shared_stor
     assert sorted(braces) == ["minchw.leg:ThighBrace", "minchw.leg:ThighBrace(length=80 mm)"]
 
 
-def test_the_bill_of_materials_has_what_is_bought(minchw: Path) -> None:
+def test_bill_of_materials_lists_bought_parts(minchw: Path) -> None:
     rows = json.loads((minchw / "bom.json").read_text())
     assert {row["definition"]: row["quantity"] for row in rows if row["make"] == "print"} == {
         "minchw.body:Chassis": 1, "minchw.body:Cover": 1, "minchw.leg:HipBracket": 2, "minchw.leg:ThighBrace": 4,

@@ -1,4 +1,4 @@
-"""MInchW's scenes of walls and ceilings as they are written: where a magnet is on, its foot stays."""
+"""The scenes of MInchW on walls and ceilings: feet with active magnets do not slip."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SCENES = [f"{mode}_{where}" for where in ("wall", "ceiling") for mode in ("crawl
 
 
 def crept(model: mujoco.MjModel, seconds: float = 10.0) -> float:
-    """How far [m] the sole of a magnet that is on is from where it began, at most."""
+    """Return the largest distance [m] of a sole with an active magnet from its start."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
@@ -26,12 +26,12 @@ def crept(model: mujoco.MjModel, seconds: float = 10.0) -> float:
 
 
 @pytest.mark.parametrize("mode", SCENES)
-def test_feet_stay_where_their_magnets_hold(minchw: Path, mode: str) -> None:
+def test_feet_with_active_magnets_do_not_slip(minchw: Path, mode: str) -> None:
     model = mujoco.MjModel.from_xml_path(str(minchw / "mjcf" / f"scene_{mode}.xml"))
     assert crept(model) < 5e-5
 
 
-def test_with_the_contacts_of_mujoco_it_creeps_down_the_wall(minchw: Path) -> None:
+def test_default_contacts_of_mujoco_slip_on_the_wall(minchw: Path) -> None:
     model = mujoco.MjModel.from_xml_path(str(minchw / "mjcf" / "scene_crawl_wall.xml"))
     model.geom_solref[:], model.geom_solimp[:] = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
     model.opt.cone, model.opt.impratio = mujoco.mjtCone.mjCONE_PYRAMIDAL, 1.0

@@ -1,4 +1,4 @@
-"""One parameter of a leg changed: the parts that use it are modelled, no other, and each once. No other test models these parts."""
+"""One parameter of a leg changes: exactly the parts that use it are built, each once. No other test builds these parts."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ EDITS = {
         "params: {thickness: =wall + 3.7 mm}\n    material: petg_white\n  knee"), {"minchw.leg:HipBracket(thickness=0.0067)"}),
     "joint limit": ("upper: 125 deg", "upper: 124 deg", set()),
 }
-"""What is written instead of what, and the definitions that are new with it, worked out from the documents by hand."""
+"""The replaced text with its replacement, and the number of new definitions, which follows from the documents."""
 
 
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory: pytest.TempPathFactory, shared_store: str, minchw: Path) -> Path:
-    """A copy of the documents and parts; MInchW as it is has been modelled."""
+    """A copy of the documents and parts. The unchanged robot is in the store."""
     folder = tmp_path_factory.mktemp("edited")
     for name in ("assemblies", "parts"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -38,7 +38,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory, shared_store: str, minch
 
 
 @pytest.mark.parametrize("edit", EDITS)
-def test_only_the_parts_that_use_it_are_modelled(workspace: Path, shared_store: str, edit: str) -> None:
+def test_only_parts_that_use_the_parameter_are_built(workspace: Path, shared_store: str, edit: str) -> None:
     old, new, expected = EDITS[edit]
     file = next(path for path in (workspace / "assemblies" / "minchw").glob("*.yaml") if old in path.read_text())
     before = set(build_here(DOCUMENT, "--emit", "mjcf", store=shared_store, cwd=workspace)["reused"])

@@ -1,4 +1,4 @@
-"""Every mode of MInchW in MuJoCo: soles where hand-written kinematics put them, nothing inside anything else, and physics."""
+"""Every mode of MInchW in MuJoCo: poses of the soles compared with planar kinematics, overlaps of parts, and physics."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from thingc.geometry.store.local import Store
 from .conftest import AXIS, DOCUMENT, MODES, POSES, pose_of, sole
 
 TOUCH = 1e-9
-"""Volume [m^3], 1 mm^3: what two parts must share at least to be in each other, the meshes being good to 0.1 mm."""
+"""The smallest volume [m^3] of an overlap of two parts, 1 mm^3. The meshes are accurate to 0.1 mm."""
 
 FAMILY = {"": (0.0, 0.0, -9.81), "_wall": (-9.81, 0.0, 0.0), "_ceiling": (0.0, 0.0, 9.81)}
 
@@ -32,7 +32,7 @@ def joints() -> list[str]:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_every_mode_steps_without_a_warning(models: dict[str, mujoco.MjModel], mode: str, tmp_path: Path) -> None:
+def test_modes_step_without_warnings(models: dict[str, mujoco.MjModel], mode: str, tmp_path: Path) -> None:
     model = models[mode]
     assert sim.joints(model) == joints()
     where = mode.removeprefix("front_foot").removeprefix("rear_foot").removeprefix("crawl")
@@ -46,7 +46,7 @@ def test_every_mode_steps_without_a_warning(models: dict[str, mujoco.MjModel], m
     assert np.isfinite(data.qpos).all() and np.abs(data.qvel).max() < 0.5
 
 
-def test_variants_of_a_mode_differ_by_gravity_alone(models: dict[str, mujoco.MjModel]) -> None:
+def test_variants_of_a_mode_differ_only_in_gravity(models: dict[str, mujoco.MjModel]) -> None:
     for mode in ("front_foot", "rear_foot", "crawl"):
         for where in ("_wall", "_ceiling"):
             one, other = models[mode], models[mode + where]
@@ -73,7 +73,7 @@ def test_keyframes_of_a_mode(models: dict[str, mujoco.MjModel]) -> None:
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_soles_are_where_the_planar_kinematics_say_in_every_mode(models: dict[str, mujoco.MjModel], pose: str) -> None:
+def test_soles_agree_with_planar_kinematics_in_every_mode(models: dict[str, mujoco.MjModel], pose: str) -> None:
     for mode, model in models.items():
         data = pose_of(model, pose)
         body = np.linalg.inv(sim.parts(model, data)["body"])
@@ -99,7 +99,7 @@ def test_both_soles_are_flat_on_one_plane(models: dict[str, mujoco.MjModel], pos
         assert data.site("front/sole").xpos[0] - data.site("rear/sole").xpos[0] > 0.25
 
 
-def test_a_stepping_foot_is_level_and_clear_of_the_plane(models: dict[str, mujoco.MjModel]) -> None:
+def test_stepping_foot_is_level_and_above_the_plane(models: dict[str, mujoco.MjModel]) -> None:
     for held, lifted, pose, height in (("rear", "front", "step_front", 0.0312), ("front", "rear", "step_rear", 0.0240)):
         data = pose_of(models[f"{held}_foot"], pose)
         assert data.site(f"{held}/sole").xpos == pytest.approx([0, 0, 0], abs=1e-12)
@@ -107,7 +107,7 @@ def test_a_stepping_foot_is_level_and_clear_of_the_plane(models: dict[str, mujoc
         assert data.site(f"{lifted}/sole").xmat.reshape(3, 3)[:, 2] == pytest.approx([0, 0, -1], abs=1e-9)
 
 
-def test_the_yaw_joints_turn_to_the_left_and_the_knees_lower_the_feet(models: dict[str, mujoco.MjModel]) -> None:
+def test_signs_of_yaw_and_knee_joints(models: dict[str, mujoco.MjModel]) -> None:
     model = models["crawl"]
     rest = sim.at(model, {})
     for leg, side in (("front", 1.0), ("rear", -1.0)):
@@ -119,7 +119,7 @@ def test_the_yaw_joints_turn_to_the_left_and_the_knees_lower_the_feet(models: di
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_no_contact_within_the_robot_at_its_poses(models: dict[str, mujoco.MjModel], pose: str) -> None:
+def test_no_self_contact_in_document_poses(models: dict[str, mujoco.MjModel], pose: str) -> None:
     for mode, model in models.items():
         data = pose_of(model, pose)
         for contact in data.contact:
@@ -129,8 +129,8 @@ def test_no_contact_within_the_robot_at_its_poses(models: dict[str, mujoco.MjMod
 
 @pytest.fixture(scope="module")
 def solids(shared_store: str) -> dict[str, manifold3d.Manifold]:
-    """The fine mesh of every part but the screws, in its own frame [m]. (That which is drawn is coarser: a cell's corners stand in the
-    facets of its tray.)"""
+    """The fine mesh of every part except screws, in the frame of the part [m]. The meshes for display are coarser, so that the corners
+    of a cell overlap the facets of its tray."""
     store = Store(shared_store)
     by_mesh: dict[str, manifold3d.Manifold] = {}
     found = {}
@@ -150,12 +150,12 @@ def solids(shared_store: str) -> dict[str, manifold3d.Manifold]:
 
 
 def nearby(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
-    """Whether two boxes (least x, y, z, greatest x, y, z [m]) are within a millimetre of each other."""
+    """Return whether two boxes (smallest x, y, z, largest x, y, z [m]) are within a millimetre of each other."""
     return all(one[axis] < other[axis + 3] + 1e-3 and other[axis] < one[axis + 3] + 1e-3 for axis in range(3))
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_no_part_is_inside_another(models: dict[str, mujoco.MjModel], solids: dict[str, manifold3d.Manifold], pose: str) -> None:
+def test_parts_do_not_overlap(models: dict[str, mujoco.MjModel], solids: dict[str, manifold3d.Manifold], pose: str) -> None:
     placed = sim.parts(models["crawl"], pose_of(models["crawl"], pose))
     there = {part: solid.transform(placed[part][:3]) for part, solid in solids.items()}
     shared = {
@@ -167,10 +167,10 @@ def test_no_part_is_inside_another(models: dict[str, mujoco.MjModel], solids: di
 
 
 @pytest.mark.parametrize("joint", ["yaw", "knee", "ankle"])
-def test_neighbours_clear_each_other_over_the_whole_range_of_their_joint(
+def test_neighbours_do_not_overlap_in_the_range_of_their_joint(
     models: dict[str, mujoco.MjModel], solids: dict[str, manifold3d.Manifold], joint: str
 ) -> None:
-    """MuJoCo does not look at links that a joint connects: their exact meshes must be clear of each other by themselves."""
+    """MuJoCo excludes contacts of links that a joint connects, so their exact meshes are compared here."""
     model = models["crawl"]
     link = {part: model.body(int(model.geom(part).bodyid[0])).name for part in solids}
     joined = {"yaw": ("body", "front/hip"), "knee": ("front/hip", "front/thigh"), "ankle": ("front/thigh", "front/foot")}
@@ -183,8 +183,8 @@ def test_neighbours_clear_each_other_over_the_whole_range_of_their_joint(
             assert (there[one] ^ there[other]).volume() < TOUCH, (np.degrees(q), one, other)
 
 
-def test_collision_pieces_hold_the_parts(minchw: Path, models: dict[str, mujoco.MjModel], solids: dict[str, Any]) -> None:
-    """What can be touched from outside is inside its collision geometry, to 0.1 mm: nothing of a leg passes unseen."""
+def test_collision_pieces_contain_the_parts(minchw: Path, models: dict[str, mujoco.MjModel], solids: dict[str, Any]) -> None:
+    """All points that can be touched from outside are inside the collision geometry, to 0.1 mm."""
     model = models["crawl"]
     data = pose_of(model, "stretched")
     placed = sim.parts(model, data)
@@ -200,7 +200,7 @@ def corners(solid: manifold3d.Manifold) -> np.ndarray:
     return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
 
 
-def test_in_crawl_it_lies_on_its_belly(models: dict[str, mujoco.MjModel]) -> None:
+def test_crawl_mode_rests_on_the_belly(models: dict[str, mujoco.MjModel]) -> None:
     model = models["crawl"]
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("lying").id)
@@ -214,8 +214,8 @@ def test_in_crawl_it_lies_on_its_belly(models: dict[str, mujoco.MjModel]) -> Non
 
 
 @pytest.mark.parametrize("where", ["_wall", "_ceiling"])
-def test_its_magnets_keep_it_on_a_wall_and_under_a_ceiling(models: dict[str, mujoco.MjModel], where: str) -> None:
-    """In crawl nothing but the two magnets holds it; without them it falls off."""
+def test_magnets_hold_the_robot_on_wall_and_ceiling(models: dict[str, mujoco.MjModel], where: str) -> None:
+    """In the mode `crawl`, only the two magnets hold the robot. Without them it falls."""
     model = models[f"crawl{where}"]
     for magnets, holds in ((True, True), (False, False)):
         data = mujoco.MjData(model)
@@ -229,9 +229,9 @@ def test_its_magnets_keep_it_on_a_wall_and_under_a_ceiling(models: dict[str, muj
 
 
 @pytest.mark.parametrize("mode", [mode for mode in MODES if "foot" in mode])
-def test_a_foot_carries_the_stretched_robot(models: dict[str, mujoco.MjModel], mode: str) -> None:
-    """The servos are strong enough: the torques that hold the worst pose still are below three quarters of their stall
-    torques, on the floor, the wall and the ceiling."""
+def test_one_foot_can_carry_the_stretched_robot(models: dict[str, mujoco.MjModel], mode: str) -> None:
+    """The holding torques in the worst pose are below three quarters of the stall torques of the servos, on the floor, the wall and the
+    ceiling."""
     model = models[mode]
     data = pose_of(model, "stretched")
     mujoco.mj_inverse(model, data)
@@ -240,7 +240,7 @@ def test_a_foot_carries_the_stretched_robot(models: dict[str, mujoco.MjModel], m
         assert abs(data.qfrc_inverse[model.joint(joint).dofadr[0]]) < 0.75 * limit, joint
 
 
-def test_the_knees_are_as_high_as_the_drawing_says(models: dict[str, mujoco.MjModel]) -> None:
+def test_height_of_the_knees_matches_the_drawing(models: dict[str, mujoco.MjModel]) -> None:
     data = pose_of(models["crawl"], "stretched")
     for leg in ("front", "rear"):
         assert data.joint(f"{leg}/knee").xanchor[2] * 1000 == pytest.approx(AXIS, abs=1e-9)

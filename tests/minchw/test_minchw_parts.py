@@ -1,4 +1,4 @@
-"""Each part of MInchW by itself: sound solids over the range of its parameters, holes where the screws are, and refusals."""
+"""Each part of MInchW: valid solids over the range of its parameters, positions of holes, and errors."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def meshed(solid, tolerance=0.05):
 
 
 @pytest.mark.parametrize(("family", "parameters"), SWEEP)
-def test_every_part_is_one_closed_solid_over_the_range_of_its_parameters(family, parameters):
+def test_parts_are_closed_solids_for_all_parameters(family, parameters):
     thing = family(**parameters)
     solid = thing.result()
     assert solid.is_valid and len(solid.solids()) == 1 and solid.volume > 0
@@ -62,8 +62,8 @@ def test_every_part_is_one_closed_solid_over_the_range_of_its_parameters(family,
 
 
 @pytest.mark.parametrize("wall", [2.5, 3, 6])
-def test_holes_are_where_the_screws_of_what_is_held_are(wall):
-    """On the axis of each screw, through the whole wall, there is no material; beside the hole there is."""
+def test_holes_match_the_screws(wall):
+    """There is no material on the axis of each screw through the whole wall, and there is material beside the hole."""
     length = 110
     chassis, cover, hip, foot = Chassis(length, wall), Cover(length, wall), HipBracket(wall + 2), Foot(wall + 2)
     brace = ThighBrace()
@@ -95,8 +95,8 @@ def chassis_screws(cover, wall):
     return cover.case.cover_screws(wall)
 
 
-def test_the_two_braces_of_a_thigh_are_screwed_to_each_other():
-    """Half a turn about y puts the tapped hole of one brace over the hole through which the other's screw comes."""
+def test_braces_of_a_thigh_can_be_screwed_together():
+    """Half a turn about y moves the tapped hole of one brace to the hole for the screw of the other brace."""
     brace = ThighBrace(length=80)
     solid = brace.result()
     seat = matrix(brace.screw[0].location)
@@ -110,7 +110,7 @@ def test_the_two_braces_of_a_thigh_are_screwed_to_each_other():
     assert solid.is_inside((x, y + 1.6, 3)) and solid.is_inside((-x, y + 1.2, 3))
 
 
-def test_frames_and_distances_are_those_of_the_drawings():
+def test_frames_and_distances_match_the_drawings():
     chassis, hip, foot, brace = Chassis(), HipBracket(), Foot(), ThighBrace(length=80)
     front, rear = (matrix(servo.origin.location) for servo in (chassis.front_servo, chassis.rear_servo))
     assert front[:3, 3] == pytest.approx([FRONT_YAW, 0, AXIS], abs=1e-9)
@@ -128,7 +128,7 @@ def test_frames_and_distances_are_those_of_the_drawings():
     assert sole[:3, 2] == pytest.approx([0, 0, -1], abs=1e-12)
 
 
-def test_parts_remember_what_they_were_cut_for():
+def test_parts_state_their_expected_neighbours():
     expected = {
         Chassis: {
             ("tray_seat", "CellTray", "base"), ("front_seat", "XM430", "bottom"), ("rear_seat", "XM430", "bottom"),
@@ -147,7 +147,7 @@ def test_parts_remember_what_they_were_cut_for():
     assert "lens" in mounts_of(Cover())
 
 
-def test_what_cannot_be_made_is_refused_in_words():
+def test_invalid_parameters_are_errors():
     with pytest.raises(AssertionError, match="a case of 85 mm is too short for the cells: make it 5.00 mm longer"):
         Chassis(length=85)
     with pytest.raises(AssertionError, match="a thigh of 50 mm leaves no room for its web .*: make it 3.02 mm longer"):
@@ -158,7 +158,7 @@ def test_what_cannot_be_made_is_refused_in_words():
         HoldingMagnet(diameter=40, pole=10)
 
 
-def test_a_cell_has_the_size_and_weight_of_its_specification():
+def test_cell_has_the_size_and_mass_of_its_specification():
     cell = Cell18650()
     box = cell.result().bounding_box()
     assert tuple(box.size) == pytest.approx((18.4, 18.4, 65.0), abs=1e-6)
@@ -166,7 +166,7 @@ def test_a_cell_has_the_size_and_weight_of_its_specification():
     assert 0.97 * pi * 9.2**2 * 65 < cell.result().volume < pi * 9.2**2 * 65
 
 
-def test_cells_lie_in_their_tray_side_by_side_in_series():
+def test_cells_are_side_by_side_and_in_series():
     tray = CellTray()
     places = [matrix(cell.origin.location) for cell in tray.cell]
     assert [place[2, 3] for place in places] == pytest.approx([1.5 + 9.2] * 3)
@@ -177,8 +177,8 @@ def test_cells_lie_in_their_tray_side_by_side_in_series():
         assert (meshed(cell.result()) ^ mesh).volume() < 1.0
 
 
-def test_a_magnet_of_this_size_can_pull_its_nominal_force():
-    """300 N are far from what saturates its poles, and what flux density they take is ordinary."""
+def test_magnet_can_have_its_nominal_force():
+    """The poles are far from saturation at 300 N, and the required flux density is common."""
     magnet = HoldingMagnet()
     assert magnet.pull() > 2 * 300
     assert magnet.pull(1.0) == pytest.approx(1.0 / MU_0 * pi * min(13.5**2, 25**2 - 21.5**2) * 1e-6)
@@ -191,7 +191,7 @@ def test_a_magnet_of_this_size_can_pull_its_nominal_force():
     assert screws == [pytest.approx([20, 0, 25]), pytest.approx([-20, 0, 25])]
 
 
-def test_the_idlers_leave_the_braces_a_tenth_of_a_millimetre():
-    """Horn and idler of an XM540 differ by that much (2.6 and 2.5 mm), and both braces of a thigh are the same part."""
+def test_idlers_have_a_gap_of_a_tenth_of_a_millimetre():
+    """Horn and idler of an XM540 differ by this distance (2.6 and 2.5 mm), and both braces of a thigh are equal parts."""
     servo, brace = XM540(), ThighBrace()
     assert brace.knee_seat.location.position.Z + servo.idler_z == pytest.approx(0.1)

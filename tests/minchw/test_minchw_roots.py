@@ -1,4 +1,4 @@
-"""Twelve roots of one robot: what must not depend on the root does not, on MInchW as on the arm."""
+"""Twelve roots of one robot: properties that must not depend on the root are equal for MInchW, as for the arm."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from .conftest import DOCUMENT
 ROOTS = {"front_foot": "front/foot", "rear_foot": "rear/foot", "crawl": "body", "bridge": "front/foot"}
 WHERE = {"": (0.0, 0.0, -9.81), "_wall": (-9.81, 0.0, 0.0), "_ceiling": (0.0, 0.0, 9.81)}
 MODES = {f"{mode}{where}": root for mode, root in ROOTS.items() for where in WHERE}
-"""Mode to the link that it is rooted at."""
+"""The root link of each mode."""
 
 LEGS = ("front", "rear")
 JOINTS = [f"{leg}/{joint}" for leg in LEGS for joint in ("ankle", "knee", "yaw")]
 LINKS = sorted(["body", *(f"{leg}/{link}" for leg in LEGS for link in ("hip", "thigh", "foot"))])
 FRAMES = {"controller", "magnet_driver", "harness"}
-"""Components that are a place and a mass, and not drawn."""
+"""Components with a pose and a mass that are not visible."""
 
 
 @pytest.fixture(scope="module")
 def every(minchw: Path) -> dict[str, mujoco.MjModel]:
-    """Mode to its model, without a floor."""
+    """The model of each mode without a floor."""
     return {mode: mujoco.MjModel.from_xml_path(str(minchw / "mjcf" / f"minchw_{mode}.xml")) for mode in MODES}
 
 
@@ -44,7 +44,7 @@ def trees(minchw: Path) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def compiled(minchw: Path, shared_store: str) -> thingc.Compiled:
-    """By the Python API; every part is in the store."""
+    """The robot, compiled by the Python API. Every part is in the store."""
     found = thingc.compile(str(ROOT / DOCUMENT), store=shared_store)
     assert found.modelled == ()
     return found
@@ -57,7 +57,7 @@ def info(minchw: Path, shared_store: str) -> dict[str, Any]:
     return ran.answer
 
 
-def test_there_is_a_model_of_every_mode_and_of_no_other(minchw: Path, every: dict[str, mujoco.MjModel], trees: dict[str, Any]) -> None:
+def test_exactly_the_modes_have_models(minchw: Path, every: dict[str, mujoco.MjModel], trees: dict[str, Any]) -> None:
     assert {path.stem for path in (minchw / "mjcf").glob("minchw_*.xml")} == {f"minchw_{mode}" for mode in MODES}
     assert {mode for mode, tree in trees.items() if isinstance(tree, dict)} == set(MODES)
     for mode, model in every.items():
@@ -65,12 +65,12 @@ def test_there_is_a_model_of_every_mode_and_of_no_other(minchw: Path, every: dic
         assert tuple(model.opt.gravity) == next(g for where, g in reversed(WHERE.items()) if mode.endswith(where))
 
 
-def test_a_link_is_the_same_body_in_every_mode(every: dict[str, mujoco.MjModel]) -> None:
+def test_links_are_equal_in_all_modes(every: dict[str, mujoco.MjModel]) -> None:
     assert sim.links(every["crawl"]) == LINKS and sim.joints(every["crawl"]) == JOINTS
     assert roots.links(every) == []
 
 
-def test_the_same_neighbours_are_excluded_in_every_mode(every: dict[str, mujoco.MjModel]) -> None:
+def test_excluded_pairs_are_equal_in_all_modes(every: dict[str, mujoco.MjModel]) -> None:
     expected = {
         frozenset(pair) for leg in LEGS
         for pair in (("body", f"{leg}/hip"), (f"{leg}/hip", f"{leg}/thigh"), (f"{leg}/thigh", f"{leg}/foot"))
@@ -81,7 +81,7 @@ def test_the_same_neighbours_are_excluded_in_every_mode(every: dict[str, mujoco.
 
 
 def test_poses_and_sums_agree_in_all_modes(every: dict[str, mujoco.MjModel]) -> None:
-    """Of every part and every site, seen from every other; of mass, centre and inertia of everything."""
+    """The relative poses of all parts and sites, and the total mass, centre and inertia."""
     source = np.random.default_rng(20)
     assert len(sim.parts(every["crawl"], sim.at(every["crawl"], {}))) == 26 + 12  # the components, and their screws
     for _ in range(20):
@@ -90,7 +90,7 @@ def test_poses_and_sums_agree_in_all_modes(every: dict[str, mujoco.MjModel]) -> 
         assert roots.whole(every, q, "body", source) == []
 
 
-def test_mass_and_inertia_are_those_of_info_and_of_the_api(
+def test_mass_and_inertia_equal_those_of_info_and_api(
     every: dict[str, mujoco.MjModel], info: dict[str, Any], compiled: thingc.Compiled
 ) -> None:
     found = compiled.properties
@@ -99,14 +99,14 @@ def test_mass_and_inertia_are_those_of_info_and_of_the_api(
     assert roots.said_of_links(every, info["occurrences"]) == []
 
 
-def test_at_rest_every_part_stands_where_the_api_says(every: dict[str, mujoco.MjModel], compiled: thingc.Compiled) -> None:
+def test_part_poses_at_rest_equal_those_of_the_api(every: dict[str, mujoco.MjModel], compiled: thingc.Compiled) -> None:
     assembly = compiled.assembly
     rest = {o.path: np.array(assembly.rest[o.index].rows()) for o in assembly.occurrences if o.path not in FRAMES}
     assert roots.at_rest(every, "body", rest) == []
 
 
 def test_kinematics_of_modes_json(trees: dict[str, Any], every: dict[str, mujoco.MjModel]) -> None:
-    """The leg of the foot that is held is crossed from the sole inwards: its joints and no other are reversed."""
+    """Exactly the joints from the held foot to the body are reversed."""
     source = np.random.default_rng(3)
     for mode, model in every.items():
         turned = {joint["name"] for joint in trees[mode]["joints"] if joint["reversed"]}
@@ -114,20 +114,20 @@ def test_kinematics_of_modes_json(trees: dict[str, Any], every: dict[str, mujoco
         assert roots.described(trees[mode], model, roots.angles(model, source)) == []
 
 
-def test_dynamics_with_a_link_held_still_are_those_of_its_mode(every: dict[str, mujoco.MjModel]) -> None:
+def test_dynamics_with_a_held_link_equal_those_of_its_mode(every: dict[str, mujoco.MjModel]) -> None:
     source = np.random.default_rng(9)
     for _ in range(3):
         assert roots.dynamics_of_modes(every, roots.angles(every["crawl"], source), source) == []
 
 
-def test_dynamics_with_any_link_held_still_are_the_same_from_every_mode(every: dict[str, mujoco.MjModel]) -> None:
+def test_dynamics_with_any_held_link_agree_in_all_modes(every: dict[str, mujoco.MjModel]) -> None:
     source = np.random.default_rng(10)
     for link in LINKS:
         q, gravity = roots.angles(every["crawl"], source), source.normal(size=3)
         assert roots.dynamics_held(every, q, link, gravity, source) == []
 
 
-def test_modes_that_hold_different_links_have_other_dynamics(every: dict[str, mujoco.MjModel]) -> None:
+def test_modes_with_different_roots_have_different_dynamics(every: dict[str, mujoco.MjModel]) -> None:
     source = np.random.default_rng(11)
     q, gravity = roots.angles(every["crawl"], source), np.array([3.0, 5.0, -8.0])
     placed = sim.at(every["crawl"], q)

@@ -1,4 +1,5 @@
-"""`examples/plan_climb.py`: a plan from the floor onto the wall, its margins against MuJoCo, the plan in physics, and reported failures."""
+"""`examples/plan_climb.py`: a plan from the floor to the ceiling, its margins compared with MuJoCo, the plan in physics, and reported
+failures."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ PLACES = {"floor": "", "wall": "_wall", "ceiling": "_ceiling"}
 
 @pytest.fixture(scope="module")
 def planning() -> ModuleType:
-    """The example, imported as running it does."""
+    """The example, imported as a module."""
     folder = str(ROOT / "examples")
     sys.path.insert(0, folder)
     try:
@@ -50,20 +51,20 @@ def plan(planning: ModuleType, planner: tuple) -> list:
 
 
 def seeded(planning: ModuleType, modes: dict) -> object:
-    """A planner with the seed of the example."""
+    """Return a planner with the seed of the example."""
     return planning.Planner(modes=modes, surfaces=planning.surfaces(planning.TUNNEL), rng=np.random.default_rng(planning.SEED))
 
 
 @cache
 def without_contacts(path: Path) -> mujoco.MjModel:
-    """A model of the build, in which nothing touches."""
+    """Return a model of the build without contacts."""
     model = mujoco.MjModel.from_xml_path(str(path))
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     return model
 
 
 def by_mujoco(minchw: Path, foot: str, face: str, q: np.ndarray) -> tuple[float, float]:
-    """The smallest ratio of limit to torque by `mj_inverse`, and the unused pull [N] from the weight at the centre of mass."""
+    """Return the smallest ratio of limit to torque by `mj_inverse`, and the unused pull [N] from the weight at the centre of mass."""
     model = without_contacts(minchw / "mjcf" / f"minchw_{foot}_foot{PLACES[face]}.xml")
     data = mujoco.MjData(model)
     for name, value in zip(JOINTS, q, strict=True):
@@ -79,7 +80,7 @@ def by_mujoco(minchw: Path, foot: str, face: str, q: np.ndarray) -> tuple[float,
 
 @pytest.mark.parametrize("face", PLACES)
 @pytest.mark.parametrize("foot", ["front", "rear"])
-def test_margins_are_those_of_mujoco(planning: ModuleType, planner: tuple, minchw: Path, foot: str, face: str) -> None:
+def test_margins_equal_those_of_mujoco(planning: ModuleType, planner: tuple, minchw: Path, foot: str, face: str) -> None:
     _, tunnel, each, _ = planner
     mode = each.modes[foot]
     mode.hold(planning.Foothold(face=tunnel.faces[list(PLACES).index(face)], distance=0.2))
@@ -91,7 +92,7 @@ def test_margins_are_those_of_mujoco(planning: ModuleType, planner: tuple, minch
 
 
 @pytest.mark.parametrize(("limit", "name"), [("TORQUE", "torque"), ("MAGNET", "magnet")])
-def test_a_pose_below_a_limit_is_refused(
+def test_pose_below_a_limit_is_rejected(
     planning: ModuleType, planner: tuple, monkeypatch: pytest.MonkeyPatch, limit: str, name: str,
 ) -> None:
     robot, tunnel, each, _ = planner
@@ -103,8 +104,8 @@ def test_a_pose_below_a_limit_is_refused(
         assert mode.refusal(begin.q, [begin.feet["front"]]) == why
 
 
-def test_every_pose_of_the_plan_has_its_margins(plan: list, minchw: Path) -> None:
-    """The limits of the planner, with numbers written here: a torque margin of 2, and 100 N of pull."""
+def test_poses_of_the_plan_have_their_margins(plan: list, minchw: Path) -> None:
+    """The limits of the planner: a torque margin of 2, and 100 N of pull."""
     for state in plan[1:]:
         for foot, seat in state.feet.items():  # each foot could hold alone
             torque, pull = by_mujoco(minchw, foot, seat.face.name, state.q)
@@ -115,8 +116,8 @@ def test_every_pose_of_the_plan_has_its_margins(plan: list, minchw: Path) -> Non
             assert torque > 1.98 and pull > 99.0
 
 
-def test_the_pull_of_a_swing_is_the_rate_of_momentum(planner: tuple, plan: list) -> None:
-    """Newton and Euler with differences of momenta over time, against the inverse dynamics that time a swing."""
+def test_pull_of_a_swing_equals_the_rate_of_momentum(planner: tuple, plan: list) -> None:
+    """Differences of momenta over time are compared with the inverse dynamics that determine the time of a swing."""
     mode, swing = planner[2].modes["rear"], plan[1].swing
     mode.hold(plan[1].feet["rear"])
     gravity = np.array([0.0, 0.0, -9.81])
@@ -141,7 +142,7 @@ def test_the_pull_of_a_swing_is_the_rate_of_momentum(planner: tuple, plan: list)
         assert needed <= 300.0 - mode.loads(swing)[1] + 0.5
 
 
-def test_a_swing_beyond_a_limit_is_too_fast(planner: tuple, plan: list, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_swing_beyond_a_limit_is_too_fast(planner: tuple, plan: list, monkeypatch: pytest.MonkeyPatch) -> None:
     mode, swing = planner[2].modes["rear"], plan[1].swing
     mode.hold(plan[1].feet["rear"])
     load, margin = mode.loads(swing)
@@ -152,8 +153,8 @@ def test_a_swing_beyond_a_limit_is_too_fast(planner: tuple, plan: list, monkeypa
             assert not mode._slow_enough(swing)
 
 
-def test_the_pull_of_a_landing_by_jacobians_by_hand(planning: ModuleType, planner: tuple, plan: list) -> None:
-    """Springs in series: the sole is pushed back by 0.1 mm and kept from tilting. Derivatives are differences of planar kinematics."""
+def test_pull_of_a_landing(planning: ModuleType, planner: tuple, plan: list) -> None:
+    """Springs in series: the sole is displaced by 0.1 mm without a tilt. Derivatives are differences of planar kinematics."""
     mode, state = planner[2].modes["rear"], plan[1]
     mode.hold(state.feet["rear"])
     degrees_of = dict(zip(JOINTS, np.degrees(state.q).tolist(), strict=True))
@@ -178,7 +179,7 @@ def test_the_pull_of_a_landing_by_jacobians_by_hand(planning: ModuleType, planne
     assert mode.press(state.q, state.feet["front"]) == pytest.approx(abs(my + z * fx - x * fz) / 0.025, rel=1e-3)
 
 
-def test_a_foot_that_drags_and_a_body_on_the_wall_collide(planning: ModuleType, planner: tuple, plan: list) -> None:
+def test_dragging_foot_and_body_on_the_wall_collide(planning: ModuleType, planner: tuple, plan: list) -> None:
     _, tunnel, each, _ = planner
     mode, begin = each.modes["rear"], plan[0]
     mode.hold(begin.feet["rear"])
@@ -189,7 +190,7 @@ def test_a_foot_that_drags_and_a_body_on_the_wall_collide(planning: ModuleType, 
     assert mode.collides(begin.q, [planning.Foothold(face=tunnel.faces[0], distance=tunnel.length + 0.02)])  # the front foot is in the wall
 
 
-def test_feet_are_flat_on_their_footholds_by_planar_kinematics_by_hand(plan: list) -> None:
+def test_feet_are_flat_on_their_footholds(plan: list) -> None:
     for state in plan[1:]:
         q = {name: degrees(value) for name, value in zip(JOINTS, state.q, strict=True)}
         (xf, zf, upf), (xr, zr, upr) = sole("front", q), sole("rear", q)
@@ -198,8 +199,8 @@ def test_feet_are_flat_on_their_footholds_by_planar_kinematics_by_hand(plan: lis
         assert np.hypot(xf - xr, zf - zr) == pytest.approx(1e3 * np.hypot(front.x - rear.x, front.z - rear.z), abs=0.15)
 
 
-def test_the_plan_goes_over_the_wall_to_the_ceiling(planning: ModuleType, planner: tuple, plan: list) -> None:
-    """Feet move in turn, each swing begins where the last one ended, and no pose is one of the climb by hand."""
+def test_plan_leads_over_the_wall_to_the_ceiling(planning: ModuleType, planner: tuple, plan: list) -> None:
+    """The feet move in turn, each swing begins at the end of the last one, and no pose comes from the scripted climb."""
     robot, tunnel, each, _ = planner
     assert [state.holds for state in plan] == ["rear" if k % 2 == 0 else "front" for k in range(len(plan))]
     assert {seat.face.name for state in plan for seat in state.feet.values()} == {"floor", "wall", "ceiling"}
@@ -211,7 +212,7 @@ def test_the_plan_goes_over_the_wall_to_the_ceiling(planning: ModuleType, planne
     assert min(np.abs(state.q - q).max() for state in plan[1:] for q in by_hand) > 0.1
 
 
-def test_onto_the_wall_in_physics(planning: ModuleType, planner: tuple, plan: list) -> None:
+def test_step_onto_the_wall_in_physics(planning: ModuleType, planner: tuple, plan: list) -> None:
     robot, tunnel, *_ = planner
     steps, footholds = planning.swings(plan)
     count = next(k for k, state in enumerate(plan) if any(seat.face.name == "wall" for seat in state.feet.values()))
@@ -234,7 +235,7 @@ def test_the_same_seed_gives_the_same_transitions(planning: ModuleType, planner:
         np.testing.assert_array_equal(a.q, b.q)
 
 
-def test_a_failure_reports_how_far_it_came_and_why(planning: ModuleType, planner: tuple, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failure_reports_progress_and_reason(planning: ModuleType, planner: tuple, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, tunnel, each, _ = planner
     monkeypatch.setattr(sys.modules["inchworm_planner"], "VISITS", 2)
     again = seeded(planning, each.modes)
@@ -242,7 +243,7 @@ def test_a_failure_reports_how_far_it_came_and_why(planning: ModuleType, planner
         again.plan(planning.start(robot, tunnel), 9.0)
 
 
-def test_a_start_that_is_not_allowed_is_reported(planning: ModuleType, planner: tuple) -> None:
+def test_invalid_start_is_reported(planning: ModuleType, planner: tuple) -> None:
     robot, tunnel, each, _ = planner
     again = seeded(planning, each.modes)
     begin = planning.start(robot, tunnel)
@@ -261,7 +262,7 @@ def test_footholds_near_an_edge_are_reported(planning: ModuleType, planner: tupl
     assert near.endswith("nearer than 20 mm to an edge: step 0")
 
 
-def test_the_docs_show_the_plan_and_that_it_holds(planning: ModuleType, planner: tuple, plan: list) -> None:
+def test_docs_show_the_plan(planning: ModuleType, planner: tuple, plan: list) -> None:
     page = (ROOT / "docs" / "studies" / "planning.md").read_text()
     shown = page.partition("<!-- plan -->\n```text\n")[2].partition("\n```")[0]
     assert [line.split()[:3] for line in shown.splitlines()] == [
@@ -274,7 +275,7 @@ def test_the_docs_show_the_plan_and_that_it_holds(planning: ModuleType, planner:
     assert cells["contacts besides soles"] == ["nothing"] * 4
 
 
-def test_rrt_connect_goes_around_a_wall(planning: ModuleType) -> None:
+def test_rrt_connect_finds_a_way_around_a_wall(planning: ModuleType) -> None:
     rrt = importlib.import_module("rrt_connect")
     begin, end, corner = np.array([-0.9, -0.9]), np.array([0.9, -0.9]), np.array([1.0, 1.0])
 

@@ -1,5 +1,5 @@
-"""`examples/walk.py` on the floor, up a wall and under a ceiling, rooted and free, with bounds on all that it reports, and what
-docs/studies/walking.md shows of it."""
+"""`examples/walk.py` on the floor, up a wall and under a ceiling, with held and free bases: bounds for all reported values, and the
+results in docs/studies/walking.md."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ pytestmark = pytest.mark.slow
 
 PLACES = ("floor", "wall", "ceiling")
 STEPS = {"floor": 1, "wall": 1, "ceiling": 3}
-"""Under the ceiling as many as the page shows: a foot that has landed askew makes the next landing another one."""
+"""The number of steps. Under the ceiling, as many as on the page, because an inclined landing affects the next landing."""
 WAYS = ("rooted", "free")
 
 
 @pytest.fixture(scope="module")
 def walking() -> ModuleType:
-    """The example, imported as running it does."""
+    """The example, imported as a module."""
     folder = str(ROOT / "examples")
     sys.path.insert(0, folder)
     try:
@@ -61,17 +61,17 @@ def test_steps(walking: ModuleType, walked: dict, place: str, way: str) -> None:
     assert (seen.removed > 0.0) == (way == "rooted")  # nothing to remove without a switch
 
 
-def test_the_floor_asks_most_of_the_servos(walked: dict) -> None:
-    """Level, the body hangs out from the foot; upright, it hangs below or stands above it. Under a ceiling, it hangs from the
-    foot as well."""
+def test_floor_needs_the_largest_torques(walked: dict) -> None:
+    """On the floor, the body extends horizontally from the foot. On a wall, it is below or above the foot. Under a ceiling, it hangs
+    from the foot."""
     for way in WAYS:
         assert max(walked["floor", way].torque.values()) > 3.0 * max(walked["wall", way].torque.values())
         assert walked["ceiling", way].pull > walked["floor", way].pull > walked["wall", way].pull
 
 
-def test_the_moment_at_the_foot_is_that_of_the_weight(walking: ModuleType, walked: dict, minchw: Path) -> None:
-    """The pull that the holding foot bears comes from the weight at its distance: a hand-made bound on both sides. The weight
-    presses the foot onto the floor and pulls it off a ceiling; the jolt of the other foot's landing comes on top."""
+def test_moment_at_the_foot_comes_from_the_weight(walking: ModuleType, walked: dict, minchw: Path) -> None:
+    """The pull at the holding foot comes from the weight at its distance, with bounds on both sides. The weight presses the foot to the
+    floor, and pulls it off a ceiling. The impact of the landing of the other foot is added."""
     climb = importlib.import_module("inchworm_physics").Climb(minchw, "")
     model = climb.held["rear"].model
     foot = float(model.body("front/foot").mass[0]) * 9.81
@@ -82,7 +82,7 @@ def test_the_moment_at_the_foot_is_that_of_the_weight(walking: ModuleType, walke
         assert 1.0 < walked["ceiling", way].pull / (moment / 0.025 + (2 * foot + rest)) < 1.15
 
 
-def test_the_plan_reaches_what_planar_kinematics_by_hand_say(walking: ModuleType, minchw: Path) -> None:
+def test_plan_agrees_with_planar_kinematics(walking: ModuleType, minchw: Path) -> None:
     gait, physics = importlib.import_module("inchworm_gait"), importlib.import_module("inchworm_physics")
     climb = physics.Climb(minchw, "")
     plan = gait.swings(climb.models, 1, walking.SHORT, walking.STRIDE, walking.LIFT, walking.SINK)
@@ -112,9 +112,8 @@ def test_the_plan_reaches_what_planar_kinematics_by_hand_say(walking: ModuleType
     assert joints < radians(115)
 
 
-def test_a_foot_that_is_snatched_jolts_the_other(walking: ModuleType, walked: dict, minchw: Path) -> None:
-    """The same walk with feet put down at the height of the steel: the second landing of a foot, with a root that stands askew, is far
-    harder."""
+def test_early_magnet_pull_causes_a_harder_landing(walking: ModuleType, walked: dict, minchw: Path) -> None:
+    """In the same walk with feet placed at the height of the steel, the second landing of a foot, with an inclined root, is far harder."""
     gait, physics = importlib.import_module("inchworm_gait"), importlib.import_module("inchworm_physics")
     climb = physics.Climb(minchw, "_ceiling")
     seen = climb.rooted(gait.swings(climb.models, 2, walking.SHORT, walking.STRIDE, walking.LIFT, 0.0)[:3])
@@ -128,14 +127,14 @@ DOCS = ROOT / "docs" / "studies" / "walking.md"
 
 
 def table(page: Path, marker: str) -> dict[str, list[str]]:
-    """The rows of a report on a page, by name; the heading is ""."""
+    """Return the rows of a report on a page, by name. The heading has the name ""."""
     shown = re.search(rf"<!-- {marker} -->\n```text\n(.*?)\n```", page.read_text(), re.DOTALL)
     assert shown is not None
     return {line[:38].strip(): re.findall(r".{16}", line[38:]) for line in shown[1].split("\n")}
 
 
-def test_the_docs_show_what_is_printed(walking: ModuleType, walked: dict, tmp_path: Path) -> None:
-    """The columns of the ceiling, every number to what another processor may make of it; words are equal, but for which ankle."""
+def test_docs_show_the_output(walking: ModuleType, walked: dict, tmp_path: Path) -> None:
+    """The columns of the ceiling. Numbers may differ as between processors. Words are equal, except the name of the ankle."""
     page = tmp_path / "walking.md"
     page.write_text(DOCS.read_text())
     walking.write(page, "report", walking.report({key: seen for key, seen in walked.items() if key[0] == "ceiling"}))

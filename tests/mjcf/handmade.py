@@ -1,7 +1,6 @@
-"""Robots made by hand for the MJCF emitter: boxes and cylinders whose every number is known without thingc.
+"""Robots for tests of the MJCF emitter: boxes and cylinders whose properties are computed without thingc.
 
-Bodies are given as plain 4 x 4 matrices (numpy), so that the tests' own chains of matrices are the oracle.
-"""
+Poses of bodies are 4 x 4 numpy matrices, so the tests' own chains of matrices are the oracle."""
 
 from __future__ import annotations
 
@@ -42,7 +41,7 @@ FILE = "/somewhere/robot.yaml"
 
 
 def at(line: int) -> Origin:
-    """The origin of something on a line of the document."""
+    """Origin of an element on a line of the document."""
     return where(line, FILE)
 
 
@@ -55,7 +54,7 @@ def matrix(xyz: Any = (0.0, 0.0, 0.0), rotation: Any = None) -> np.ndarray:
 
 
 def spin(axis: Any, angle: float) -> np.ndarray:
-    """Rodrigues' formula."""
+    """Rotation about an axis by Rodrigues' formula."""
     x, y, z = np.asarray(axis) / np.linalg.norm(axis)
     k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
@@ -99,7 +98,7 @@ class Part:
 
 
 def box_part(store: Store, low: Any, high: Any, **changes: Any) -> Part:
-    """A box from corner to corner [m] in the part's own frame: not centred, so that re-centring shows."""
+    """A box between two corners [m] in the part's own frame. It is not centred, so that errors of re-centring are visible."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     size, vertices = high - low, box_vertices(low, high)
     volume = float(np.prod(size))
@@ -124,7 +123,7 @@ def box_part(store: Store, low: Any, high: Any, **changes: Any) -> Part:
 
 
 def cylinder_part(store: Store, radius: float, length: float, **changes: Any) -> Part:
-    """A cylinder [m] along z about the origin; its mesh has 24 sides."""
+    """A cylinder [m] along z with its centre at the origin; its mesh has 24 sides."""
     angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     ring = np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
     half = length / 2
@@ -215,7 +214,7 @@ class Piece:
 
 @dataclass
 class Segment:
-    """A body of the tree: its pieces, its parent's index, its pose there at q = 0, and its joint."""
+    """A body of the tree: its pieces, the index of its parent, its pose in the parent at q = 0, and its joint."""
 
     name: str
     pieces: list[Piece]
@@ -245,7 +244,7 @@ def raw(line: int, path: str, value: str) -> RawAttribute:
 
 
 def total(properties: Any) -> MassProperties:
-    """Bodies of one frame as one, by numpy: the oracle of `inertia.total`."""
+    """Combine bodies in one frame, computed with numpy: the oracle of `inertia.total`."""
     mass = sum(p.mass for p in properties)
     centre = sum(p.mass * np.array(p.centre) for p in properties) / mass
     inertia = np.zeros((3, 3))
@@ -265,7 +264,7 @@ def moved(properties: MassProperties, x: np.ndarray) -> MassProperties:
 
 @dataclass
 class Made:
-    """A robot in one or more modes, from the same segments."""
+    """A robot with one or more modes, built from the same segments."""
 
     segments: list[Segment]
     name: str = "arm"
@@ -411,7 +410,7 @@ class Made:
         )
 
     def request(self, store: Store, *modes: tuple[str, str]) -> EmitRequest:
-        """A request of modes, each `(name, base)`."""
+        """A request for modes, each `(name, base)`."""
         assembly = self.assembly()
         robots = tuple(self.robot(assembly, name, base) for name, base in modes or (("bench", "fixed"),))
         return EmitRequest(
@@ -424,7 +423,7 @@ class Made:
         )
 
     def placed(self, q: dict[str, float]) -> list[np.ndarray]:
-        """Where every link stands in the world: the chain of matrices by hand (`X_PL` then the motion about the anchor)."""
+        """World poses of all links by a chain of matrices: `X_PL`, then the motion about the anchor."""
         found: list[np.ndarray] = []
         for s in self.segments:
             x = (np.eye(4) if s.parent is None else found[s.parent]) @ s.pose

@@ -1,4 +1,5 @@
-"""What MJCF says by itself, of documents that say the same: against models written by hand, read by MuJoCo."""
+"""Features that MJCF supports directly (polynomial mimics, springs, tendons, raw elements), compared with MJCF models written for the
+test."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ from thingc.model.statics.efforts import problem, static_efforts
 from thingc.tools.cli.main import main
 
 MATE = "quat: [0, 0.7071067811865476, -0.7071067811865476, 0]"
-"""A mount by which frames that are mated lie as one."""
+"""Orientation of a mount with which mated frames coincide."""
 
 LINKS = f"""\
 thingc: assembly/1
@@ -34,7 +35,7 @@ modes:
   m: {{root: base}}
   n: {{root: slider, base: free}}
 """
-"""A shoulder and an elbow that turn about z of their mounts, and a slide along it."""
+"""A shoulder and an elbow that rotate about z of their mounts, and a slide along z."""
 
 BODIES = """\
 <mujoco>
@@ -62,9 +63,10 @@ BODIES = """\
 """
 
 
-def moves_alike(built: Built, written: str) -> None:
-    """The mode `m` and what is written by hand: the same mass matrix, bias and passive forces at random states, and the same motion of 200
-    steps at random controls."""
+def assert_equal_dynamics(built: Built, written: str) -> None:
+    """Assert that mode `m` and a written-out model have equal dynamics.
+
+    Mass matrix, bias and passive forces are compared at random states, and the motion over 200 steps with random controls."""
     one, other = built.model("m"), mujoco.MjModel.from_xml_string(written)
     assert (one.nq, one.nv, one.nu, one.neq, one.ntendon) == (other.nq, other.nv, other.nu, other.neq, other.ntendon)
     states, random = (mujoco.MjData(one), mujoco.MjData(other)), np.random.default_rng(1)
@@ -91,9 +93,8 @@ def moves_alike(built: Built, written: str) -> None:
     assert np.abs(states[0].qpos).max() > 0.01
 
 
-def test_joints_that_follow_by_a_polynomial(tmp_path: Path) -> None:
-    """As hard an equality as that of any mimic. The q of keyframes is the polynomial's, limits of what follows are told of what leads, and
-    where it is the root all is as it was."""
+def test_polynomial_mimics_match_written_model(tmp_path: Path) -> None:
+    """The equality is as stiff as that of any mimic. Keyframes follow the polynomial, in a mode with another root too."""
     built = compiled(tmp_path, LINKS + """\
 joints:
   shoulder: {type: revolute, parent: base.end, child: upper.start, limit: {lower: -3 rad, upper: 3 rad}, drive: {kind: motor}}
@@ -104,7 +105,7 @@ poses: {bent: {shoulder: 0.8 rad}}
 """)
     assert not built.compilation.report.failed, built.said
     equality = '<joint joint1="{}" joint2="{}" polycoef="{}" solimp="0.9999 0.9999 0.001 0.5 2"/>'
-    moves_alike(built, BODIES.format(
+    assert_equal_dynamics(built, BODIES.format(
         shoulder='range="-3 3"', elbow="", slide='range="-1 1"', rest='<actuator><motor joint="shoulder"/></actuator><equality>'
         + equality.format("elbow", "shoulder", "0 0.5 0.3 0 -0.02") + equality.format("slide", "elbow", "0 0.04 -0.008 0 0")
         + "</equality>",
@@ -118,9 +119,8 @@ poses: {bent: {shoulder: 0.8 rad}}
     assert mimics["elbow"] == {"joint": "shoulder", "multiplier": 0.5, "offset": 0.0, "higher": [0.3, 0.0, -0.02]}
 
 
-def test_a_loop_is_closed_through_a_polynomial(tmp_path: Path) -> None:
-    """A four-bar whose crank follows a dial; the pose says where its rocker is, so that the dial has to turn, as far as the crank's own
-    limits let it."""
+def test_loop_with_polynomial_mimic_is_closed(tmp_path: Path) -> None:
+    """The crank of a four-bar mimics a dial. The pose sets the rocker, so the solver must turn the dial, within the limits of the crank."""
     document = FOURBAR.partition("poses:")[0].replace("child: crank.low, drive: {kind: position, kp: 5 N*m/rad, kv: 0.05 N*m*s/rad}}", """\
 child: crank.low, mimic: {joint: dial, polynomial: [60 deg, 0.5, 0.4 rad^-1]}, limit: {lower: 0, upper: 115 deg}}""").replace(
         "  drive: {type: continuous", "  drive: {type: revolute").replace("joints:\n", f"""\
@@ -142,9 +142,9 @@ joints:
         assert dial.lower == -1.0 and np.polyval([0.4, 0.5, np.radians(60)], dial.upper) == pytest.approx(np.radians(115), abs=1e-12)
 
 
-def test_springs_at_rest_elsewhere_and_ref(tmp_path: Path) -> None:
-    """`rest` is `springref`. `offset` is `ref` with the other sign, so that q is `qpos`: a body that is written by hand stands
-    turned back by its `ref` where qpos is 0. (No limit is met: how soft MuJoCo's constraints are depends on qpos0.)"""
+def test_spring_rest_and_offset_become_springref_and_ref(tmp_path: Path) -> None:
+    """`rest` is `springref`, and `offset` is `ref` with the opposite sign, so q equals `qpos`: in the written-out model, a body at qpos
+    0 is rotated back by its `ref`. No limit is active, because the softness of MuJoCo's constraints depends on qpos0."""
     built = compiled(tmp_path, LINKS + """\
 joints:
   shoulder: {type: revolute, parent: base.end, child: upper.start, offset: -30 deg, limit: {lower: -3 rad, upper: 3 rad},
@@ -154,7 +154,7 @@ joints:
     dynamics: {stiffness: 40 N/m, rest: -20 mm}}
 """)
     assert not built.compilation.report.failed, built.said
-    moves_alike(built, BODIES.format(
+    assert_equal_dynamics(built, BODIES.format(
         shoulder='ref="0.5235987755982988" range="-3 3" stiffness="3" springref="0.3490658503988659" damping="0.05"',
         elbow='stiffness="0.5"', slide='ref="-0.01" range="-1 1" stiffness="40" springref="-0.02"', rest="",
     ))
@@ -167,7 +167,8 @@ joints:
 STRAIGHT = ": linearized at position 0 of the followed joint: approximated"
 
 
-def test_what_other_formats_lose(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unsupported_features_are_losses_of_other_formats(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Polynomial mimics, springs and tendons are export losses of URDF, SDF and USD."""
     document = tmp_path / "chain.yaml"
     document.write_text(LINKS.replace("  n: {root: slider, base: free}\n", "") + """\
 joints:
@@ -213,9 +214,9 @@ raw:
 """
 
 
-def test_elements_are_added(tmp_path: Path) -> None:
-    """Tendons, drives on them, and sensors, which name joints, components and mounts as documents do; the drives stand in
-    keyframes at 0."""
+def test_raw_elements_are_added(tmp_path: Path) -> None:
+    """Raw tendons, actuators and sensors refer to joints, components and mounts by their document names. Keyframes have 0 for the added
+    actuators."""
     built = compiled(tmp_path, ADDED)
     assert not built.compilation.report.failed, built.said
     body = BODIES.format(shoulder='range="-3 3"', elbow="", slide='range="-1 1"', rest="""
@@ -235,7 +236,7 @@ def test_elements_are_added(tmp_path: Path) -> None:
         head, _, tail = body.partition(f'<body name="{mark}"')
         inside, _, rest = tail.partition("<inertial")
         body = f'{head}<body name="{mark}"{inside}{place}<inertial{rest}'
-    moves_alike(built, body)
+    assert_equal_dynamics(built, body)
     for mode in ("m", "n"):
         model = built.model(mode)
         data = at_key(model, "bent")
@@ -243,8 +244,9 @@ def test_elements_are_added(tmp_path: Path) -> None:
         assert model.nsensor == 5 and model.site("upper/end").bodyid[0] == model.body("upper").id
 
 
-def test_a_nested_document_adds_for_each_of_its_occurrences(tmp_path: Path) -> None:
-    """Names and references are under its path; what names a drive that a mode leaves out is left out there, and listed."""
+def test_raw_elements_of_nested_documents_are_prefixed(tmp_path: Path) -> None:
+    """Each occurrence of the nested document adds the elements with its path as prefix. An element that refers to a drive missing in a
+    mode is omitted there and listed as a loss."""
     hand = f"""\
 thingc: assembly/1
 name: hand
@@ -296,12 +298,12 @@ poses: {bent: {shoulder: 0.3 rad, slide: 10 mm}}
 """
 
 
-def test_fixed_tendons(tmp_path: Path) -> None:
-    """By MuJoCo of a model written by hand: springs, limits and drives along them. In another tree they are as long at the same q, and the
-    efforts of their drives and loads of their springs are MuJoCo's inverse dynamics at rest."""
+def test_fixed_tendons_match_written_model(tmp_path: Path) -> None:
+    """Springs, limits and drives of fixed tendons equal those of a written-out model. With another root, lengths at the same q are
+    equal; drive efforts and spring loads equal MuJoCo's inverse dynamics at rest."""
     built = compiled(tmp_path, TENDON.replace("  m: {root: base}\n", "  m: {root: base}\n  still: {root: base, actuators: [shoulder]}\n"))
     assert not built.compilation.report.failed, built.said
-    moves_alike(built, BODIES.format(shoulder='range="-3 3"', elbow="", slide='range="-1 1"', rest="""
+    assert_equal_dynamics(built, BODIES.format(shoulder='range="-3 3"', elbow="", slide='range="-1 1"', rest="""
   <tendon>
     <fixed name="grip" range="-0.03 0.04" stiffness="200" springlength="0.005" damping="3" frictionloss="0.2" armature="0.01">
       <joint joint="shoulder" coef="0.02"/><joint joint="elbow" coef="-0.01"/><joint joint="slide" coef="0.5"/>

@@ -1,8 +1,7 @@
-"""MJCF for readers besides MuJoCo: what each refuses is said, and what can be said otherwise without harm is.
+"""MJCF for other readers (`--compat`): unsupported features are reported, and features with an equivalent form are rewritten.
 
-What the readers lack is defined here again, from their sources; that they then read the files is asked of themselves by `make
-conformance`. Which geoms may touch MuJoCo itself says: with a margin larger than the robot there is a contact for every pair it looks at.
-"""
+The gaps of the readers are listed here again from their sources; `make conformance` runs the readers themselves. MuJoCo decides which
+geoms may touch: with a margin larger than the robot, it reports a contact for every pair it considers."""
 
 from __future__ import annotations
 
@@ -27,7 +26,7 @@ from thingc.model.resolve.types import Overrides
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import body_tree as tree
 from thingc.targets.mjcf import emit
-from thingc.targets.mjcf.accepted_models import taken
+from thingc.targets.mjcf.accepted_models import choose_geometry
 from thingc.targets.mjcf.compat import CONSUMERS
 from thingc.targets.mjcf.compat.contact_pairs import pairs
 from thingc.targets.mjcf.compat.mjx import LACKING, SIDES, prism
@@ -41,7 +40,7 @@ def store(tmp_path: object) -> Store:
 
 
 def robot(store: Store, *shapes: str, **said: object) -> Made:
-    """A chain of links of 60 x 40 x 20 mm, or of cylinders, that stand on each other and turn about x, with drives and a pose."""
+    """A chain of links of 60 x 40 x 20 mm, or of cylinders, stacked and hinged about x, with drives and a pose."""
     segments = []
     for number, shape in enumerate(shapes):
         part = box_part(store, (-0.03, -0.02, -0.01), (0.03, 0.02, 0.01)) if shape != "cylinder" else cylinder_part(store, 0.02, 0.02)
@@ -56,13 +55,13 @@ def robot(store: Store, *shapes: str, **said: object) -> Made:
     return Made(segments, keyframes=(("rest", turns),), **said)  # type: ignore[arg-type]
 
 
-def emitted(made: Made, store: Store, compat: Sequence[str], *modes: tuple[str, str]) -> tuple[EmitRequest, emit.Models]:
+def emit_models(made: Made, store: Store, compat: Sequence[str], *modes: tuple[str, str]) -> tuple[EmitRequest, emit.Models]:
     request = replace(made.request(store, *modes or (("bench", "fixed"),)), compat=tuple(compat))
     return request, emit.models(request)
 
 
-def compiled(request: EmitRequest, models: emit.Models, number: int = 0) -> mujoco.MjModel:
-    """The scene of a mode, read by MuJoCo."""
+def load_scene(request: EmitRequest, models: emit.Models, number: int = 0) -> mujoco.MjModel:
+    """The scene of a mode, loaded by MuJoCo."""
     one = models.candidates[number]
     assets = {file: request.store.read(stored.sha256) for file, stored in models.assets.items()}
     return mujoco.MjModel.from_xml_string(one.scene.text, {**assets, one.file: one.model.text.encode()})
@@ -72,16 +71,16 @@ def lost(models: emit.Models) -> list[tuple[str, str, str]]:
     return [(one.path, one.what, one.how) for one in models.losses]
 
 
-def test_there_is_one_table_of_names(root: Path) -> None:
-    """The page has the same consumers, and the versions of which it was found out."""
+def test_documented_consumers_match_the_code(root: Path) -> None:
+    """The documentation lists the same consumers as `CONSUMERS`, with the versions that were examined."""
     assert tuple(one.name for one in CONSUMERS) == NAMES
     rows = (root / "docs" / "outputs" / "mjcf.md").read_text().partition("<!-- compat -->\n")[2].partition("\n\n")[0].splitlines()[2:]
     cells = [[cell.strip() for cell in row.strip("|").split(" | ")][:3] for row in rows]
     assert cells == [[f"`{one.name}`", one.label, one.version] for one in CONSUMERS]
 
 
-def test_what_mjx_cannot_have_touch() -> None:
-    """From `_COLLISION_FUNC` of mujoco-mjx 3.17.0, of the kinds of shapes that we write."""
+def test_mjx_collision_gaps_match_its_source() -> None:
+    """Supported pairs are those of `_COLLISION_FUNC` in mujoco-mjx 3.17.0, for the kinds of shapes that thingc writes."""
     there = """plane sphere, plane capsule, plane box, plane cylinder, plane mesh, sphere sphere, sphere capsule, sphere cylinder,
         sphere box, sphere mesh, capsule capsule, capsule box, capsule cylinder, capsule mesh,
         cylinder cylinder, box box, box mesh, mesh mesh"""
@@ -92,16 +91,17 @@ def test_what_mjx_cannot_have_touch() -> None:
 
 
 @pytest.mark.parametrize("base", ["fixed", "free", "held"])
-def test_pairs_that_may_touch_are_those_that_mujoco_looks_at(store: Store, base: str) -> None:
+def test_candidate_pairs_match_mujoco(store: Store, base: str) -> None:
+    """Pairs of geoms that may touch equal the contacts of MuJoCo with a margin of 10 m."""
     made = robot(store, "box", "cylinder", "box", "cylinder", "box", excluded=((1, 3),))
     stuck = Piece("arm/stuck", box_part(store, (0.04, 0, 0), (0.05, 0.01, 0.01)))
     made.segments.append(Segment("arm/stuck", [stuck], parent=2))  # without a joint: one with its parent
-    request, models = emitted(made, store, (), ("bench", base))
+    request, models = emit_models(made, store, (), ("bench", base))
     ours = {
         frozenset(geom.element.get("name") if geom.element is not None else "floor" for geom in pair)
-        for pair in pairs(tree.model(request.robots[0], taken(request.assembly, request.report)[0]))
+        for pair in pairs(tree.model(request.robots[0], choose_geometry(request.assembly, request.report)[0]))
     }
-    model = compiled(request, models)
+    model = load_scene(request, models)
     model.geom_margin[:] = 10.0
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
     data = mujoco.MjData(model)
@@ -112,26 +112,27 @@ def test_pairs_that_may_touch_are_those_that_mujoco_looks_at(store: Store, base:
     assert ours == theirs | held
 
 
-def test_cylinders_that_meet_boxes_are_prisms_for_mjx(store: Store) -> None:
-    """And those that then meet a prism; what meets nothing but the floor, its like and its neighbours stays."""
+def test_mjx_replaces_cylinders_by_prisms(store: Store) -> None:
+    """A cylinder that may touch a box, a mesh or another prism becomes a prism. One that touches only the floor, cylinders and its
+    neighbours is kept."""
     what = f"the cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
     for shapes, prisms in (
         (("box", "box", "cylinder"), [2]), (("box", "cylinder", "box", "cylinder"), [1, 3]), (("box", "cylinder", "box"), []),
         (("cylinder", "cylinder", "cylinder", "cylinder"), []),
     ):
-        request, models = emitted(robot(store, *shapes), store, ["mjx"], ("bench", "free"))
+        request, models = emit_models(robot(store, *shapes), store, ["mjx"], ("bench", "free"))
         assert not request.report.diagnostics
         assert lost(models) == [(f"arm/part_{number}", what, "approximated") for number in prisms], shapes
-        model = compiled(request, models)
+        model = load_scene(request, models)
         for number, shape in enumerate(shapes):
             kind = "mesh" if number in prisms else shape
             assert model.geom(f"arm/part_{number}:collision").type == getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}"), (shapes, number)
 
 
-def test_a_prism_is_where_its_cylinder_was(store: Store) -> None:
+def test_prism_has_pose_and_size_of_the_cylinder(store: Store) -> None:
     made = robot(store, "box", "box", "cylinder")
-    before, after = (emitted(made, store, compat) for compat in ((), ("mjx",)))
-    old, new = (compiled(*one) for one in (before, after))
+    before, after = (emit_models(made, store, compat) for compat in ((), ("mjx",)))
+    old, new = (load_scene(*one) for one in (before, after))
     assert new.nmesh == old.nmesh + 1
     data = [mujoco.MjData(one) for one in (old, new)]
     for one, state in zip((old, new), data, strict=True):
@@ -144,29 +145,29 @@ def test_a_prism_is_where_its_cylinder_was(store: Store) -> None:
     assert len(corners) == 2 * SIDES
 
 
-def magnet(store: Store, base: str, *, on: bool = True) -> tuple[EmitRequest, emit.Models]:
+def emit_with_magnet(store: Store, base: str, *, on: bool = True) -> tuple[EmitRequest, emit.Models]:
     made = robot(store, "hull", "box", "box", adhesions=(("arm/sole", "arm/part_0", 20.0),), control={"arm/sole": 20.0 if on else 0.0})
-    return emitted(made, store, ["mjx"], ("bench", base))
+    return emit_models(made, store, ["mjx"], ("bench", base))
 
 
-def test_mjx_has_no_adhesion(store: Store) -> None:
-    """One that holds what stands still anyway, or is off, is left out of the model and its keyframes; one that carries the robot is said
-    to be refused."""
+def test_mjx_adhesion_is_omitted_or_reported(store: Store) -> None:
+    """An adhesion that is off, or on a body that never moves, is omitted from the model and its keyframes. One that carries the robot is
+    reported as unsupported."""
     for base, on in (("fixed", True), ("held", True), ("free", False)):
-        request, models = magnet(store, base, on=on)
+        request, models = emit_with_magnet(store, base, on=on)
         assert not request.report.diagnostics
         assert ("arm/sole", "the adhesion, which MJX lacks", "omitted") in lost(models)
-        model = compiled(request, models)
+        model = load_scene(request, models)
         assert [model.actuator(number).name for number in range(model.nu)] == ["arm/turn_1", "arm/turn_2"]
         assert model.key_ctrl.tolist() == [[0.1, 0.2]]
         assert not model.geom_margin.any()
-    request, models = magnet(store, "free")
+    request, models = emit_with_magnet(store, "free")
     (said,) = request.report.diagnostics
     assert (said.code, said.severity.value) == (Code.COMPAT, "warning")
     assert said.message == "MJX cannot load mode `bench`: it does not support adhesion, but the adhesion at `arm/sole` carries the robot"
     assert said.span is not None and said.span.line == at(50)[0].line
     assert said.help == "exclude the mode with `--mode`, or use another root" and said.allow
-    assert compiled(request, models).nu == 3
+    assert load_scene(request, models).nu == 3
 
 
 @pytest.mark.parametrize(("compat", "path", "value", "message"), [
@@ -179,50 +180,52 @@ def test_mjx_has_no_adhesion(store: Store) -> None:
     ("mjx", "geom arm/part_2:collision type", "ellipsoid",
      "MJX cannot load mode `bench`: it does not support contacts between ellipsoid and mesh"),
 ])
-def test_what_is_refused_is_said_where_raw_attributes_say_it(store: Store, compat: str, path: str, value: str, message: str) -> None:
+def test_unsupported_raw_attributes_are_reported(store: Store, compat: str, path: str, value: str, message: str) -> None:
+    """A raw attribute that the reader does not support is reported at its line, and only if that reader is selected."""
     made = robot(store, "hull", "box", "box", raw=(raw(5, path, value), raw(6, "option viscosity", "0")))
-    request, _ = emitted(made, store, [compat])
+    request, _ = emit_models(made, store, [compat])
     (said,) = request.report.diagnostics
     assert (said.code, said.message, said.span and said.span.line) == (Code.COMPAT, message, at(5)[0].line)
-    silent, _ = emitted(made, store, ())
+    silent, _ = emit_models(made, store, ())
     assert not silent.report.diagnostics
 
 
-def test_mjx_takes_no_fluid_with_implicitfast_nor_the_integrator_implicit(store: Store) -> None:
+def test_mjx_integrator_and_fluid_limits_are_reported(store: Store) -> None:
+    """The integrator `implicit` is replaced by `implicitfast`; `density` with `implicitfast` is reported."""
     made = robot(store, "box", "box", simulation={"integrator": "implicit"}, raw=(raw(5, "option density", "1.2"),))
-    request, models = emitted(made, store, ["mjx"])
+    request, models = emit_models(made, store, ["mjx"])
     assert ("bench", "the integrator `implicit`, which MJX lacks: `implicitfast` is used", "approximated") in lost(models)
-    assert compiled(request, models).opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    assert load_scene(request, models).opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     assert [one.message for one in request.report.diagnostics] == [
         "MJX cannot load mode `bench`: it does not support `density` with `implicitfast`",
     ]
 
 
-def test_mjx_takes_elliptic_cones_beside_contacts_only(store: Store) -> None:
-    """Where nothing can touch the cones are left out, which changes nothing; where only the floor of the scene is touched, it is said that
-    the model alone is refused."""
+def test_mjx_elliptic_cones_require_contacts(store: Store) -> None:
+    """Without possible contacts, elliptic cones are omitted, which changes nothing. If only the floor of the scene is touched, a
+    diagnostic reports that MJX cannot load the model alone."""
     why = "without the floor of the scene, the model has no contacts, and MJX supports elliptic cones only with contacts"
     refused = f"MJX cannot load mode `bench`: {why}"
     for shapes, base, said, elliptic in (
         (("none", "none"), "fixed", [], False), (("box", "box"), "fixed", [], True), (("box", "box"), "free", [refused], True),
     ):
-        request, models = emitted(robot(store, *shapes, simulation={"cone": "elliptic"}), store, ["mjx"], ("bench", base))
+        request, models = emit_models(robot(store, *shapes, simulation={"cone": "elliptic"}), store, ["mjx"], ("bench", base))
         assert [one.message for one in request.report.diagnostics] == said, shapes
-        model = compiled(request, models)
+        model = load_scene(request, models)
         assert (model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC) == elliptic
         assert [one for one in lost(models) if "cone" in one[1]] == []
-        silent, plain = emitted(robot(store, *shapes, simulation={"cone": "elliptic"}), store, [], ("bench", base))
-        assert not silent.report.diagnostics and compiled(silent, plain).opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+        silent, plain = emit_models(robot(store, *shapes, simulation={"cone": "elliptic"}), store, [], ("bench", base))
+        assert not silent.report.diagnostics and load_scene(silent, plain).opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
 
 
-def test_names_for_pymjcf_have_no_slash(store: Store) -> None:
-    """And nothing else is different: MuJoCo reads the same robot."""
+def test_pymjcf_names_use_dots(store: Store) -> None:
+    """`/` in names becomes `.`; everything else in the load_scene model is equal."""
     made = robot(store, "box", "cylinder", "hull")
-    (_, before), (request, after) = (emitted(made, store, compat) for compat in ((), ("pymjcf",)))
+    (_, before), (request, after) = (emit_models(made, store, compat) for compat in ((), ("pymjcf",)))
     assert [one for one in lost(after) if one not in lost(before)] == [
         ("arm", "`/` in names, which PyMJCF rejects: `.` is used", "approximated"),
     ]
-    old, new = compiled(request, before), compiled(request, after)
+    old, new = load_scene(request, before), load_scene(request, after)
     for kind, count in (("body", "nbody"), ("joint", "njnt"), ("geom", "ngeom"), ("actuator", "nu"), ("site", "nsite")):
         names = [[getattr(one, kind)(number).name for number in range(getattr(one, count))] for one in (old, new)]
         assert [name.replace("/", ".") for name in names[0]] == names[1], kind
@@ -230,17 +233,20 @@ def test_names_for_pymjcf_have_no_slash(store: Store) -> None:
     assert new.geom_pos.tolist() == old.geom_pos.tolist()
 
 
-def test_what_starts_inside_something_is_called_by_its_path_for_pymjcf(store: Store) -> None:
+def test_pymjcf_diagnostics_use_document_paths(store: Store) -> None:
+    """A diagnostic about a start contact contains the path of the document, not the name in the file."""
     made = robot(store, "box", "box", "box")
     made.segments[2].pose = matrix((0.0, 0.0, -0.02))  # back in the first
-    request, _ = emitted(made, store, ["pymjcf"])
+    request, _ = emit_models(made, store, ["pymjcf"])
     assert [one.code for one in request.report.diagnostics] == [Code.START_CONTACT]
     assert "`arm/part_0`" in request.report.diagnostics[0].message
 
 
-def test_drake_takes_all_and_leaves_some_out(store: Store) -> None:
+def test_unsupported_drake_features_are_losses(store: Store) -> None:
+    """Friction, held bases, adhesion, keyframes and command ranges are export losses for Drake. Except for command ranges, the text of
+    the models is unchanged."""
     made = robot(store, "box", "box", adhesions=(("arm/sole", "arm/part_0", 20.0),), control={"arm/sole": 20.0})
-    (_, before), (request, after) = (emitted(made, store, compat, ("bench", "held")) for compat in ((), ("drake",)))
+    (_, before), (request, after) = (emit_models(made, store, compat, ("bench", "held")) for compat in ((), ("drake",)))
     assert not request.report.diagnostics
     commands = re.compile(r'(<(?:position|velocity) [^>]*) ctrlrange="[^"]*"')
     texts = [[[commands.sub(r"\1", text) for text in one.texts] for one in made.candidates] for made in (after, before)]
@@ -253,10 +259,10 @@ def test_drake_takes_all_and_leaves_some_out(store: Store) -> None:
     }
 
 
-def test_for_drake_no_range_of_commands_stands_where_it_looks_for_that_of_the_force(
+def test_drake_models_have_no_position_ctrlrange(
     tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Drake takes `ctrlrange` of any drive for its effort limit: 1 N m here, of a joint that turns by 1 rad."""
+    """Drake reads `ctrlrange` of every drive as its effort limit: that would be 1 N m for a joint with a range of 1 rad."""
     mass = "mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
     drives = {"bend": "position, kp: 5 N*m/rad", "spin": "velocity, kv: 1 N*m*s/rad", "push": "motor"}
     joints = [
@@ -280,8 +286,9 @@ def test_for_drake_no_range_of_commands_stands_where_it_looks_for_that_of_the_fo
     ]
 
 
-def test_for_drake_a_body_that_is_turned_and_moves_by_several_joints_stands_in_another(tmp_path: Path) -> None:
-    """It takes the axes of all joints of one body but the last in those of the parent. The robot is the same."""
+def test_drake_bodies_with_several_joints_are_not_rotated(tmp_path: Path) -> None:
+    """Drake reads the axes of all joints of a body except the last in the parent's frame. An extra rotated body avoids this without
+    changing the kinematics."""
     (tmp_path / "every.yaml").write_text(EVERY)
     built = {}
     for name, words in (("plain", []), ("drake", ["--compat", "drake"])):
@@ -310,8 +317,8 @@ def test_for_drake_a_body_that_is_turned_and_moves_by_several_joints_stands_in_a
     assert several >= 5
 
 
-def test_without_being_asked_nothing_is_changed(store: Store) -> None:
-    """Elements stand in the trees of several modes: those of a build for another reader are its own."""
+def test_compat_models_do_not_modify_shared_elements(store: Store) -> None:
+    """Elements are shared between the trees of several modes. Emitting for another reader must not change them."""
     made = robot(store, "box", "cylinder", "box", "cylinder")
     request = made.request(store, ("bench", "fixed"), ("adrift", "free"))
     plain = [one.texts for one in emit.models(request).candidates]
@@ -320,7 +327,7 @@ def test_without_being_asked_nothing_is_changed(store: Store) -> None:
 
 
 @pytest.mark.parametrize(("base", "lost"), [("held", True), ("fixed", False), ("free", False)])
-def test_mjx_moves_no_held_base_and_that_is_a_loss(store: Store, base: str, lost: bool) -> None:
-    """MJX gives the children of a mocap body the place that the body has in the model."""
-    _, models = emitted(robot(store, "box", "box"), store, ["mjx"], ("bench", base))
+def test_mjx_held_base_is_a_loss(store: Store, base: str, lost: bool) -> None:
+    """MJX places the children of a mocap body at the body's pose in the model."""
+    _, models = emit_models(robot(store, "box", "box"), store, ["mjx"], ("bench", base))
     assert [loss.what.partition(":")[0] for loss in models.losses if "MJX moves" in loss.what] == ["moving its base"] * lost

@@ -1,4 +1,4 @@
-"""Joints that replace the kind of a part's actuator: a servo as a wheel motor, in MuJoCo."""
+"""Joints that override the kind of a part's actuator: a servo used as a wheel motor, in MuJoCo."""
 
 from __future__ import annotations
 
@@ -29,8 +29,9 @@ def wheel(folder: Path, drive: str, friction: str = "0 N*m") -> mujoco.MjModel:
 
 
 @pytest.mark.parametrize(("gain", "friction", "slip"), [("", 0.0, 0.0), (", kv: 20 N*m*s/rad", 0.3, 0.3 / 20)])
-def test_a_servo_turns_a_wheel_at_the_commanded_speed(gain: str, friction: float, slip: float, tmp_path: Path) -> None:
-    """At rest the torque is that of friction: the speed is off by friction / kv. No torque is above the stall torque, 1.5 N m."""
+def test_velocity_servo_reaches_the_commanded_speed(gain: str, friction: float, slip: float, tmp_path: Path) -> None:
+    """In the steady state the torque equals the friction, so the speed error is friction / kv. No torque exceeds the stall torque, 1.5 N
+    m."""
     model = wheel(tmp_path, f"component: servo, kind: velocity{gain}", f"{friction} N*m")
     data = mujoco.MjData(model)
     assert model.actuator_ctrlrange[0, 1] == pytest.approx(61 * 2 * 3.141592653589793 / 60) and model.actuator_biasprm[0, 1] == 0.0
@@ -43,7 +44,7 @@ def test_a_servo_turns_a_wheel_at_the_commanded_speed(gain: str, friction: float
     assert 0.5 < most <= 1.5
 
 
-def test_values_of_the_drive_replace_those_of_the_part(tmp_path: Path) -> None:
+def test_drive_values_override_the_part(tmp_path: Path) -> None:
     drives = ("component: servo", "component: servo, kind: position", "component: servo, kp: 7 N*m/rad")
     own, same, stiff = (wheel(tmp_path, drive) for drive in drives)
     assert own.actuator_biasprm.tolist() == same.actuator_biasprm.tolist()

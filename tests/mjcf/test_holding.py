@@ -1,8 +1,7 @@
-"""What adheres stays where it is on a wall and under a ceiling: the scenes as written, stepped by MuJoCo for ten seconds.
+"""Adhesion holds a block on a wall and under a ceiling: written scenes, simulated by MuJoCo for ten seconds.
 
-How far a block slides at least whose magnet is too weak is arithmetic: Coulomb's friction bears no more than the coefficient times the
-pull. It may be further, for in MuJoCo what slides rises, and a magnet that does not touch does not pull.
-"""
+The minimum sliding distance with a weak magnet follows from Coulomb friction, which bears at most the coefficient times the pull. The
+block may slide further, because a sliding body rises in MuJoCo and a magnet without contact does not pull."""
 
 from __future__ import annotations
 
@@ -27,7 +26,7 @@ def store(tmp_path: object) -> Store:
 
 
 def block(store: Store, force: float, gravity: tuple[float, float, float], shape: str = "box", **said: object) -> Made:
-    """A block of 0.4 or 0.5 kg on z = 0, exactly, with a magnet of `force` [N] that is on."""
+    """A block of 0.4 or 0.5 kg that stands exactly on z = 0, with an active magnet of `force` [N]."""
     part = box_part(store, (-0.05, -0.04, -0.025), (0.05, 0.04, 0.025)) if shape == "box" else cylinder_part(store, 0.05, 0.05)
     piece = Piece("block", part, material=material(slide=SLIDE), overrides=Overrides(collision=shape))  # type: ignore[arg-type]
     return Made(
@@ -37,18 +36,18 @@ def block(store: Store, force: float, gravity: tuple[float, float, float], shape
 
 
 def scene(store: Store, made: Made) -> mujoco.MjModel:
-    """The scene of its mode, a free base, on the floor that is written with it."""
+    """The scene of the mode, which has a free base, with the floor written by thingc."""
     request = made.request(store, ("bench", "free"))
     files = emit(request).files
-    assert as_json(request.report.ordered()) == []
+    assert as_json(request.report.sorted_diagnostics()) == []
     beside = {
         path.rpartition("/")[2]: content if isinstance(content, bytes) else store.read(content.sha256) for path, content in files.items()
     }
     return mujoco.MjModel.from_xml_string(beside["scene_bench.xml"].decode(), beside)
 
 
-def crept(model: mujoco.MjModel, seconds: float) -> float:
-    """How far [m] the block is from where it began, at most."""
+def max_drift(model: mujoco.MjModel, seconds: float) -> float:
+    """Largest distance [m] of the block from its start."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     begin, worst = data.qpos[:3].copy(), 0.0
@@ -58,8 +57,8 @@ def crept(model: mujoco.MjModel, seconds: float) -> float:
     return worst
 
 
-def soft(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same with the contacts that MuJoCo has by itself."""
+def with_default_contacts(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The same model with MuJoCo's default contacts."""
     model.geom_solref[:], model.geom_solimp[:] = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
     model.opt.cone, model.opt.impratio = mujoco.mjtCone.mjCONE_PYRAMIDAL, 1.0
     return model
@@ -67,8 +66,8 @@ def soft(model: mujoco.MjModel) -> mujoco.MjModel:
 
 @pytest.mark.parametrize("shape", ["box", "cylinder", "hull"])
 @pytest.mark.parametrize("gravity", [WALL, CEILING], ids=["wall", "ceiling"])
-def test_a_magnet_holds_its_block(store: Store, shape: str, gravity: tuple[float, float, float]) -> None:
-    """It neither slides nor sinks, at time steps that robots have; MuJoCo's own contacts let it creep."""
+def test_magnet_holds_its_block(store: Store, shape: str, gravity: tuple[float, float, float]) -> None:
+    """The block neither slides nor sinks at common time steps. With MuJoCo's default contacts it creeps."""
     if shape == "hull":
         made = block(store, 100.0, gravity)
         made.segments[0].pieces[0].overrides = Overrides(collision="hull")
@@ -77,28 +76,28 @@ def test_a_magnet_holds_its_block(store: Store, shape: str, gravity: tuple[float
     model = scene(store, made)
     for step in (0.001, 0.002):
         model.opt.timestep = step
-        assert crept(model, 10.0) < CREEP, step
-    assert crept(soft(model), 10.0) > CREEP
+        assert max_drift(model, 10.0) < CREEP, step
+    assert max_drift(with_default_contacts(model), 10.0) > CREEP
 
 
-def test_a_magnet_that_is_too_weak_lets_it_slide(store: Store) -> None:
-    """With mu F below m g the block slides down the wall, and one just above holds it; under a ceiling it falls off with F below m g."""
+def test_weak_magnet_lets_the_block_slide(store: Store) -> None:
+    """If mu F < m g, the block slides down the wall; a force just above this limit holds it. Under a ceiling it falls if F < m g."""
     mass = 0.4
     for share in (0.5, 0.9):
-        assert crept(scene(store, block(store, share * mass * G / SLIDE, WALL)), 0.5) > 0.99 * (1.0 - share) * G * 0.5**2 / 2, share
-    assert crept(scene(store, block(store, 1.1 * mass * G / SLIDE, WALL)), 10.0) < CREEP
-    assert crept(scene(store, block(store, 0.9 * mass * G, CEILING)), 1.0) > 0.05
+        assert max_drift(scene(store, block(store, share * mass * G / SLIDE, WALL)), 0.5) > 0.99 * (1.0 - share) * G * 0.5**2 / 2, share
+    assert max_drift(scene(store, block(store, 1.1 * mass * G / SLIDE, WALL)), 10.0) < CREEP
+    assert max_drift(scene(store, block(store, 0.9 * mass * G, CEILING)), 1.0) > 0.05
 
 
-def test_without_a_material_the_floor_does_not_soften_it(store: Store) -> None:
-    """Friction without a stated one is MuJoCo's, larger of the two; the contact is as stiff all the same."""
+def test_magnet_without_material_has_stiff_contacts(store: Store) -> None:
+    """Without a friction in the document, MuJoCo uses its default, the larger of the two; the contact stays stiff."""
     made = block(store, 100.0, WALL)
     made.segments[0].pieces[0].material = None
-    assert crept(scene(store, made), 10.0) < CREEP
+    assert max_drift(scene(store, made), 10.0) < CREEP
 
 
-def test_only_what_adheres_is_written_so(store: Store) -> None:
-    """A robot without adhesions has MuJoCo's contacts; of one with a magnet the other links have."""
+def test_only_adhering_geoms_have_stiff_contacts(store: Store) -> None:
+    """Links without an active magnet, and robots without adhesion, keep MuJoCo's default contacts."""
     made = block(store, 100.0, WALL)
     made.segments.append(Segment("arm", [Piece("arm", cylinder_part(store, 0.01, 0.1), matrix((0, 0, 0.1)))], parent=0, joint="turn"))
     model = scene(store, made)
@@ -110,8 +109,9 @@ def test_only_what_adheres_is_written_so(store: Store) -> None:
     assert (model.opt.cone, model.opt.impratio) == (mujoco.mjtCone.mjCONE_PYRAMIDAL, 1.0)
 
 
-def test_what_the_document_says_counts(store: Store) -> None:
-    """`simulation` and raw attributes win: of the cone, of `impratio`, of all that collides, of what adheres, of one geom."""
+def test_document_settings_override_adhesion_defaults(store: Store) -> None:
+    """`simulation` and raw attributes override the cone, `impratio`, and the contact parameters of all geoms, of adhering geoms and of
+    one geom."""
     plain = scene(store, block(store, 100.0, WALL))
     assert (plain.opt.cone, plain.opt.impratio) == (mujoco.mjtCone.mjCONE_ELLIPTIC, 100.0)
     pyramids = scene(store, block(store, 100.0, WALL, simulation={"cone": "pyramidal"}))

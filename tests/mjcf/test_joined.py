@@ -1,4 +1,4 @@
-"""Several joints on one body: what MuJoCo makes of the same body in a model by hand, and what a link between two joints may not be."""
+"""Several joints on one body, compared with a written-out MuJoCo model, and the restrictions on massless links between joints."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ BY_HAND = """\
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Artifacts]:
-    """By target."""
+    """Artifacts by target."""
     folder = tmp_path_factory.mktemp("legs")
     (folder / "legs.yaml").write_text(LEGS + MODES)
     with Environment(str(folder / "legs.yaml"), Options(store=str(folder / "store"))) as environment:
@@ -95,8 +95,8 @@ def data_of(artifacts: Artifacts, mode: str) -> mujoco.MjData:
     return mujoco.MjData(mujoco.MjModel.from_xml_string(text.decode()))
 
 
-def test_a_body_by_hand_moves_the_same(legs: Artifacts) -> None:
-    """Three hinges, one of them beside the others, and two slides and a hinge: in fifty states, and for 200 steps."""
+def test_several_joints_match_written_model(legs: Artifacts) -> None:
+    """Three hinges, one of them offset, and two slides and a hinge: compared in 50 states and over 200 steps."""
     ours, theirs = data_of(legs, "up"), mujoco.MjData(mujoco.MjModel.from_xml_string(BY_HAND))
     assert [ours.model.body(k).name for k in range(ours.model.nbody)] == ["world", "torso", "thigh", "plate"]
     assert [ours.model.joint(k).name for k in range(ours.model.njnt)] == ["roll", "pitch", "yaw", "right", "ahead", "spin"]
@@ -123,8 +123,8 @@ def test_a_body_by_hand_moves_the_same(legs: Artifacts) -> None:
     np.testing.assert_allclose(ours.qpos, theirs.qpos, rtol=0, atol=1e-9)
 
 
-def test_urdf_has_links_between_that_weigh_almost_nothing(made: Mapping[str, Artifacts]) -> None:
-    """As another reader sees them: the same masses but for 1e-9 kg, and six joints in chains."""
+def test_urdf_has_intermediate_links_of_tiny_mass(made: Mapping[str, Artifacts]) -> None:
+    """The URDF, read by MuJoCo, has the same masses up to 1e-9 kg and six joints in chains."""
     text, ours = made["urdf"].files["urdf/legs_up.urdf"], data_of(made["mjcf"], "up")
     assert isinstance(text, bytes)
     theirs = mujoco.MjData(mujoco.MjModel.from_xml_string(text.decode()))
@@ -142,8 +142,8 @@ def test_urdf_has_links_between_that_weigh_almost_nothing(made: Mapping[str, Art
     assert lost == {"hip_x", "hip_y", "x", "y"}
 
 
-def test_from_the_other_side_they_stand_the_other_way_round(legs: Artifacts) -> None:
-    """The same joints on the torso, the last one first, and what drives the one in the middle drives it as before."""
+def test_joint_order_is_reversed_from_the_other_root(legs: Artifacts) -> None:
+    """With the other root, the same joints are on the torso in reverse order, and the drive of the middle joint is unchanged."""
     up, down = data_of(legs, "up"), data_of(legs, "down")
     assert [down.model.joint(k).name for k in range(1, 4)] == ["yaw", "pitch", "roll"]
     q = {"roll": 0.4, "pitch": -0.3, "yaw": 1.2}
@@ -163,15 +163,16 @@ def pose(data: mujoco.MjData, body: str) -> np.ndarray:
     return found
 
 
-def test_neighbours_on_both_sides_never_touch(legs: Artifacts) -> None:
-    """As those of a single joint do not, whichever of the two is the parent, and fixed or not."""
+def test_neighbours_across_several_joints_do_not_collide(legs: Artifacts) -> None:
+    """Contacts between the links on both sides are excluded, as for a single joint, in both directions and for a fixed base."""
     for mode in ("up", "down"):
         model = data_of(legs, mode).model
         pairs = {frozenset(model.body(int(body)).name for body in (s >> 16, s & 0xFFFF)) for s in model.exclude_signature}
         assert pairs == {frozenset(("torso", "thigh")), frozenset(("torso", "plate"))}
 
 
-def test_frames_and_sensors_between_two_joints_are_lost(tmp_path: Path) -> None:
+def test_frames_between_two_joints_are_losses(tmp_path: Path) -> None:
+    """MuJoCo does not support sites between two joints of a body, so frames and sensors there are export losses."""
     more = "mounts: {knuckle: hip_y.z}\nsensors: {tilt: {type: imu, at: knuckle}, eye: {type: camera, at: hip_y.z, fovy: 60 deg}}\n"
     made = compiled(tmp_path, LEGS + more + "modes:\n  up: {root: torso, base: fixed}\n")
     assert made.said == [] and made.artifacts is not None
@@ -194,7 +195,8 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_else_moves_without_a_mass_is_refused(name: str, tmp_path: Path) -> None:
+def test_other_moving_massless_links_are_errors(name: str, tmp_path: Path) -> None:
+    """A massless link is allowed only between two joints. Loops, holds, balls, moving roots or more joints are TC507."""
     old, new, link = WRONG[name]
     assert old in LEGS + MODES
     said = compiled(tmp_path, (LEGS + MODES).replace(old, new)).said
@@ -203,8 +205,8 @@ def test_what_else_moves_without_a_mass_is_refused(name: str, tmp_path: Path) ->
     assert all("a link without mass is allowed only between two joints" in (help or "") for code, _, help, _ in said if code == "TC507")
 
 
-def test_it_may_be_the_root_that_is_held(tmp_path: Path) -> None:
-    """Both its neighbours then hang on it, and it is a body."""
+def test_massless_link_may_be_a_held_root(tmp_path: Path) -> None:
+    """Both neighbours are then children of the link, which is a body of its own."""
     made = compiled(tmp_path, LEGS + "modes:\n  middle: {root: hip_x, base: held}\n")
     assert made.said == [] and made.artifacts is not None
     model = data_of(made.artifacts, "middle").model

@@ -1,4 +1,5 @@
-"""A nested assembly that is mirrored: the mirror image of the other one at equal q, and what one gets who mirrors the documents by hand."""
+"""A mirrored nested assembly: it is the mirror image of the other one at equal q, and equals documents whose values were mirrored in the
+test."""
 
 from __future__ import annotations
 
@@ -76,11 +77,11 @@ SIGNS = {
     "hip_0": 1, "hip_1": -1, "knee": -1, "ankle_0": 1, "ankle_1": -1, "ankle_2": -1, "thread": -1, "flat_0": -1, "flat_1": 1, "flat_2": -1,
     "tube_0": -1, "tube_1": 1, "slide": 1, "vane_0": -1, "vane_1": 1,
 }
-"""By which q of a leg that is mirrored by hand is another than that of the mirror image: it counts in frames that stand upright."""
+"""Signs that convert q of the mirrored assembly to q of the manually mirrored documents, whose mount frames differ."""
 
 
-def by_hand(text: str) -> str:
-    """A document with everything mirrored at y: what turns y or z over has the other sign, and of joints what is said of their q."""
+def mirror_document(text: str) -> str:
+    """Mirror a document at y by text replacement: components that change sign under the reflection, and joint values accordingly."""
     text = re.sub(r"xyz: (\S+) (\S+) (\S+) mm", lambda m: f"xyz: {m[1]} {-float(m[2]):g} {m[3]} mm", text)
     text = re.sub(r"com: (\S+) (\S+) (\S+) mm", lambda m: f"com: {m[1]} {-float(m[2]):g} {m[3]} mm", text)
     text = re.sub(r"rpy: (\S+) (\S+) (\S+) deg", lambda m: f"rpy: {-float(m[1]):g} {m[2]} {-float(m[3]):g} deg", text)
@@ -96,12 +97,12 @@ def by_hand(text: str) -> str:
 
 
 def pair(folder: Path, *, axis: str = "y", hand: bool = False) -> Built:
-    """The two legs, the left one mirrored along an axis of its own, or of documents mirrored by hand."""
+    """The two legs: the left one mirrored along `axis`, or from manually mirrored documents if `hand`."""
     text = PAIR.replace("AXIS", axis)
     if hand:
         text = text.replace("leg.yaml, mirror: y", "leg_l.yaml")
     folder.mkdir()
-    documents = {"pair": text, "shin": SHIN, "leg": LEG, "shin_l": by_hand(SHIN), "leg_l": by_hand(LEG)}
+    documents = {"pair": text, "shin": SHIN, "leg": LEG, "shin_l": mirror_document(SHIN), "leg_l": mirror_document(LEG)}
     made = compiled(folder, {f"{name}.yaml": said for name, said in documents.items()})
     assert made.said == []
     return made
@@ -117,22 +118,22 @@ def mirrored(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return pair(tmp_path_factory.mktemp("pair") / "mirrored")
 
 
-def stirred(made: Built, rng: np.random.Generator) -> dict[str, float]:
-    """Both legs at equal q."""
+def random_positions(made: Built, rng: np.random.Generator) -> dict[str, float]:
+    """Random q, equal for both legs."""
     one = {joint.path[6:]: rng.uniform(-1, 1) for joint in joints_of(assembly_of(made)) if joint.path.startswith("right/")}
     one["slide"] = 0.004 * one["knee"] + 0.001
     return {f"{side}/{name}": q for side in ("right", "left", "laid") for name, q in one.items()}
 
 
-def placed(made: Built, q: dict[str, float]) -> dict[str, Array]:
-    """Every occurrence in the torso."""
+def poses_in_torso(made: Built, q: dict[str, float]) -> dict[str, Array]:
+    """Poses of all occurrences in the torso."""
     found = zip(assembly_of(made).occurrences, poses(assembly_of(made), q), strict=True)
     return {occurrence.path: np.array(pose.rows()) for occurrence, pose in found}
 
 
 @pytest.mark.parametrize("axis", "xyz")
-def test_at_equal_q_the_left_leg_is_the_mirror_image_of_the_right_one(mirrored: Built, axis: str, tmp_path: Path) -> None:
-    """Along which axis of its own frame the leg is mirrored makes no difference to where a mount places it, but to what is laid there."""
+def test_left_leg_mirrors_right_leg_at_equal_q(mirrored: Built, axis: str, tmp_path: Path) -> None:
+    """The mirror axis does not change where a mount places the leg, but it changes a leg that is poses_in_torso by its pose."""
     across, own = np.diag([1.0, -1.0, 1.0, 1.0]), np.diag([*(-1.0 if axis == name else 1.0 for name in "xyz"), 1.0])
     made = mirrored if axis == "y" else pair(tmp_path / "pair", axis=axis)
     by_path = {one.path: one.properties for one in assembly_of(made).occurrences}
@@ -140,7 +141,7 @@ def test_at_equal_q_the_left_leg_is_the_mirror_image_of_the_right_one(mirrored: 
     assert len(right) == 14
     rng, laid = np.random.default_rng(3), t(0, 0, 0.09) @ rz(np.pi / 2)
     for _ in range(5):
-        at = placed(made, stirred(made, rng))
+        at = poses_in_torso(made, random_positions(made, rng))
         for name in right:
             np.testing.assert_allclose(at[f"left/{name}"], across @ at[f"right/{name}"] @ own, atol=1e-12, err_msg=name)
             of_leg = np.linalg.inv(at["right/hip"]) @ at[f"right/{name}"]
@@ -152,12 +153,12 @@ def test_at_equal_q_the_left_leg_is_the_mirror_image_of_the_right_one(mirrored: 
         np.testing.assert_allclose(image.inertia, S @ one.inertia @ S, atol=1e-15)
 
 
-def test_it_is_the_leg_of_documents_that_are_mirrored_by_hand(mirrored: Built, tmp_path: Path) -> None:
-    """Their q, of frames that stand upright, have other signs; where everything is, and the mass matrix, are the same."""
+def test_mirror_equals_manually_mirrored_documents(mirrored: Built, tmp_path: Path) -> None:
+    """The manually mirrored documents have other signs of q, because their frames differ. Poses and mass matrix are equal."""
     hand = pair(tmp_path / "hand", hand=True)
-    q = stirred(mirrored, np.random.default_rng(5))
+    q = random_positions(mirrored, np.random.default_rng(5))
     theirs = {name: value * sign_of(name) for name, value in q.items()}
-    one, two = placed(mirrored, q), placed(hand, theirs)
+    one, two = poses_in_torso(mirrored, q), poses_in_torso(hand, theirs)
     assert one.keys() == two.keys()
     for name, pose in one.items():
         np.testing.assert_allclose(pose, two[name], atol=1e-12, err_msg=name)
@@ -172,17 +173,17 @@ def test_it_is_the_leg_of_documents_that_are_mirrored_by_hand(mirrored: Built, t
 
 
 def sign_of(joint: str) -> int:
-    """Of a coordinate in the robot that was mirrored by hand, and of MuJoCo's velocities, those of balls but for: they are told in the
-    axes of the body, in both."""
+    """Sign of a coordinate, and of its MuJoCo velocity, in the manually mirrored robot. Ball velocities have the same sign, because both
+    are in the axes of the body."""
     side, _, name = joint.removesuffix(":slide").partition("/")
     return SIGNS.get(name, 1) if side in ("left", "laid") else 1
 
 
-def test_states_are_told_in_modes_of_another_root(mirrored: Built) -> None:
-    """That of a mirrored ball among them, and of mirrored joints that the tree of the foot crosses backwards."""
+def test_mode_switch_with_mirrored_joints(mirrored: Built) -> None:
+    """Switching the root keeps the state, including a mirrored ball and mirrored joints that the other tree traverses backwards."""
     modes = Modes.parse(mirrored.text("modes.json"))
     rng = np.random.default_rng(7)
-    q, v = ({name: float(value) for name, value in stirred(mirrored, rng).items()} for _ in "qv")
+    q, v = ({name: float(value) for name, value in random_positions(mirrored, rng).items()} for _ in "qv")
     v = {name: 0.004 * v[f"{name[:-6]}/knee"] if name.endswith("slide") else value for name, value in v.items()}
     start = modes["stand"].state(q=q, v=v, base_twist=[0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     held = modes.switch(start, "foot", on_motion="drop").state
@@ -193,7 +194,7 @@ def test_states_are_told_in_modes_of_another_root(mirrored: Built) -> None:
         assert modes.read(name, data).q == pytest.approx(state.q)
         assert_said(modes[name], state, data)
     one, other = modes["stand"].poses(start), modes["foot"].poses(held)
-    at = placed(mirrored, q)
+    at = poses_in_torso(mirrored, q)
     for link in one:
         np.testing.assert_allclose(np.linalg.inv(one["torso"]) @ one[link], np.linalg.inv(other["torso"]) @ other[link], atol=1e-12)
         np.testing.assert_allclose(np.linalg.inv(one["torso"]) @ one[link], np.linalg.inv(at["torso"]) @ at[link], atol=1e-12)

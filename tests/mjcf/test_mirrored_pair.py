@@ -1,5 +1,5 @@
-"""A pair of legs, the left one of mirrored parts, or mirrored as a whole: in MuJoCo's compiled model it is the mirror image of the right
-one."""
+"""A pair of legs in which the left one has mirrored parts, or is mirrored as a whole: its bodies in MuJoCo are mirror images of the
+right ones."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ DOCUMENT = """
 """
 
 
-def test_the_left_leg_is_the_mirror_image_of_the_right_one(tmp_path: Path, shared_store: str) -> None:
-    """`turn` is 180 deg less that of the right leg, and a turn about a mirrored axis goes the other way; along which axis of its own
-    frame a part is mirrored makes no difference to where it comes to lie."""
+def test_mirrored_parts_mirror_the_leg(tmp_path: Path, shared_store: str) -> None:
+    """`turn` is 180 deg minus that of the right leg, and a rotation about a mirrored axis has the opposite sign. The mirror axis of a
+    part does not change where it is placed."""
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/bones.py").write_text(textwrap.dedent(PART))
     (tmp_path / "pair.yaml").write_text(textwrap.dedent(DOCUMENT))
@@ -113,8 +113,8 @@ WHOLE = {
 }
 
 
-def test_a_whole_leg_is_mirrored(tmp_path: Path, shared_store: str) -> None:
-    """What it has of mirrored parts are the parts themselves, and a pin that is its own mirror image is not another one to buy."""
+def test_mirrored_leg_mirrors_its_parts(tmp_path: Path, shared_store: str) -> None:
+    """Mirrored parts of a mirrored leg are the original parts. A pin that equals its mirror image keeps its BOM number."""
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/bones.py").write_text(textwrap.dedent(PART))
     for name, text in WHOLE.items():

@@ -1,4 +1,4 @@
-"""What MuJoCo says against a model is shown where its cause was written."""
+"""Errors and warnings of MuJoCo about a model are reported at the line that caused them."""
 
 from __future__ import annotations
 
@@ -31,19 +31,20 @@ def store(tmp_path: Path) -> Store:
 
 
 def said(made: Made, store: Store, *modes: tuple[str, str]) -> list[tuple[str, str, int | None, str]]:
-    """Code, severity, line and message of everything that emitting says, in the order of the document."""
+    """Code, severity, line and message of all diagnostics of an emission, in document order."""
     request = made.request(store, *modes)
     emit(request)
-    return [(d.code.code, d.severity.value, d.span.line if d.span else None, d.message) for d in request.report.ordered()]
+    return [(d.code.code, d.severity.value, d.span.line if d.span else None, d.message) for d in request.report.sorted_diagnostics()]
 
 
-def hints(made: Made, store: Store) -> list[Diagnostic]:
+def emit_diagnostics(made: Made, store: Store) -> list[Diagnostic]:
     request = made.request(store)
     emit(request)
-    return request.report.ordered()
+    return request.report.sorted_diagnostics()
 
 
-def test_raw_attributes_arrive(store: Store) -> None:
+def test_raw_attributes_are_applied(store: Store) -> None:
+    """Raw attributes of every kind of element change the compiled model."""
     made = arm(store)
     made.adhesions = (("forearm/sole", "hand/cap", 300.0),)
     made.raw = (
@@ -81,8 +82,8 @@ def test_raw_attributes_arrive(store: Store) -> None:
     assert model.vis.global_.offwidth == 1920
 
 
-def test_raw_attributes_that_mujoco_refuses(store: Store) -> None:
-    """All of them in one run, each at its own line, in MuJoCo's words."""
+def test_rejected_raw_attributes_are_reported_together(store: Store) -> None:
+    """All rejected attributes are reported in one run, each at its own line with MuJoCo's message."""
     made = arm(store)
     made.raw = (
         raw(101, "joint yaw solreflimt", "0.03 1"),
@@ -107,14 +108,14 @@ def test_raw_attributes_that_mujoco_refuses(store: Store) -> None:
     ]
 
 
-def test_a_raw_value_that_only_the_compiler_refuses(store: Store) -> None:
-    """MuJoCo's words name the joint, not the attribute: of three raw attributes there, the one to blame is found."""
+def test_compiler_error_is_traced_to_the_raw_attribute(store: Store) -> None:
+    """MuJoCo's message names the joint, not the attribute. Of three raw attributes there, the cause is found."""
     made = arm(store)
     made.raw = (raw(101, "joint yaw damping", "1"), raw(102, "joint yaw axis", "0 0 0"), raw(103, "joint yaw margin", "0.1"))
     assert said(made, store) == [("TC702", "error", 102, "MuJoCo rejects `axis` of joint `yaw`: axis too small in joint")]
 
 
-def test_unknown_and_refused_in_one_run(store: Store) -> None:
+def test_unknown_and_rejected_attributes_in_one_run(store: Store) -> None:
     made = arm(store)
     made.raw = (raw(101, "joint yow damping", "1"), raw(102, "joint yaw damping", "much"))
     assert said(made, store) == [
@@ -123,8 +124,8 @@ def test_unknown_and_refused_in_one_run(store: Store) -> None:
     ]
 
 
-def test_a_keyframe_that_does_not_fit(store: Store) -> None:
-    """An error that MuJoCo gives without a line: found by its name."""
+def test_keyframe_error_is_traced_by_name(store: Store) -> None:
+    """MuJoCo reports the error without a line, so the attribute is found by the name of the keyframe."""
     made = arm(store)
     made.raw = (raw(101, "key home qpos", "1 2 3 4"),)
     assert said(made, store) == [
@@ -132,8 +133,8 @@ def test_a_keyframe_that_does_not_fit(store: Store) -> None:
     ]
 
 
-def test_what_no_raw_attribute_caused(store: Store) -> None:
-    """A mesh of noise in the store: the error is at the occurrence that first uses it."""
+def test_invalid_mesh_is_reported_at_its_occurrence(store: Store) -> None:
+    """The store contains an invalid mesh. The error is at the first occurrence that uses it."""
     made = arm(store)
     part = made.segments[2].pieces[0].part
     broken = kept(store, b"nothing that is a mesh\n", 4, 4)
@@ -147,7 +148,7 @@ def test_what_no_raw_attribute_caused(store: Store) -> None:
     assert found[0][3].startswith("MuJoCo rejects mesh `boxes.Box-")
 
 
-def test_innocent_raw_attributes_are_not_blamed(store: Store) -> None:
+def test_unrelated_raw_attributes_are_not_blamed(store: Store) -> None:
     made = arm(store)
     made.segments[1].axis = (0.0, 0.0, 0.0)
     made.raw = (raw(101, "joint yaw margin", "0.1"), raw(102, "option iterations", "20"))
@@ -155,19 +156,19 @@ def test_innocent_raw_attributes_are_not_blamed(store: Store) -> None:
     assert found == [("TC702", "error", 31, "MuJoCo rejects joint `yaw`: axis too small in joint")]
 
 
-def test_an_inertia_that_mujoco_refuses_is_at_the_link(store: Store) -> None:
+def test_rejected_inertia_is_reported_at_the_link(store: Store) -> None:
     made = arm(store)
     request = made.request(store)
     properties = request.assembly.links[2].properties
     msgspec.structs.force_setattr(request.assembly.links[2], "properties", replace(properties, mass=1e-20))
     emit(request)
-    assert [(d.span.line if d.span else None, d.path, d.message) for d in request.report.ordered()] == [
+    assert [(d.span.line if d.span else None, d.path, d.message) for d in request.report.sorted_diagnostics()] == [
         (12, "forearm", "MuJoCo rejects body `forearm`: mass and inertia of moving bodies must be larger than mjMINVAL"),
     ]
 
 
-def test_warnings(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
-    """At the raw attribute that they name; every time, though nothing changed; nothing printed, no log in the folder."""
+def test_warnings_are_repeated(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """A warning is at the raw attribute that it mentions, also when nothing changed. Nothing is printed, and no log file is written."""
     monkeypatch.chdir(tmp_path)
     made = arm(store)
     made.raw = (raw(101, "option iterations", "20"), raw(102, "statistic meaninertia", "2"))
@@ -185,7 +186,7 @@ def test_warnings(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     assert capfd.readouterr() == ("", "")
 
 
-def test_the_users_warning_handler_stays(store: Store) -> None:
+def test_user_warning_handler_is_restored(store: Store) -> None:
     heard: list[str] = []
     mujoco.set_mju_user_warning(heard.append)
     try:
@@ -218,16 +219,16 @@ UNKNOWN = [
 
 
 @pytest.mark.parametrize(("path", "message", "hint"), UNKNOWN)
-def test_raw_attributes_of_nothing(store: Store, path: str, message: str, hint: str) -> None:
+def test_unknown_raw_elements_are_errors_with_a_hint(store: Store, path: str, message: str, hint: str) -> None:
     made = arm(store)
     made.raw = (raw(101, path, "1"),)
-    assert [(d.code.code, d.span.line if d.span else None, d.message, d.help) for d in hints(made, store)] == [
+    assert [(d.code.code, d.span.line if d.span else None, d.message, d.help) for d in emit_diagnostics(made, store)] == [
         ("TC701", 101, message, hint)
     ]
 
 
-def test_raw_attributes_of_what_only_other_modes_have(store: Store) -> None:
-    """A drive that no chosen mode has, the joint of a free base, a keyframe of another mode: no error, no effect."""
+def test_raw_attributes_of_absent_elements_are_ignored(store: Store) -> None:
+    """A drive that no selected mode has, the joint of a free base, and a keyframe of another mode are no errors and have no effect."""
     made = arm(store)
     made.present = ("slider",)
     made.raw = (raw(101, "actuator yaw kp", "33"), raw(102, "joint root group", "2"))
@@ -235,14 +236,14 @@ def test_raw_attributes_of_what_only_other_modes_have(store: Store) -> None:
     assert said(made, store, ("adrift", "free")) == []
 
 
-def test_raw_attributes_of_other_targets_are_left_alone(store: Store) -> None:
+def test_raw_attributes_of_other_targets_are_ignored(store: Store) -> None:
     made = arm(store)
     made.raw = (replace(raw(101, "joint nothing damping", "1"), target="urdf"),)
     assert said(made, store) == []
 
 
-def test_raw_names_of_a_nested_document(store: Store) -> None:
-    """`link` puts the nested document's path before every name, of things that are no occurrence too."""
+def test_raw_names_of_nested_documents_resolve(store: Store) -> None:
+    """`link` prefixes every name with the path of the nested document, also names that are not occurrences."""
     made = arm(store)
     made.raw = (
         raw(101, "default hand/collision geom margin", "0.002"),
@@ -257,13 +258,13 @@ def test_raw_names_of_a_nested_document(store: Store) -> None:
     assert model.joint("hand/pitch").damping[0] == 0.4
 
 
-def plain(store: Store) -> object:
+def unit_box(store: Store) -> object:
     part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
     return dataclasses.replace(part, definition=replace(part.definition, text="boxes:Box"))
 
 
-def test_two_definitions_of_one_file_name(store: Store) -> None:
-    one, other = plain(store), plain(store)
+def test_clashing_asset_names_are_an_error(store: Store) -> None:
+    one, other = unit_box(store), unit_box(store)
     one = dataclasses.replace(one, definition=replace(one.definition, reference="a/b.step", text="a/b.step", label="a/b.step"))  # type: ignore
     other = dataclasses.replace(other, definition=replace(other.definition, reference="a.b.step", text="a.b.step", label="a.b.step"))  # type: ignore
     made = Made(segments=[Segment("a", [Piece("a", one), Piece("b", other)])])  # type: ignore[arg-type]
@@ -276,8 +277,9 @@ def test_two_definitions_of_one_file_name(store: Store) -> None:
 
 
 def compiled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The sizes of the asset files of every compilation from now on, all by one thread: of several that compile with the same files MuJoCo
-    gives one the model of another, now and then."""
+    """Record the size of the asset files of each compilation, and assert that all run on one thread.
+
+    MuJoCo sometimes returns the model of another thread when several threads compile with the same files."""
     from thingc.targets.mjcf import verify
 
     counted: list[int] = []
@@ -298,7 +300,8 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return counted
 
 
-def test_a_model_is_compiled_once(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_verified_models_are_not_compiled_again(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An unchanged model is not compiled again. After a change of a limit, it is compiled without the known meshes."""
     counted = compiled(monkeypatch)
     made = arm(store)
     modes = (("bench", "fixed"), ("adrift", "free"))
@@ -312,7 +315,7 @@ def test_a_model_is_compiled_once(store: Store, monkeypatch: pytest.MonkeyPatch)
     assert counted[2] < counted[0] / 3, "meshes that are known are not read again"
 
 
-def test_one_of_several_models_is_warned_of(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_warning_of_several_models_is_reported_once(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     counted = compiled(monkeypatch)
     made = arm(store)
     made.raw = (raw(102, "statistic meaninertia", "2"),)
@@ -321,8 +324,9 @@ def test_one_of_several_models_is_warned_of(store: Store, monkeypatch: pytest.Mo
     assert len(counted) == 3
 
 
-def test_modes_that_differ_in_names_and_gravity_start_alike(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    """They are all compiled, and one of them is looked at in its first instant."""
+def test_start_check_is_shared_by_similar_modes(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modes that differ only in name and gravity are all compiled, but the initial state of only one is checked. A model with findings
+    is checked again."""
     from thingc.targets.mjcf import verify
 
     looked: list[str] = []
@@ -340,7 +344,7 @@ def test_modes_that_differ_in_names_and_gravity_start_alike(store: Store, monkey
         floor, wall, adrift = request.robots
         request = replace(request, robots=(floor, replace(wall, gravity=(9.81, 0.0, 0.0)), adrift))
         emit(request)
-        return [d.code.code for d in request.report.ordered()]
+        return [d.code.code for d in request.report.sorted_diagnostics()]
 
     assert of_three(arm(store)) == []
     assert len(counted) == 3 and looked == ["floor", "adrift"]
@@ -352,8 +356,9 @@ def test_modes_that_differ_in_names_and_gravity_start_alike(store: Store, monkey
     assert looked[2:] == 2 * ["floor", "adrift"]
 
 
-def test_of_modes_that_start_alike_one_is_compiled_again_in_a_session(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another damping, then a limit as well: with that, each mode has something of its own that nobody has seen yet."""
+def test_session_compiles_one_of_similar_modes(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a change of the damping, one mode of each kind is compiled. With a changed limit as well, each mode has a new value and is
+    compiled."""
     counted = compiled(monkeypatch)
     made, memo = arm(store), Memo()
 
@@ -373,8 +378,8 @@ def test_of_modes_that_start_alike_one_is_compiled_again_in_a_session(store: Sto
     assert of_three() == 3
 
 
-def test_of_what_starts_otherwise_only_what_touches_is_read_again(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The drawn mesh of a part is longer by a comment. It is known then, and no start depends on it."""
+def test_start_check_reads_only_collision_meshes(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The visual mesh is enlarged by a comment. It is already verified and does not affect the start, so it is not read again."""
     made = arm(store)
     record, text = made.segments[0].pieces[0].part.record, b"#" + 90_000 * b"x" + b"\n"
     drawn = kept(store, text + store.read(record.meshes["visual"].sha256), 8, 12)
@@ -388,7 +393,7 @@ def test_of_what_starts_otherwise_only_what_touches_is_read_again(store: Store, 
     assert counted[0] > 90_000 > 5 * counted[1] and counted[1] > 3000
 
 
-def test_textures_are_painted_once(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_textures_are_generated_once(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     from thingc.targets.mjcf import verify
 
     pixels: list[int] = []
@@ -404,8 +409,8 @@ def test_textures_are_painted_once(store: Store, monkeypatch: pytest.MonkeyPatch
     assert pixels[0] > 100_000 and pixels[1] < 100
 
 
-def test_a_new_mesh_is_read(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One part changed into noise after everything was known: that one is read, and refused."""
+def test_changed_mesh_is_verified(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One part is replaced by an invalid mesh after verification. It is read and rejected."""
     made = arm(store)
     assert said(made, store) == []
     part = made.segments[0].pieces[0].part
@@ -416,7 +421,7 @@ def test_a_new_mesh_is_read(store: Store, monkeypatch: pytest.MonkeyPatch) -> No
     assert [(code, line) for code, _, line, _ in said(made, store)] == [("TC702", 20)]
 
 
-def test_of_the_next_model_of_a_session_new_meshes_are_read_and_no_others(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_session_reads_only_new_meshes(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     counted = compiled(monkeypatch)
     made, memo = arm(store), Memo()
 
@@ -426,7 +431,7 @@ def test_of_the_next_model_of_a_session_new_meshes_are_read_and_no_others(store:
         piece.part = dataclasses.replace(piece.part, record=replace(piece.part.record, meshes=meshes))
         request = replace(made.request(store), memo=memo, repeated=True)
         emit(request)
-        return [(d.code.code, d.span.line if d.span else None) for d in request.report.ordered()]
+        return [(d.code.code, d.span.line if d.span else None) for d in request.report.sorted_diagnostics()]
 
     good = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
     assert found(0, good) == []
@@ -436,7 +441,7 @@ def test_of_the_next_model_of_a_session_new_meshes_are_read_and_no_others(store:
     assert found(0, b"v 0 0 0\nf 1 1 1\n") == [("TC702", 20)]
 
 
-def test_raw_attributes_of_meshes_are_tried_on_the_mesh(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_raw_mesh_attributes_are_verified_with_the_mesh(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     made = arm(store)
     assert said(made, store) == []
     counted = compiled(monkeypatch)
@@ -446,8 +451,8 @@ def test_raw_attributes_of_meshes_are_tried_on_the_mesh(store: Store, monkeypatc
     assert counted[0] > 5000
 
 
-def test_an_unchanged_model_needs_no_mujoco(store: Store, tmp_path: Path) -> None:
-    """Nothing of MuJoCo or numpy is imported when there is nothing to ask."""
+def test_unchanged_model_does_not_import_mujoco(store: Store, tmp_path: Path) -> None:
+    """If nothing needs verification, neither MuJoCo nor numpy is imported."""
     emit(arm(store).request(store))
     program = (
         "import sys; sys.path[:0] = sys.argv[2:]\n"
@@ -470,15 +475,15 @@ def test_an_unchanged_model_needs_no_mujoco(store: Store, tmp_path: Path) -> Non
     assert (run.stdout, run.returncode) == ("[]\n", 0), run.stderr
 
 
-def test_a_velocity_drive_may_have_no_gain(store: Store) -> None:
+def test_velocity_drive_without_gain_is_valid(store: Store) -> None:
     made = arm(store)
     made.segments[2].actuator = drive("velocity")
     assert said(made, store) == []
 
 
-def test_a_chain_longer_than_mujoco_reads(store: Store) -> None:
-    """Its XML reader stops at 500 levels: that is said, and nothing of ours runs out of stack."""
-    part = plain(store)
+def test_chain_beyond_xml_depth_limit_is_an_error(store: Store) -> None:
+    """MuJoCo's XML parser supports 500 levels. This is reported, and thingc itself does not exceed the recursion limit."""
+    part = unit_box(store)
 
     def chain(count: int) -> Made:
         return Made(

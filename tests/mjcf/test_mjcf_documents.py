@@ -1,4 +1,5 @@
-"""From a document to MuJoCo and back to its line, through every pass. Frames only, so that no part is modelled."""
+"""From a document through every pass to MuJoCo, and from MuJoCo's messages back to the line. Components are frames, so no part is
+modelled."""
 
 from __future__ import annotations
 
@@ -41,7 +42,7 @@ raw:
 """
 
 
-def compiled(folder: Path, text: str) -> tuple[Compilation, Artifacts | None]:
+def compile_document(folder: Path, text: str) -> tuple[Compilation, Artifacts | None]:
     folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
     folder.joinpath("swing.yaml").write_text(text)
     with Environment(str(folder / "swing.yaml"), Options(store=str(folder / "store"))) as environment:
@@ -49,8 +50,9 @@ def compiled(folder: Path, text: str) -> tuple[Compilation, Artifacts | None]:
         return compilation, None if compilation.report.failed else pipeline.build(environment, compilation, ["mjcf"])["mjcf"]
 
 
-def test_a_document_becomes_models(tmp_path: Path) -> None:
-    compilation, artifacts = compiled(tmp_path, DOCUMENT.replace("RAW", "margin: 0.2"))
+def test_document_compiles_to_mujoco_models(tmp_path: Path) -> None:
+    """Options, limits, keyframes, bases and losses of the document appear in the compile_document models."""
+    compilation, artifacts = compile_document(tmp_path, DOCUMENT.replace("RAW", "margin: 0.2"))
     assert compilation.report.diagnostics == [] and artifacts is not None
     standing, gripped = (
         mujoco.MjModel.from_xml_string(artifacts.files[f"mjcf/swing_{mode}.xml"].decode())  # type: ignore[union-attr]
@@ -81,10 +83,10 @@ def test_a_document_becomes_models(tmp_path: Path) -> None:
         ("solreflimit: 1 abc", "MuJoCo rejects `solreflimit` of joint `hook`: bad format in attribute 'solreflimit'"),
     ],
 )
-def test_what_mujoco_refuses_is_shown_in_the_document(tmp_path: Path, attribute: str, message: str) -> None:
+def test_mujoco_errors_point_into_the_document(tmp_path: Path, attribute: str, message: str) -> None:
     text = DOCUMENT.replace("RAW", attribute)
-    compilation, _ = compiled(tmp_path, text)
-    (found,) = compilation.report.ordered()
+    compilation, _ = compile_document(tmp_path, text)
+    (found,) = compilation.report.sorted_diagnostics()
     assert (found.code.code, found.message) == ("TC702", message)
     assert found.span is not None and found.span.file == str(tmp_path / "swing.yaml")
     line = text.splitlines()[found.span.line - 1]

@@ -1,4 +1,4 @@
-"""Of many models that differ in nothing but numbers MuJoCo is asked about the first, and every so many after it."""
+"""Verification by sampling: of models that differ only in numbers, MuJoCo compiles the first and then every n-th."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ modes: {still: {root: base}, loose: {root: pan, base: free}}
 
 
 @pytest.mark.parametrize(("share", "asked"), [(0, []), (1, [2] * 9), (4, [2, 0, 0, 0, 2, 2, 0, 0, 0])])
-def test_one_in_so_many_is_asked_about(
+def test_every_nth_model_is_verified(
     share: int, asked: list[int], tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """The sequence of verified models for each interval. A change of structure starts again with a verification."""
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "scale.yaml").write_text(DOCUMENT)
     found: list[int] = []
@@ -40,7 +41,7 @@ def test_one_in_so_many_is_asked_about(
 
     monkeypatch.setattr(verify, "doubtful", counting)
     with Session(str(tmp_path / "scale.yaml"), Options(store=shared_store)) as session:
-        assert session.sources is not None, session.report.ordered()
+        assert session.sources is not None, session.report.sorted_diagnostics()
         for index in range(9):
             choices = {"joints.beam.dynamics.damping": "1 N*m*s/rad"} if index == 5 else {}  # which makes it a model of another kind
             compilation = session.compile(Settings(parameters={"mass": f"{1 + index / 8} kg", "lift": f"{1 + index} deg"}, choices=choices))
@@ -49,8 +50,8 @@ def test_one_in_so_many_is_asked_about(
     assert found == asked
 
 
-def test_what_mujoco_refuses_is_refused_again(tmp_path: Path, shared_store: str) -> None:
-    """Nothing is known of a kind of models before one was taken."""
+def test_rejected_models_are_verified_each_time(tmp_path: Path, shared_store: str) -> None:
+    """Sampling starts only after a model of the kind was accepted."""
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "scale.yaml").write_text(DOCUMENT + "raw: {mjcf: {joint: {beam: {solimplimit: 1 2 3 4 5 6 7}}}}\n")
     with Session(str(tmp_path / "scale.yaml"), Options(store=shared_store)) as session:

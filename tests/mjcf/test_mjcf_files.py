@@ -1,4 +1,4 @@
-"""The files themselves: their bytes, their layout on the disk, the scene and the archive."""
+"""The write_build_folder files: their bytes, their layout on disk, the scene and the archive."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def store(tmp_path: Path) -> Store:
     return Store(str(tmp_path / "store"))
 
 
-def everything(request: EmitRequest) -> dict[str, Content]:
-    """The files of both targets."""
+def emit_both_targets(request: EmitRequest) -> dict[str, Content]:
+    """The files of both targets, `mjcf` and `mjz`."""
     return {**emit(request).files, **emitter("mjz")(request).files}
 
 
-def written(made: Made, store: Store, folder: Path, *modes: tuple[str, str]) -> Path:
-    """Build into a folder, as the driver does."""
+def write_build_folder(made: Made, store: Store, folder: Path, *modes: tuple[str, str]) -> Path:
+    """Write a build into a folder, as the driver does."""
     request = made.request(store, *modes)
-    for path, content in everything(request).items():
+    for path, content in emit_both_targets(request).items():
         target = folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(store.read(content.sha256) if isinstance(content, StoredArtifact) else content)
@@ -51,7 +51,7 @@ def written(made: Made, store: Store, folder: Path, *modes: tuple[str, str]) -> 
 MODES = (("bench", "fixed"), ("drawing", "held"), ("adrift", "free"))
 
 
-def test_names_of_files(store: Store) -> None:
+def test_file_names_of_models_scenes_and_assets(store: Store) -> None:
     request = arm(store).request(store, *MODES)
     assert sorted(emitter("mjz")(request).files) == ["mjcf/arm_adrift.mjz", "mjcf/arm_bench.mjz", "mjcf/arm_drawing.mjz"]
     files = emit(request).files
@@ -70,8 +70,9 @@ def test_names_of_files(store: Store) -> None:
 
 
 @pytest.mark.parametrize(("mode", "base"), MODES)
-def test_the_folder_loads_from_the_disk(store: Store, tmp_path: Path, mode: str, base: str) -> None:
-    folder = written(arm(store), store, tmp_path, *MODES)
+def test_folder_loads_from_disk(store: Store, tmp_path: Path, mode: str, base: str) -> None:
+    """MuJoCo loads model and scene of each mode from disk, and simulates 20 steps without warnings."""
+    folder = write_build_folder(arm(store), store, tmp_path, *MODES)
     alone = mujoco.MjModel.from_xml_path(str(folder / f"arm_{mode}.xml"))
     scene = mujoco.MjModel.from_xml_path(str(folder / f"scene_{mode}.xml"))
     assert scene.ngeom == alone.ngeom + 1 and scene.nlight == 1 and scene.ntex == 2
@@ -85,9 +86,9 @@ def test_the_folder_loads_from_the_disk(store: Store, tmp_path: Path, mode: str,
     assert not data.warning.number.any()
 
 
-def test_the_archive_is_the_model(store: Store, tmp_path: Path) -> None:
-    """It opens under any name, and is the model that lies beside it, bit by bit."""
-    folder = written(arm(store), store, tmp_path, *MODES)
+def test_archive_equals_the_model(store: Store, tmp_path: Path) -> None:
+    """The archive loads under any file name, and its compiled model equals that of the XML file exactly."""
+    folder = write_build_folder(arm(store), store, tmp_path, *MODES)
     beside = mujoco.MjModel.from_xml_path(str(folder / "arm_drawing.xml"))
     renamed = tmp_path / "anything.mjz"
     renamed.write_bytes((folder / "arm_drawing.mjz").read_bytes())
@@ -97,8 +98,8 @@ def test_the_archive_is_the_model(store: Store, tmp_path: Path) -> None:
             np.testing.assert_array_equal(getattr(packed, name), getattr(beside, name))
 
 
-def test_the_archive_is_a_sound_zip(store: Store, tmp_path: Path) -> None:
-    folder = written(arm(store), store, tmp_path, *MODES)
+def test_archive_is_a_valid_reproducible_zip(store: Store, tmp_path: Path) -> None:
+    folder = write_build_folder(arm(store), store, tmp_path, *MODES)
     with zipfile.ZipFile(folder / "arm_bench.mjz") as archive:
         assert archive.testzip() is None
         names = archive.namelist()
@@ -110,23 +111,23 @@ def test_the_archive_is_a_sound_zip(store: Store, tmp_path: Path) -> None:
         assert {info.external_attr >> 16 for info in archive.infolist()} == {0o100644}
 
 
-def test_a_compressed_asset_that_was_lost_is_made_again(store: Store) -> None:
+def test_missing_compressed_asset_is_recreated(store: Store) -> None:
     made = arm(store)
-    first = everything(made.request(store))
+    first = emit_both_targets(made.request(store))
     kept = next(iter(path for path in first if path.endswith(".obj")))
     note = store.get_json("deflated", first[kept].sha256)  # type: ignore[union-attr]
     Path(store.path(note["sha256"])).unlink()
     with pytest.raises(BlobMissing):
         store.read(note["sha256"])
-    assert everything(made.request(store)) == first
+    assert emit_both_targets(made.request(store)) == first
 
 
-def test_same_input_same_bytes(store: Store, tmp_path: Path) -> None:
-    """Twice here, once with an empty store, once in another process under another hash seed."""
-    first = everything(arm(store).request(store, *MODES))
-    assert everything(arm(store).request(store, *MODES)) == first
+def test_output_is_deterministic(store: Store, tmp_path: Path) -> None:
+    """Two runs here, one with an empty store, and one in another process with another hash seed give equal bytes."""
+    first = emit_both_targets(arm(store).request(store, *MODES))
+    assert emit_both_targets(arm(store).request(store, *MODES)) == first
     other = Store(str(tmp_path / "other"))
-    assert everything(arm(other).request(other, *MODES)) == first
+    assert emit_both_targets(arm(other).request(other, *MODES)) == first
     program = (
         "import sys, pickle, hashlib; sys.path[:0] = sys.argv[2:]\n"
         "from thingc.targets.mjcf.emit import emit, emit_archives\n"
@@ -149,15 +150,15 @@ def test_same_input_same_bytes(store: Store, tmp_path: Path) -> None:
     assert run.stdout.strip() == hashlib.sha256(repr(list(first.items())).encode()).hexdigest(), run.stderr
 
 
-def test_nothing_of_this_machine_is_written(store: Store, tmp_path: Path) -> None:
-    folder = written(arm(store), store, tmp_path, *MODES)
+def test_files_contain_no_absolute_paths(store: Store, tmp_path: Path) -> None:
+    folder = write_build_folder(arm(store), store, tmp_path, *MODES)
     for path in folder.glob("*.xml"):
         assert str(tmp_path) not in path.read_text()
         assert "/somewhere" not in path.read_text()
 
 
-def test_layout(store: Store) -> None:
-    """Menagerie's order of sections, two spaces, one element per line, no `-0`, no `1.0`."""
+def test_xml_layout_is_canonical(store: Store) -> None:
+    """The order of sections is that of Menagerie, with two spaces, one element per line, no `-0` and no `1.0`."""
     made = arm(store)
     made.segments[1].pose = matrix((-0.0, 0.5, 2.0), spin((0, 0, 1), 0.0))
     text = emit(made.request(store)).files["mjcf/arm_bench.xml"].decode()  # type: ignore[union-attr]
@@ -184,16 +185,16 @@ def test_layout(store: Store) -> None:
         assert '"-0"' not in line and " -0 " not in line and ".0 " not in line
 
 
-def test_the_floor_makes_way_for_a_component_of_its_name(store: Store, tmp_path: Path) -> None:
+def test_scene_floor_is_renamed_on_a_name_clash(store: Store, tmp_path: Path) -> None:
     part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
-    folder = written(Made(segments=[Segment("floor", [Piece("floor", part)])]), store, tmp_path)
+    folder = write_build_folder(Made(segments=[Segment("floor", [Piece("floor", part)])]), store, tmp_path)
     scene = mujoco.MjModel.from_xml_path(str(folder / "scene_bench.xml"))
     assert scene.geom("scene:floor").type == mujoco.mjtGeom.mjGEOM_PLANE
     assert scene.geom("floor").type == mujoco.mjtGeom.mjGEOM_MESH
 
 
-def test_the_scene_looks_at_the_robot(store: Store, tmp_path: Path) -> None:
-    """`statistic` is the box around the robot; what the document says raw wins over the scene's."""
+def test_scene_statistic_is_the_bounding_box(store: Store, tmp_path: Path) -> None:
+    """`statistic` is the box around the robot. Raw attributes of the document override the scene."""
     part = box_part(store, (0, 0, 0), (0.2, 0.1, 0.4))
     made = Made(
         segments=[
@@ -208,20 +209,20 @@ def test_the_scene_looks_at_the_robot(store: Store, tmp_path: Path) -> None:
         ]
     )
     made.raw = (raw(101, "visual global azimuth", "33"),)
-    scene = mujoco.MjModel.from_xml_path(str(written(made, store, tmp_path) / "scene_bench.xml"))
+    scene = mujoco.MjModel.from_xml_path(str(write_build_folder(made, store, tmp_path) / "scene_bench.xml"))
     np.testing.assert_allclose(scene.stat.center, [1.05, 0.1, 0.45], atol=1e-12)
     np.testing.assert_allclose(scene.stat.extent, np.linalg.norm([0.3, 0.2, 0.9]), rtol=5e-3)
     assert scene.vis.global_.azimuth == 33.0
 
 
-def test_a_robot_without_geometry(store: Store, tmp_path: Path) -> None:
-    folder = written(Made(segments=[Segment("a", [])]), store, tmp_path, *MODES[:2])
+def test_robot_without_geometry_loads(store: Store, tmp_path: Path) -> None:
+    folder = write_build_folder(Made(segments=[Segment("a", [])]), store, tmp_path, *MODES[:2])
     for mode, _ in MODES[:2]:
         assert mujoco.MjModel.from_xml_path(str(folder / f"scene_{mode}.xml")).nbody == 2
 
 
-def test_colours(store: Store) -> None:
-    """Of a material, of a part without one, with alpha; one material in two colours is two."""
+def test_materials_are_distinct_by_colour(store: Store) -> None:
+    """Colours of a material, of a part without one, and with alpha. One material in two colours becomes two."""
     part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
     made = Made(
         segments=[
@@ -253,12 +254,12 @@ def test_colours(store: Store) -> None:
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_numbers_are_read_back_exactly(value: float) -> None:
+def test_numbers_round_trip_exactly(value: float) -> None:
     assert float(number(value)) == value
     assert number(value) != "-0" and not number(value).endswith(".0")
 
 
-def test_numbers_are_short() -> None:
+def test_numbers_have_a_short_format() -> None:
     assert [number(x) for x in (0.0, -0.0, 1.0, -3.0, 0.1, 1e22, 1e-9, 123456789.0)] == [
         "0",
         "0",
@@ -284,13 +285,13 @@ def test_line_breaks_in_attributes_keep_one_element_per_line() -> None:
     assert len(text.splitlines()) == 2
 
 
-def test_a_heading_is_a_comment_whatever_its_document_is_called() -> None:
+def test_heading_is_a_valid_comment_for_any_file_name() -> None:
     text = write(Element(tag="a"), "Written from a---b--c.yaml, mode m.").text
     assert text.splitlines()[0] == "<!-- Written from a-b-c.yaml, mode m. -->"
     assert ElementTree.fromstring(text).tag == "a"
 
 
-def test_lines_lead_to_elements() -> None:
+def test_lines_map_to_elements() -> None:
     root = Element(tag="a")
     first = root.add("b", {"name": "1"})
     second = first.add("c")
@@ -302,7 +303,7 @@ def test_lines_lead_to_elements() -> None:
                 assert made.element_at(index) is element
 
 
-def test_the_table_of_targets() -> None:
+def test_emitters_are_found_by_target_name() -> None:
     assert targets()[: len(TARGETS)] == tuple(TARGETS)
     assert emitter("stl") is stl.emit
     assert emitter("mjcf") is emit_with_modes
@@ -310,8 +311,8 @@ def test_the_table_of_targets() -> None:
         emitter("nothing")
 
 
-def test_targets_of_other_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What `importlib.metadata` would find in the same folder."""
+def test_targets_of_installed_packages_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The entry points equal those that `importlib.metadata` finds in the same folder."""
     info = tmp_path / "other-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")

@@ -1,4 +1,4 @@
-"""Meshes that are too many for MuJoCo at once are given to it one after the other, and nothing that it says is another then."""
+"""Verification with many meshes: above a limit, MuJoCo reads them one by one, and the diagnostics stay the same."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ modes:
 
 @pytest.fixture
 def heap(tmp_path: Path) -> Path:
-    """Eggs with dents, of which none is its own mirror image, that begin in each other."""
+    """A document with asymmetric dented eggs that overlap at the start."""
     egg = trimesh.creation.icosphere(3, 0.04)
     x, y, z = egg.vertices.T
     egg.vertices = egg.vertices * (1.0 + 0.2 * numpy.sin(90.0 * x + 40.0 * y) * numpy.cos(70.0 * z))[:, None] + (0.02, 0.01, 0.0)
@@ -56,7 +56,7 @@ def heap(tmp_path: Path) -> Path:
 
 
 class Said:
-    """What is said of a build with an empty store, and the sizes of the files that MuJoCo is given each time."""
+    """Diagnostics of a build with an empty store, and the sizes of the files in each compilation by MuJoCo."""
 
     def __init__(self, document: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         self.given: list[list[int]] = []
@@ -72,8 +72,8 @@ class Said:
         self.text = capsys.readouterr().err
 
 
-def test_what_is_said_is_the_same(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Depths among it, of which MuJoCo works out the hulls anew."""
+def test_diagnostics_ignore_the_mesh_count(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """This includes penetration depths, for which MuJoCo computes the hulls again."""
     at_once = Said(heap, capsys, monkeypatch)
     assert len(at_once.given) == 1 and at_once.code == 0
     said = "warning[TC611]: at the start of mode `bench`, the collision shapes of `base` and `hand` overlap by 10.2 mm"
@@ -86,14 +86,15 @@ def test_what_is_said_is_the_same(heap: Path, capsys: pytest.CaptureFixture[str]
     assert max(boxes) < 700 and not {*hulls} & {one for (one,) in each}, "and of what is only drawn a tetrahedron"
 
 
-def test_what_is_not_near_is_seen_by_boxes(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_distant_parts_are_checked_with_boxes(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts that are far apart are checked with bounding boxes, without their hulls."""
     heap.write_text(DOCUMENT.replace("wrist: {xyz: 10 -5 5 mm}", "wrist: {xyz: 10 200 5 mm}"))
     monkeypatch.setattr(verify, "MANY", 0)
     apart = Said(heap, capsys, monkeypatch)
     assert apart.code == 0 and "TC611" not in apart.text and max(apart.given[-1]) < 700
 
 
-def test_what_is_wrong_is_found_where_it_is(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_do_not_depend_on_the_mesh_count(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     heap.write_text(DOCUMENT + "raw: {mjcf: {joint: {turn: {solimplimit: 1 2 3 4 5 6 7}}}}\n")
     at_once = Said(heap, capsys, monkeypatch)
     assert at_once.code == 1 and "error[TC702]" in at_once.text and len(at_once.given) == 1
@@ -103,8 +104,8 @@ def test_what_is_wrong_is_found_where_it_is(heap: Path, capsys: pytest.CaptureFi
     assert {*apart.given[-1][1:]} == {*at_once.given[0]}, "what touches is read as it is, once more"
 
 
-def test_a_model_may_be_looked_at_again(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Contacts, which drives are tried without, are there once more."""
+def test_initial_state_check_is_repeatable(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drives are checked with contacts disabled. A second check must see the contacts again."""
     seen: list[int] = []
     true = verify.initial_state_checks.look
 
@@ -122,6 +123,6 @@ def test_a_model_may_be_looked_at_again(heap: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(("tag", "key", "about"), [
     ("mesh", "inertia", True), ("geom", "type", True), ("geom", "friction", False), ("body", "gravcomp", False),
 ])
-def test_raw_attributes_that_change_what_mujoco_makes_of_meshes(tag: str, key: str, about: bool) -> None:
+def test_raw_attributes_that_affect_meshes_are_recognized(tag: str, key: str, about: bool) -> None:
     changed = Element(tag=tag, raw={key: None})  # type: ignore[dict-item]
     assert about_meshes(Element(tag="mujoco", children=[Element(tag="worldbody", children=[changed])])) == about

@@ -1,4 +1,4 @@
-"""MuJoCo as the reader of what we write: every number is compared with one worked out by hand or by numpy."""
+"""Written models loaded by MuJoCo: every number is compared with a written-out value or one computed with numpy."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def store(tmp_path: object) -> Store:
 
 
 def load(request: EmitRequest, mode: str = "bench") -> mujoco.MjModel:
-    """The model of a mode, loaded by MuJoCo, without a word from either compiler."""
+    """The model of a mode, loaded by MuJoCo. Asserts that neither thingc nor MuJoCo reports anything."""
     artifacts = emit(request)
-    assert as_json(request.report.ordered()) == []
+    assert as_json(request.report.sorted_diagnostics()) == []
     return load_from(request, artifacts.files, mode)
 
 
@@ -68,7 +68,7 @@ def load_from(request: EmitRequest, files: dict, mode: str) -> mujoco.MjModel:
 
 
 def arm(store: Store) -> Made:
-    """Plate, yaw, pitch with an off-centre anchor, and a slide; two pieces on one link; poses askew."""
+    """Plate, yaw, pitch with an off-centre anchor, and a slide; two pieces on one link; general orientations."""
     plate, rod = box_part(store, (-0.1, -0.08, 0.0), (0.1, 0.05, 0.02)), cylinder_part(store, 0.02, 0.1)
     brick = box_part(store, (0.0, 0.01, -0.02), (0.06, 0.05, 0.07))
     tilt = spin((1, 2, 3), 0.7)
@@ -123,7 +123,8 @@ POSES = ({}, {"yaw": 0.5, "hand/pitch": -0.6, "slider": 0.02}, {"yaw": -2.1, "ha
 
 @pytest.mark.parametrize("base", ["fixed", "held", "free"])
 @pytest.mark.parametrize("q", POSES)
-def test_forward_kinematics(store: Store, base: str, q: dict[str, float]) -> None:
+def test_forward_kinematics_match_matrices(store: Store, base: str, q: dict[str, float]) -> None:
+    """Poses of bodies and sites for each base equal chains of matrices."""
     made = arm(store)
     made.segments[0].pose = matrix((0.3, -0.2, 0.5), spin((1, 1, 0.2), 1.3))
     model = load(made.request(store, ("bench", base)))
@@ -143,8 +144,8 @@ def test_forward_kinematics(store: Store, base: str, q: dict[str, float]) -> Non
 
 
 @pytest.mark.parametrize("suffix", ["", ":collision"])
-def test_every_vertex_lands_where_the_part_stands(store: Store, suffix: str) -> None:
-    """MuJoCo moves meshes to their own centre and axes: the vertices must come out in the world all the same."""
+def test_mesh_vertices_are_at_the_part_pose(store: Store, suffix: str) -> None:
+    """MuJoCo re-centres meshes and rotates them to their principal axes. World positions of the vertices must not change."""
     made = arm(store)
     q = POSES[1]
     model = load(made.request(store))
@@ -166,7 +167,7 @@ def test_every_vertex_lands_where_the_part_stands(store: Store, suffix: str) -> 
 
 
 @pytest.mark.parametrize("base", ["fixed", "held", "free"])
-def test_masses_and_inertias(store: Store, base: str) -> None:
+def test_masses_and_inertias_match_numpy(store: Store, base: str) -> None:
     made = arm(store)
     model = load(made.request(store, ("bench", base)))
     data = mujoco.MjData(model)
@@ -187,8 +188,8 @@ def test_masses_and_inertias(store: Store, base: str) -> None:
     np.testing.assert_allclose(data.subtree_com[0], robot.centre, atol=NEAR)
 
 
-def test_mass_matrix_against_kinetic_energy(store: Store) -> None:
-    """qM by finite differences of our own matrices: T = sum of m v^2 / 2 + w I w / 2 over the links."""
+def test_mass_matrix_matches_kinetic_energy(store: Store) -> None:
+    """The oracle is finite differences of the test's own matrices: T = sum of m v^2 / 2 + w I w / 2 over the links."""
     made = arm(store)
     model = load(made.request(store))
     data = mujoco.MjData(model)
@@ -218,7 +219,8 @@ def test_mass_matrix_against_kinetic_energy(store: Store) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-10)
 
 
-def test_bases(store: Store) -> None:
+def test_bases_have_expected_sizes_and_keyframes(store: Store) -> None:
+    """Fixed, held and free bases have the expected degrees of freedom, mocap bodies and keyframes."""
     made = arm(store)
     made.segments[0].pose = matrix((0.1, 0.2, 0.3), spin((0, 1, 0), 0.5))
     request = made.request(store, ("bench", "fixed"), ("drawing", "held"), ("adrift", "free"))
@@ -244,7 +246,7 @@ def test_bases(store: Store) -> None:
 
 
 @pytest.mark.parametrize("base", ["fixed", "held", "free"])
-def test_steps_without_a_warning(store: Store, base: str, tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_simulation_runs_without_warnings(store: Store, base: str, tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(str(tmp_path))
     model = load(arm(store).request(store, ("bench", base)))
     data = mujoco.MjData(model)
@@ -256,7 +258,7 @@ def test_steps_without_a_warning(store: Store, base: str, tmp_path: object, monk
     assert "MUJOCO_LOG.TXT" not in os.listdir(str(tmp_path))
 
 
-def test_joints_and_drives(store: Store) -> None:
+def test_joint_and_actuator_parameters(store: Store) -> None:
     model = load(arm(store).request(store))
     yaw, pitch, slider = (model.joint(n) for n in ("yaw", "hand/pitch", "slider"))
     assert yaw.type == mujoco.mjtJoint.mjJNT_HINGE and slider.type == mujoco.mjtJoint.mjJNT_SLIDE
@@ -278,8 +280,9 @@ def test_joints_and_drives(store: Store) -> None:
     assert model.numeric("yaw:velocity").data == [4.8]
 
 
-def test_a_joint_without_a_drive(store: Store) -> None:
-    """No limits: it turns for ever. Its effort limit stands on the joint, an absent drive is not in `ctrl`, one limit is one."""
+def test_joint_without_drive_or_limits(store: Store) -> None:
+    """A joint without limits is unlimited. Without a drive, the effort limit is on the joint and `ctrl` has no entry. A single limit is
+    kept."""
     made = arm(store)
     made.segments[1].limit = Limit(effort=1.5)
     made.segments[2].limit = Limit(lower=-0.5)
@@ -292,8 +295,8 @@ def test_a_joint_without_a_drive(store: Store) -> None:
     np.testing.assert_array_equal(model.key("home").ctrl, [0.0])
 
 
-def test_an_effort_of_nothing_is_a_limit(store: Store) -> None:
-    """MuJoCo reads a range `0 0` as none at all."""
+def test_zero_effort_is_a_limit(store: Store) -> None:
+    """MuJoCo reads a range of `0 0` as no limit."""
     made = arm(store)
     made.segments[1].actuator = drive(effort=0.0)
     made.segments[1].limit = Limit(lower=-1.0, upper=1.0, effort=0.0)
@@ -304,7 +307,7 @@ def test_an_effort_of_nothing_is_a_limit(store: Store) -> None:
     assert abs(data.actuator("yaw").force[0]) < 1e-9
 
 
-def test_mimic_follows(store: Store) -> None:
+def test_mimic_joint_follows_its_leader(store: Store) -> None:
     made = arm(store)
     made.segments[2].mimic = Mimic(joint=CoordinateName("yaw"), multiplier=-0.5, offset=0.3, origin=())
     made.segments[2].actuator = None
@@ -321,7 +324,7 @@ def test_mimic_follows(store: Store) -> None:
     np.testing.assert_allclose(data.joint("hand/pitch").qpos, 0.3 - 0.5 * data.joint("yaw").qpos, atol=2e-3)
 
 
-def test_names_and_classes_of_geoms(store: Store) -> None:
+def test_geom_names_groups_and_materials(store: Store) -> None:
     made = arm(store)
     made.segments[0].pieces[0].material = material(slide=0.4)
     model = load(made.request(store))
@@ -337,8 +340,8 @@ def test_names_and_classes_of_geoms(store: Store) -> None:
     assert model.nmesh == 6  # three definitions of parts, each drawn and touched, however often they are used
 
 
-def test_friction_of_the_document_counts_on_the_floor(store: Store) -> None:
-    """MuJoCo's rule is the larger of two, and its floor has 1: the document's 0.1 must win."""
+def test_document_friction_applies_on_the_floor(store: Store) -> None:
+    """MuJoCo uses the larger friction of two geoms, and its floor has 1. The document's 0.1 must apply."""
     made = Made(
         segments=[
             Segment("sled", [Piece("sled", box_part(store, (-0.1, -0.1, -0.05), (0.1, 0.1, 0.05)), material=material(slide=0.1))])
@@ -356,7 +359,7 @@ def test_friction_of_the_document_counts_on_the_floor(store: Store) -> None:
     np.testing.assert_allclose([c.friction[0] for c in data.contact], 0.1)
 
 
-def test_torsional_and_rolling_friction_act(store: Store) -> None:
+def test_torsional_and_rolling_friction_set_condim(store: Store) -> None:
     part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
     made = Made(
         segments=[
@@ -376,8 +379,8 @@ def test_torsional_and_rolling_friction_act(store: Store) -> None:
     assert model.geom("b:collision").condim == 6
 
 
-def test_neighbours_do_not_touch(store: Store) -> None:
-    """Four boxes within each other: only the pairs that are not excluded touch, in every mode the same."""
+def test_excluded_pairs_do_not_touch(store: Store) -> None:
+    """Of four overlapping boxes, only pairs that are not excluded have contacts, equally in every mode."""
     part = box_part(store, (-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
     made = Made(
         segments=[
@@ -396,8 +399,8 @@ def test_neighbours_do_not_touch(store: Store) -> None:
         assert pairs == {("a", "c"), ("b", "d")}
 
 
-def test_magnets(store: Store) -> None:
-    """One adhesion actuator per magnet in every mode, on the link that carries it; the mode says how hard it pulls."""
+def test_magnets_are_adhesion_actuators(store: Store) -> None:
+    """Each magnet is one adhesion actuator in every mode, on the link that carries it. The mode sets its force."""
     made = arm(store)
     made.adhesions = (("forearm/sole", "hand/cap", 300.0), ("tip/sole", "tip", 0.0))
     made.control = {"forearm/sole": 120.0}
@@ -410,15 +413,15 @@ def test_magnets(store: Store) -> None:
     np.testing.assert_array_equal(model.key("home").ctrl, [0.5, 0.0, 0.0, 120.0, 0.0])
 
 
-def test_a_magnet_named_like_a_joint(store: Store) -> None:
+def test_magnet_named_like_a_joint_gets_a_suffix(store: Store) -> None:
     made = arm(store)
     made.adhesions = (("hand/pitch", "hand/cap", 300.0),)
     model = load(made.request(store))
     assert model.actuator("hand/pitch:adhesion").ctrlrange[1] == 300.0
 
 
-def test_a_magnet_holds_what_it_says(store: Store) -> None:
-    """A 1 kg block under a ceiling plate, 20 N of magnet: it hangs with the magnet, and falls without."""
+def test_magnet_force_holds_a_block(store: Store) -> None:
+    """A 1 kg block under a plate with a 20 N magnet: it hangs with the magnet on and falls with it off."""
     block = box_part(store, (-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
     plate = box_part(store, (-0.5, -0.5, 0.0), (0.5, 0.5, 0.02))
     made = Made(
@@ -442,7 +445,7 @@ def test_a_magnet_holds_what_it_says(store: Store) -> None:
     assert abs(height[20.0]) < 5e-3
 
 
-def test_options(store: Store) -> None:
+def test_options_of_document_and_mode_are_merged(store: Store) -> None:
     made = arm(store)
     made.simulation = {"integrator": "rk4", "cone": "elliptic", "impratio": 10.0}
     made.gravity = (-9.81, 0.0, 0.0)
@@ -454,7 +457,7 @@ def test_options(store: Store) -> None:
     np.testing.assert_array_equal(model.opt.gravity, [-9.81, 0.0, 0.0])
 
 
-def test_fitted_shapes_stand_where_the_part_stands(store: Store) -> None:
+def test_fitted_shapes_have_the_pose_of_the_part(store: Store) -> None:
     made = arm(store)
     brick = made.segments[2].pieces[0]
     brick.overrides = Overrides(collision="box")
@@ -473,8 +476,9 @@ def test_fitted_shapes_stand_where_the_part_stands(store: Store) -> None:
     assert "plate" not in [model.geom(i).name for i in range(model.ngeom)]
 
 
-def test_pieces(store: Store) -> None:
-    """`part` and `decompose`: one geom per piece, numbered from the second; a primitive has no file, and meshes keep their number."""
+def test_collision_pieces_are_separate_geoms(store: Store) -> None:
+    """With `part` and `decompose`, each piece is a geom, numbered from the second. Primitives have no file, and meshes keep their
+    number."""
     faces = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (0, 2, 3))
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
     solids = tuple(kept(store, obj(corners + [k * 0.2, 0, 0], faces), 4, 4) for k in range(3))
@@ -515,8 +519,8 @@ def test_pieces(store: Store) -> None:
         np.testing.assert_allclose(data.geom(name).xmat.reshape(3, 3)[:, 2], placed[:3, 0], atol=NEAR)
 
 
-def test_flat_and_open_meshes_are_surfaces(store: Store) -> None:
-    """A decal: MuJoCo draws it, cannot touch with it, and the loss is listed."""
+def test_flat_meshes_have_no_collision_geom(store: Store) -> None:
+    """MuJoCo draws a decal but cannot collide with it; the export loss is listed."""
     decal = box_part(store, (0, 0, 0), (0.1, 0.1, 0.0))
     made = arm(store)
     made.segments[0].pieces.append(Piece("decal", decal))
@@ -531,7 +535,7 @@ def test_flat_and_open_meshes_are_surfaces(store: Store) -> None:
     ]
 
 
-def test_losses(store: Store) -> None:
+def test_losses_have_the_line_of_their_cause(store: Store) -> None:
     made = arm(store)
     made.segments[2].pieces[0].overrides = Overrides(collision="mesh")
     artifacts = emit(made.request(store, ("bench", "fixed"), ("adrift", "free")))
@@ -541,8 +545,8 @@ def test_losses(store: Store) -> None:
     ]
 
 
-def test_a_plate_of_no_thickness_moves(store: Store) -> None:
-    """A + B = C of its principal moments, to the last bit in no frame but its own: MuJoCo must take it all the same."""
+def test_plate_without_thickness_is_accepted(store: Store) -> None:
+    """The principal moments satisfy A + B = C exactly only in the plate's own frame. MuJoCo must accept it in any frame."""
     thin = box_part(store, (-0.1, -0.2, 0.0), (0.1, 0.2, 1e-9))
     for angle in np.linspace(0.1, 3.0, 7):
         made = Made(
@@ -565,7 +569,7 @@ def test_a_plate_of_no_thickness_moves(store: Store) -> None:
         )
         heavy = made.request(store)
         link = heavy.assembly.links[1]
-        msgspec.structs.force_setattr(link, "properties", moved(scaled(thin.properties, 1e6), made.segments[1].pieces[0].pose))
+        msgspec.structs.force_setattr(link, "properties", moved(scale_mass(thin.properties, 1e6), made.segments[1].pieces[0].pose))
         model = load(heavy)
         r = np.zeros(9)
         mujoco.mju_quat2Mat(r, model.body("sheet").iquat)
@@ -573,11 +577,11 @@ def test_a_plate_of_no_thickness_moves(store: Store) -> None:
         np.testing.assert_allclose(found, link.properties.inertia, atol=NEAR * np.max(link.properties.inertia))
 
 
-def scaled(properties: object, by: float) -> object:
+def scale_mass(properties: object, by: float) -> object:
     return properties.with_mass(properties.mass * by)  # type: ignore[attr-defined]
 
 
-def test_a_link_without_mass_that_never_moves(store: Store) -> None:
+def test_static_link_without_mass_is_accepted(store: Store) -> None:
     part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
     made = Made(
         segments=[
@@ -590,7 +594,7 @@ def test_a_link_without_mass_that_never_moves(store: Store) -> None:
     np.testing.assert_allclose(model.body_mass.sum(), 1.0)
 
 
-def test_a_point_mass_that_never_moves(store: Store) -> None:
+def test_static_point_mass_is_accepted(store: Store) -> None:
     made = arm(store)
     request = made.request(store)
     link = request.assembly.links[0]
@@ -598,8 +602,8 @@ def test_a_point_mass_that_never_moves(store: Store) -> None:
     assert load(request).body("plate").mass == 0.25
 
 
-def taken(attributes: Mapping[str, XmlValue], *, moves: bool) -> bool:
-    """Whether MuJoCo takes a body with such an `<inertial>`."""
+def is_accepted(attributes: Mapping[str, XmlValue], *, moves: bool) -> bool:
+    """Whether MuJoCo accepts a body with this `<inertial>`."""
     words = " ".join(f'{key}="{format_value(value)}"' for key, value in attributes.items())
     hinge = "<joint/>" if moves else ""
     try:
@@ -610,8 +614,8 @@ def taken(attributes: Mapping[str, XmlValue], *, moves: bool) -> bool:
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7])
-def test_the_least_that_may_move_is_what_mujoco_takes(turn: float) -> None:
-    """Our bounds are MuJoCo's; what stands still may have any inertia."""
+def test_mass_bounds_equal_those_of_mujoco(turn: float) -> None:
+    """The smallest mass and moment of a moving body are MuJoCo's bounds. A static body may have any inertia."""
     c, s = math.cos(turn), math.sin(turn)
     about = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
@@ -619,33 +623,33 @@ def test_the_least_that_may_move_is_what_mujoco_takes(turn: float) -> None:
         inertia = about @ np.diag([1.0, 1.5, 2.0]) @ about.T * factor * LEAST_MOMENT
         return MassProperties(mass=1e-6, inertia=tuple(map(tuple, inertia.tolist())))
 
-    assert taken(inertial(heavy(1.001)), moves=True) and "fullinertia" in inertial(heavy(1.001))
+    assert is_accepted(inertial(heavy(1.001)), moves=True) and "fullinertia" in inertial(heavy(1.001))
     for factor in (0.999, 0.1, 1e-6, 1e-20):
         small = heavy(factor)
         i = small.inertia
         full = " ".join(map(repr, (i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2])))
-        assert not taken({"pos": "0 0 0", "mass": "1e-6", "fullinertia": full}, moves=False), "MuJoCo's own bound"
-        assert taken(inertial(small), moves=False)
+        assert not is_accepted({"pos": "0 0 0", "mass": "1e-6", "fullinertia": full}, moves=False), "MuJoCo's own bound"
+        assert is_accepted(inertial(small), moves=False)
     for mass, fine in ((LEAST_MASS * 1.001, True), (LEAST_MASS * 0.999, False)):
-        assert taken({"pos": "0 0 0", "mass": repr(mass), "diaginertia": "1 1 1"}, moves=True) == fine
+        assert is_accepted({"pos": "0 0 0", "mass": repr(mass), "diaginertia": "1 1 1"}, moves=True) == fine
 
 
 @pytest.mark.parametrize("side", [3e-5, 1e-5, 2e-6])
-def test_a_mesh_that_holds_almost_nothing(store: Store, side: float) -> None:
-    """A crumb that stands still is drawn: MuJoCo refuses solids under 1e-15 m^3."""
+def test_tiny_static_mesh_is_accepted(store: Store, side: float) -> None:
+    """MuJoCo rejects solids under 1e-15 m^3, but a static crumb must still be drawn."""
     stand, crumb = (box_part(store, (0, 0, 0), (side,) * 3) for side in (0.1, side))
     made = Made(segments=[Segment("stand", [Piece("stand", stand), Piece("crumb", crumb)])])
     assert load(made.request(store)).geom("crumb").dataid[0] >= 0
 
 
 @pytest.mark.parametrize("name", ["main", "visual", "collision", "arm"])
-def test_a_robot_named_like_a_class(store: Store, name: str) -> None:
+def test_robot_may_be_named_like_a_default_class(store: Store, name: str) -> None:
     made = arm(store)
     made.name = name
     assert load(made.request(store)).nbody == 5
 
 
-def test_fit_with_a_pose(store: Store) -> None:
+def test_fitted_sphere_has_its_own_radius(store: Store) -> None:
     """A sphere whose centre is not the part's origin."""
     part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1), fits={"sphere": Primitive(shape="sphere", size=(0.09,), pose=NO_POSE)})
     made = Made(segments=[Segment("a", [Piece("a", part, overrides=Overrides(collision="sphere"))])])

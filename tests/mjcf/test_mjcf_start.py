@@ -1,4 +1,4 @@
-"""The rules for gains, against MuJoCo's own simulation: beyond them it swings up, within what is called calm it comes to rest."""
+"""Stability rules for gains, compared with MuJoCo simulations: gains beyond the limit diverge, and gains called calm come to rest."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ INERTIA, DT = 2e-5, 2e-3
 
 
 def hinge(integrator: str, kp: float, kv: float, damping: float, force: float | None = None) -> mujoco.MjModel:
-    """One bar on a hinge, of `INERTIA` about it, without gravity."""
+    """One bar on a hinge with inertia `INERTIA` about it, without gravity."""
     limit = f'forcerange="-{force} {force}"' if force is not None else ""
     return mujoco.MjModel.from_xml_string(f"""
       <mujoco><compiler angle="radian" autolimits="true"/>
@@ -28,7 +28,7 @@ def hinge(integrator: str, kp: float, kv: float, damping: float, force: float | 
       </mujoco>""")
 
 
-def seen(model: mujoco.MjModel) -> Gains:
+def gains_of_drive(model: mujoco.MjModel) -> Gains:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     ((name, gains),) = gains_of(model, data)
@@ -37,7 +37,8 @@ def seen(model: mujoco.MjModel) -> Gains:
 
 
 def swing(model: mujoco.MjModel, error: float = 1e-3) -> float:
-    """How large an error [rad] has become, of which a millionth is left to a drive that is calm."""
+    """Growth of an initial error [rad]: the final error relative to the initial one. A calm drive leaves less than a millionth; inf if
+    the error diverges."""
     data = mujoco.MjData(model)
     data.qpos[0] = error
     for _ in range(STEPS):
@@ -49,34 +50,36 @@ def swing(model: mujoco.MjModel, error: float = 1e-3) -> float:
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
 @pytest.mark.parametrize(("kv", "damping"), [(0.0, 1e-3), (2e-3, 0.0), (1e-3, 1e-3)])
-def test_the_stiffest_gain_is_where_mujoco_begins_to_swing_up(integrator: str, kv: float, damping: float) -> None:
-    stiffest = seen(hinge(integrator, 1.0, kv, damping)).stiffest
+def test_stiffness_limit_is_where_mujoco_diverges(integrator: str, kv: float, damping: float) -> None:
+    """Just below the limit the error does not grow, just above it diverges."""
+    stiffest = gains_of_drive(hinge(integrator, 1.0, kv, damping)).stiffest
     if integrator == "RK4":  # the rule is that of no damping: with some, the bound lies near it
         assert swing(hinge(integrator, 0.5 * stiffest, kv, damping)) < 1e-3 and swing(hinge(integrator, 1.5 * stiffest, kv, damping)) > 1e3
         return
     assert swing(hinge(integrator, 0.98 * stiffest, kv, damping)) < 1.0
     assert swing(hinge(integrator, 1.02 * stiffest, kv, damping)) == math.inf
-    over, under = (seen(hinge(integrator, share * stiffest, kv, damping)) for share in (1.02, 0.98))
+    over, under = (gains_of_drive(hinge(integrator, share * stiffest, kv, damping)) for share in (1.02, 0.98))
     assert over.too_stiff and not under.too_stiff
 
 
-def test_steps_whose_square_is_no_number_are_not_judged() -> None:
+def test_extreme_time_steps_are_skipped() -> None:
+    """If the square of the time step underflows or overflows, no gains are reported."""
     model = hinge("implicitfast", 1e9, 0.0, 0.0)
-    assert seen(model).too_stiff
+    assert gains_of_drive(model).too_stiff
     for step in (1e-300, 1e300):
         model.opt.timestep = step
         assert list(gains_of(model, mujoco.MjData(model))) == []
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast"])
-def test_half_of_it_is_calm(integrator: str) -> None:
-    """What the message offers."""
-    stiffest = seen(hinge(integrator, 1.0, 1e-3, 5e-4)).stiffest
+def test_half_the_stiffness_limit_is_calm(integrator: str) -> None:
+    """The diagnostic suggests this value."""
+    stiffest = gains_of_drive(hinge(integrator, 1.0, 1e-3, 5e-4)).stiffest
     assert swing(hinge(integrator, stiffest / 2.0, 1e-3, 5e-4)) < 1e-6
 
 
 def speed(model: mujoco.MjModel, error: float) -> float:
-    """The greatest speed [rad/s] in the last tenth of the simulation, from an error [rad]."""
+    """Largest speed [rad/s] in the last tenth of the simulation, from an initial error [rad]."""
     data = mujoco.MjData(model)
     data.qpos[0] = error
     fastest = 0.0
@@ -87,10 +90,10 @@ def speed(model: mujoco.MjModel, error: float) -> float:
     return fastest
 
 
-def test_a_velocity_gain_that_turns_the_velocity_round_chatters_where_it_is_explicit() -> None:
-    """dt kv > 2 I diverges in Euler; from dt kv = I on the velocity changes its sign at every step."""
+def test_large_explicit_velocity_gain_chatters() -> None:
+    """With dt kv > 2 I, Euler diverges. From dt kv = I on, the velocity changes its sign at every step."""
     quick = hinge("Euler", 0.1, 1.5 * INERTIA / DT, 0.0)
-    assert seen(quick).too_quick and not seen(hinge("Euler", 0.1, 0.9 * INERTIA / DT, 0.0)).too_quick
+    assert gains_of_drive(quick).too_quick and not gains_of_drive(hinge("Euler", 0.1, 0.9 * INERTIA / DT, 0.0)).too_quick
     data = mujoco.MjData(quick)
     data.qvel[0] = 1.0
     signs = []
@@ -98,16 +101,16 @@ def test_a_velocity_gain_that_turns_the_velocity_round_chatters_where_it_is_expl
         mujoco.mj_step(quick, data)
         signs.append(float(np.sign(data.qvel[0])))
     assert signs == [-1.0, 1.0, -1.0, 1.0]
-    assert not seen(hinge("implicitfast", 0.1, 100.0 * INERTIA / DT, 0.0)).too_quick  # implicit, and its force has no limit
+    assert not gains_of_drive(hinge("implicitfast", 0.1, 100.0 * INERTIA / DT, 0.0)).too_quick  # implicit, and its force has no limit
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
-def test_the_calmest_velocity_gain_is_where_euler_stops_to_swing_up(share: float) -> None:
-    """With no, some and nearly all of the stiffness that no kv at all would bear; half of it comes to rest, and turns no velocity round."""
+def test_velocity_gain_limit_is_where_euler_diverges(share: float) -> None:
+    """With 0, 0.3 and 0.9 of the stiffness limit without kv. Half of the limit comes to rest without sign changes of the velocity."""
     kp = share * 4.0 * INERTIA / DT**2
-    calmest = seen(hinge("Euler", kp, 10.0 * INERTIA / DT, 0.0)).calmest
+    calmest = gains_of_drive(hinge("Euler", kp, 10.0 * INERTIA / DT, 0.0)).calmest
     assert calmest == pytest.approx(min(INERTIA / DT, 2.0 * (1.0 - share) * INERTIA / DT))
-    assert seen(hinge("Euler", kp, 0.98 * calmest, 0.0)).calm and not seen(hinge("Euler", kp, 1.02 * calmest, 0.0)).calm
+    assert gains_of_drive(hinge("Euler", kp, 0.98 * calmest, 0.0)).calm and not gains_of_drive(hinge("Euler", kp, 1.02 * calmest, 0.0)).calm
     assert speed(hinge("Euler", kp, calmest / 2.0, 0.0), 1e-3) < 1e-6
     if share == 0.9:
         assert swing(hinge("Euler", kp, 1.02 * calmest, 0.0)) == math.inf
@@ -115,18 +118,19 @@ def test_the_calmest_velocity_gain_is_where_euler_stops_to_swing_up(share: float
 
 @pytest.mark.parametrize("force", [2.0, 0.05, 0.01])
 @pytest.mark.parametrize("ratio", [1.0, 1.9, 2.1, 3.8])
-def test_a_force_jumps_from_limit_to_limit_for_ever_beyond_twice_the_inertia(force: float, ratio: float) -> None:
-    """With kv far above I / dt, so that nothing else moves: the speed stays dt F / I, or it dies away, whatever the error was."""
+def test_force_oscillates_between_limits_at_high_gain(force: float, ratio: float) -> None:
+    """With kv far above I / dt, only this effect remains: beyond twice the inertia, the speed stays at dt F / I; below, it decays. This
+    holds for any initial error."""
     model = hinge("implicitfast", ratio * INERTIA / DT**2, 10.0 * INERTIA / DT, 0.0, force=force)
     step = DT**2 * force / INERTIA
     fastest = max(speed(model, error) for error in (0.5 * step, 0.55 * step, 0.37, 1.0, 2.1))
-    gains = seen(model)
+    gains = gains_of_drive(model)
     assert not gains.too_stiff and gains.jumps == (ratio > 2.0)
     assert fastest == pytest.approx(DT * force / INERTIA) if gains.jumps else fastest < 1e-9
 
 
-def test_the_inertia_is_what_moves_with_everything_else_free() -> None:
-    """Two rods in a row: 1 / (M^-1)_jj of both hinges, from the mass matrix written by hand."""
+def test_effective_inertia_with_other_joints_free() -> None:
+    """Two rods in a row: 1 / (M^-1)_jj of both hinges, from a written-out mass matrix."""
     mass, length = 0.1, 0.2
     model = mujoco.MjModel.from_xml_string(f"""
       <mujoco><option timestep="{DT}" gravity="0 0 0"/><worldbody>
@@ -149,7 +153,7 @@ MOMENTS = np.array([1e-5, 4e-5, 4.5e-5])
 
 
 def ball(gains: str, gears: list[tuple[float, ...]]) -> mujoco.MjModel:
-    """A body of `MOMENTS` on a ball about its centre, with a position drive about each axis."""
+    """A body with `MOMENTS` on a ball joint about its centre, with a position drive for each axis in `gears`."""
     drives = "".join(
         f'<position name="b_{k}" joint="b" gear="{" ".join(map(str, gear))} 0 0 0" {gains}/>' for k, gear in enumerate(gears)
     )
@@ -159,8 +163,8 @@ def ball(gains: str, gears: list[tuple[float, ...]]) -> mujoco.MjModel:
       </body></worldbody><actuator>{drives}</actuator></mujoco>""")
 
 
-def test_a_drive_of_a_ball_moves_what_turns_about_its_axis() -> None:
-    """1 / (g J^-1 g), by which its stiffness is judged as a hinge's."""
+def test_effective_inertia_of_ball_drives() -> None:
+    """The inertia is 1 / (g J^-1 g), and the stiffness limit is that of a hinge with this inertia."""
     axes = [(1.0, 0.0, 0.0), (0.0, 0.6, 0.8)]
     model = ball('kp="1"', axes)
     data = mujoco.MjData(model)
@@ -180,8 +184,8 @@ def test_a_drive_of_a_ball_moves_what_turns_about_its_axis() -> None:
         assert (abs(data.qpos[1]) > 0.1) == (share > 1.0)
 
 
-def test_joints_that_are_tied_move_together() -> None:
-    """A drive on a light joint that a heavy one mimics moves both: I1 + I2."""
+def test_effective_inertia_includes_mimic_joints() -> None:
+    """The drive on a light joint that a heavy one mimics moves both: I1 + I2."""
     model = mujoco.MjModel.from_xml_string(f"""
       <mujoco><option timestep="{DT}" gravity="0 0 0"/><worldbody>
         <body><joint name="a" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1e-5 1e-5 1e-5"/></body>

@@ -1,7 +1,6 @@
-"""Random trees of joints through `link`, `root` and the emitter into MuJoCo: one robot, whatever its root.
+"""Random trees of joints, through `link`, `root` and the emitter into MuJoCo: the robot does not depend on its root.
 
-The trees and their chains of matrices are those of the rooting tests; here MuJoCo is the one that is asked.
-"""
+The trees and their chains of matrices are those of the tests of spanning trees; here MuJoCo is compared with them."""
 
 from __future__ import annotations
 
@@ -23,7 +22,7 @@ from thingc.targets.mjcf.emit import emit
 from thingc.targets.request import EmitRequest
 
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(WITHOUT_LEAD))
-"""What MuJoCo makes of a screw is in the tests of screws."""
+"""Screws are excluded; the tests of screws cover MuJoCo's approximation of them."""
 
 
 def models(tree: Tree) -> dict[str, mujoco.MjModel]:
@@ -59,7 +58,7 @@ def pose_of(data: mujoco.MjData, link: str) -> np.ndarray:
 
 @settings(max_examples=15)
 @given(trees)
-def test_mujoco_puts_every_occurrence_where_the_matrices_say(tree: Tree) -> None:
+def test_poses_of_random_trees_match_matrices(tree: Tree) -> None:
     inside = in_link(tree.assembly)
     for name, model in models(tree).items():
         data = at(model, tree.q)
@@ -71,8 +70,8 @@ def test_mujoco_puts_every_occurrence_where_the_matrices_say(tree: Tree) -> None
 
 @settings(max_examples=15)
 @given(trees)
-def test_sites_stand_where_the_roots_are(tree: Tree) -> None:
-    """Every root of every mode is a site in every file."""
+def test_roots_of_all_modes_are_sites(tree: Tree) -> None:
+    """Every root of every mode is a site in every file, at the pose given by the matrices."""
     for name, model in models(tree).items():
         data = at(model, tree.q)
         expected = world_of(tree, name)
@@ -84,8 +83,8 @@ def test_sites_stand_where_the_roots_are(tree: Tree) -> None:
 
 @settings(max_examples=15)
 @given(trees)
-def test_whole_robot_in_mujoco_and_in_ours(tree: Tree) -> None:
-    """Mass, centre and inertia of the robot at q: the free base's own part of MuJoCo's mass matrix."""
+def test_total_mass_properties_match_mujoco(tree: Tree) -> None:
+    """Mass, centre and inertia of the robot at q equal the free base's block of MuJoCo's mass matrix."""
     chosen = robots(tree.assembly)
     for name, model in models(tree).items():
         if not name.startswith("part_"):
@@ -106,8 +105,8 @@ def test_whole_robot_in_mujoco_and_in_ours(tree: Tree) -> None:
 
 @settings(max_examples=15)
 @given(trees)
-def test_dynamics_with_a_link_held_still_do_not_depend_on_the_root(tree: Tree) -> None:
-    """Mass matrix and gravity torque of the mode bolted at L, from every free mode with L made to stand still."""
+def test_dynamics_do_not_depend_on_the_root(tree: Tree) -> None:
+    """Mass matrix and gravity torque of the mode fixed at L equal those of every free mode with L constrained to stand still."""
     made = models(tree)
     bolted = made["mount_0"]
     held = bolted.body(1).name

@@ -1,4 +1,4 @@
-"""What sensors read in MuJoCo: against kinematics and mechanics that are worked out here, and finite differences of what moves."""
+"""Sensor readings in MuJoCo, compared with kinematics and mechanics computed in the test and with finite differences."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def feeler(tmp_path_factory: pytest.TempPathFactory) -> Built:
 
 
 def moving(model: mujoco.MjModel) -> mujoco.MjData:
-    """A robot that is thrown, and turns, at 0.4 rad."""
+    """A robot in free flight that rotates, with the swing joint at 0.4 rad."""
     data = mujoco.MjData(model)
     data.qpos[:3] += [0.1, -0.2, 0.7]
     data.qpos[3:7] = np.array([0.8, 0.2, -0.4, 0.4])
@@ -86,7 +86,7 @@ def read(data: mujoco.MjData, name: str) -> Array:
 
 
 def later(model: mujoco.MjModel, data: mujoco.MjData, step: float) -> mujoco.MjData:
-    """Where it is a moment later at these speeds."""
+    """The state after a short time at the current velocities."""
     there = mujoco.MjData(model)
     there.qpos[:] = data.qpos
     mujoco.mj_integratePos(model, there.qpos, data.qvel, step)
@@ -106,13 +106,14 @@ def turn(quaternion: Array) -> Array:
 
 
 def spin(before: Array, after: Array, step: float) -> Array:
-    """The angular velocity between two orientations, in the axes that they are seen in."""
+    """Angular velocity between two orientations, in the axes of their reference frame."""
     w = (after - before) @ before.T / step
     return np.array([w[2, 1], w[0, 2], w[1, 0]])
 
 
 @pytest.mark.parametrize("mode", ["free", "turned"])
-def test_where_a_mount_is_and_how_it_moves(feeler: Built, mode: str) -> None:
+def test_pose_and_twist_sensors_match_kinematics(feeler: Built, mode: str) -> None:
+    """Poses equal those of sites; velocities equal finite differences."""
     model, step = feeler.model(mode), 1e-6
     data = moving(model)
     next_, last = later(model, data, step), later(model, data, -step)
@@ -132,7 +133,8 @@ def test_where_a_mount_is_and_how_it_moves(feeler: Built, mode: str) -> None:
 
 
 @pytest.mark.parametrize("mode", ["free", "turned"])
-def test_the_whole_robot(feeler: Built, mode: str) -> None:
+def test_whole_robot_sensors_match_mechanics(feeler: Built, mode: str) -> None:
+    """Centre of mass, its velocity, angular momentum, energies and time."""
     model, step = feeler.model(mode), 1e-6
     data = moving(model)
     masses = model.body_mass[1:]
@@ -162,7 +164,7 @@ def test_the_whole_robot(feeler: Built, mode: str) -> None:
 
 
 @pytest.mark.parametrize("mode", ["free", "turned"])
-def test_tendons_and_drives(feeler: Built, mode: str) -> None:
+def test_tendon_and_drive_sensors(feeler: Built, mode: str) -> None:
     data = moving(feeler.model(mode))
     expected = {
         "cable": {"length": 0.004, "velocity": 0.015, "effort": 7.0}, "pull": {"position": 0.004, "velocity": 0.015, "effort": 7.0},
@@ -172,7 +174,7 @@ def test_tendons_and_drives(feeler: Built, mode: str) -> None:
         assert {name: float(read(data, f"{sensor}:{name}")[0]) for name in readings} == pytest.approx(readings), sensor
 
 
-def test_noise_and_cutoff(feeler: Built) -> None:
+def test_noise_and_cutoff_are_applied(feeler: Built) -> None:
     model = feeler.model("free")
     assert {name: float(model.sensor(name).noise[0]) for name in ("shaken:accelerometer", "moving:angular", "swing:effort")} == {
         "shaken:accelerometer": 0.02, "moving:angular": 0.1, "swing:effort": 0.1,
@@ -187,8 +189,9 @@ def test_noise_and_cutoff(feeler: Built) -> None:
     assert read(data, "cable:length") == pytest.approx([0.03])
 
 
-def test_what_touches_the_floor(feeler: Built) -> None:
-    """At rest on it: all of its weight, as much of it at the edge as the lever says, and the floor under the eye."""
+def test_contact_and_distance_sensors_on_the_floor(feeler: Built) -> None:
+    """At rest, the contact force is the weight, its share at the edge follows from the lever, and the rangefinder measures the distance
+    to the floor."""
     model = feeler.scene("free")
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=3000)
@@ -209,7 +212,7 @@ def test_what_touches_the_floor(feeler: Built) -> None:
     assert read(data, "down:distance") == pytest.approx([3.0])
 
 
-def test_what_a_mode_has_no_drive_of(feeler: Built) -> None:
+def test_sensors_of_absent_drives_are_losses(feeler: Built) -> None:
     assert [(loss.path, loss.what, loss.how) for loss in feeler.losses("bare")] == [
         ("pull", "this sensor: the mode has no drive of `cable`", "omitted"),
         ("swing", "this sensor: the mode has no drive of `swing`", "omitted"),

@@ -1,4 +1,4 @@
-"""Tendons on paths: as long as formulas over forward kinematics say, and as MuJoCo has them, whatever the root."""
+"""Spatial tendons: lengths equal formulas over forward kinematics and the values of MuJoCo, for each root."""
 
 from __future__ import annotations
 
@@ -71,13 +71,13 @@ def reeved(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return built
 
 
-def states(count: int) -> list[dict[str, float]]:
+def random_positions(count: int) -> list[dict[str, float]]:
     random = np.random.default_rng(11)
     rows = random.uniform((-3.0, -3.0, -0.2), (3.0, 3.0, 0.2), (count, 3))
     return [dict(zip(("shoulder", "elbow", "slide"), map(float, row), strict=True)) for row in rows]
 
 
-def put(model: mujoco.MjModel, q: dict[str, float]) -> mujoco.MjData:
+def data_at(model: mujoco.MjModel, q: dict[str, float]) -> mujoco.MjData:
     data = mujoco.MjData(model)
     for path, value in q.items():
         data.joint(path).qpos[0] = value
@@ -91,10 +91,11 @@ def turn(axis: str, angle: float) -> Array:
     return np.array(x[axis])
 
 
-def test_a_rope_is_as_long_as_its_pieces(reeved: Built) -> None:
-    """By the forward kinematics of the document's numbers, written out here; the same from another root."""
+def test_rope_length_is_the_sum_of_its_segments(reeved: Built) -> None:
+    """The oracle is forward kinematics with the numbers of the document, written out in the test; a mode with another root gives the
+    same length."""
     models = [reeved.model(mode) for mode in ("m", "n")]
-    for q in states(20):
+    for q in random_positions(20):
         upper = turn("x", np.pi / 2) @ turn("z", q["shoulder"])
         start = np.array([0, 0, 0.2])
         lower = upper @ turn("y", np.pi / 2) @ turn("z", q["elbow"])
@@ -106,18 +107,18 @@ def test_a_rope_is_as_long_as_its_pieces(reeved: Built) -> None:
         pieces = (("hook", "eye", 1), ("eye", "low", 2), ("end", "slider", 4))
         expected = sum(float(np.linalg.norm(points[a] - points[b])) / divisor for a, b, divisor in pieces)
         for model in models:
-            data = put(model, q)
+            data = data_at(model, q)
             assert data.tendon("rope").length[0] == pytest.approx(expected, abs=1e-12)
             assert data.sensor("rope:length").data[0] == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("mode", ["m", "n"])
-def test_what_the_compiler_says_of_them_is_mujocos(reeved: Built, mode: str) -> None:
-    """Lengths, also where they lie on shapes, by how much each joint changes them, commands of keyframes and where springs rest."""
+def test_tendon_lengths_and_rates_match_mujoco(reeved: Built, mode: str) -> None:
+    """Lengths, also when wrapped around shapes, derivatives by each joint, commands of keyframes and spring rest lengths."""
     model, robot = reeved.model(mode), reeved.robot(mode)
     wrapped = {"belt": 0, "ball": 0, "rope": 0}
-    for q in states(200):
-        data, poses = put(model, q), body_poses(robot, q)
+    for q in random_positions(200):
+        data, poses = data_at(model, q), body_poses(robot, q)
         jacobian = np.zeros((model.ntendon, model.nv))
         for row in range(model.ntendon):
             first, count = model.ten_J_rowadr[row], model.ten_J_rownnz[row]
@@ -134,16 +135,16 @@ def test_what_the_compiler_says_of_them_is_mujocos(reeved: Built, mode: str) -> 
     data = at_key(model, "bent")
     for name in ("rope", "ball"):
         assert data.actuator(name).ctrl[0] == pytest.approx(data.tendon(name).length[0], abs=1e-12)
-    rest = put(model, dict.fromkeys(("shoulder", "elbow", "slide"), 0.0)).tendon("belt").length[0]
+    rest = data_at(model, dict.fromkeys(("shoulder", "elbow", "slide"), 0.0)).tendon("belt").length[0]
     assert model.tendon_lengthspring[model.tendon("belt").id].tolist() == pytest.approx([rest, rest])
     rope = model.tendon("rope").id
     assert (*model.tendon_range[rope], float(model.tendon_width[rope])) == pytest.approx((0.05, 0.9, 0.002))
 
 
-def test_static_efforts_know_them(reeved: Built) -> None:
-    """Loads of their springs and what their drives do are those of MuJoCo's inverse dynamics at rest."""
+def test_static_efforts_include_tendons(reeved: Built) -> None:
+    """Loads of tendon springs and drives equal MuJoCo's inverse dynamics at rest."""
     robot, model = reeved.robot("m"), reeved.model("m")
-    for q in states(10):
+    for q in random_positions(10):
         data = mujoco.MjData(model)
         for path, value in q.items():
             data.joint(path).qpos[0] = value

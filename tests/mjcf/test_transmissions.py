@@ -1,4 +1,4 @@
-"""Transmissions: dynamics against models in which the rotors are bodies of their own, and numbers at the joint."""
+"""Transmissions: dynamics compared with models in which rotors are separate bodies, and conversion of actuator values to the joint."""
 
 from __future__ import annotations
 
@@ -50,16 +50,17 @@ BY_HAND = """
   <actuator>{motors}</actuator>
 </mujoco>
 """
-"""The same arm, with rotors that turn on the world: their energy is that of reflected inertia. An equality couples each to the joints."""
+"""The same arm with rotors hinged to the world, so their energy is that of reflected inertia. An equality couples each rotor to the
+joints."""
 
 
-def compiled(folder: Path, transmissions: str, **settings: str) -> thingc.Compiled:
+def compile_arm(folder: Path, transmissions: str, **settings: str) -> thingc.Compiled:
     text = ARM.format(transmissions="\n".join(f"  {line}" for line in transmissions.strip().splitlines()))
     (folder / "arm.yaml").write_text(text)
     return thingc.compile(folder / "arm.yaml", parameters=settings)
 
 
-def by_hand(matrix: list[list[float]], inertia: float) -> mujoco.MjModel:
+def model_with_rotors(matrix: list[list[float]], inertia: float) -> mujoco.MjModel:
     rotors, couplings, equalities, motors = "", "", "", ""
     for k, row in enumerate(matrix):
         rotors += f'<body name="r{k}"><inertial pos="0 0 0" mass="1" diaginertia="1 1 {inertia}"/><joint name="r{k}" axis="0 0 1"/></body>'
@@ -72,7 +73,7 @@ def by_hand(matrix: list[list[float]], inertia: float) -> mujoco.MjModel:
 
 
 def trajectory(model: mujoco.MjModel, torques: np.ndarray) -> np.ndarray:
-    """Positions of shoulder and elbow over half a second with sinusoidal torques, [N m] of the actuators."""
+    """Positions of shoulder and elbow over half a second with sinusoidal actuator torques [N m]."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     places = [model.joint(name).qposadr[0] for name in ("shoulder", "elbow")]
@@ -97,13 +98,13 @@ wrist:
 
 
 @pytest.mark.parametrize(("text", "matrix"), [(SIMPLE, [[9.0, 0.0], [0.0, -6.0]]), (WRIST, [[9.0, 3.0], [5.0, -6.0]])])
-def test_a_robot_moves_as_with_rotors_of_its_own(text: str, matrix: list[list[float]], tmp_path: Path) -> None:
-    """The equality of MuJoCo is nearly rigid, so that positions agree to 1e-6 rad. Without the rotors they differ by more than 1 rad."""
-    model = compiled(tmp_path, text).modes["bench"].model()
+def test_motion_matches_model_with_separate_rotors(text: str, matrix: list[list[float]], tmp_path: Path) -> None:
+    """The equality of MuJoCo is nearly rigid, so positions agree to 1e-6 rad. Without rotor inertia they differ by more than 0.05 rad."""
+    model = compile_arm(tmp_path, text).modes["bench"].model()
     torques = np.array([0.08, 0.05])
     command = np.abs(np.diag(matrix)) * torques * (1.0, -1.0) if text is SIMPLE else torques  # torques of joints, or of actuators
     assert model.nu == 2
-    ours, theirs = trajectory(model, command), trajectory(by_hand(matrix, 3e-5), torques)
+    ours, theirs = trajectory(model, command), trajectory(model_with_rotors(matrix, 3e-5), torques)
     assert np.ptp(ours, axis=0).min() > 0.1
     assert np.abs(ours - theirs).max() < 1e-6
     model.dof_armature[:] = 0.0
@@ -111,11 +112,11 @@ def test_a_robot_moves_as_with_rotors_of_its_own(text: str, matrix: list[list[fl
     assert np.abs(trajectory(model, command) - theirs).max() > 0.05
 
 
-def test_rotors_add_their_inertia_to_the_mass_matrix(tmp_path: Path) -> None:
-    """By M' I M, to rounding."""
+def test_rotor_inertia_is_added_to_the_mass_matrix(tmp_path: Path) -> None:
+    """The difference is M' I M up to rounding."""
     matrices = []
     for text in (WRIST, WRIST.replace("2e-5", "0").replace("1e-5", "0")):
-        model = compiled(tmp_path, text).modes["bench"].model()
+        model = compile_arm(tmp_path, text).modes["bench"].model()
         data = mujoco.MjData(model)
         data.qpos[:] = (0.3, -0.7)
         mujoco.mj_forward(model, data)
@@ -126,9 +127,9 @@ def test_rotors_add_their_inertia_to_the_mass_matrix(tmp_path: Path) -> None:
     assert matrices[0] - matrices[1] == pytest.approx(3e-5 * matrix.T @ matrix, abs=1e-15)
 
 
-def test_switches_of_modes_know_the_rotors(tmp_path: Path) -> None:
-    """The mass matrix with which impacts are computed, against that of MuJoCo."""
-    model = compiled(tmp_path, WRIST).modes["bench"].model()
+def test_modes_api_includes_rotor_inertia(tmp_path: Path) -> None:
+    """The mass matrix used for impacts equals MuJoCo's."""
+    model = compile_arm(tmp_path, WRIST).modes["bench"].model()
     assert main(["build", str(tmp_path / "arm.yaml"), "--emit", "mjcf", "-o", str(tmp_path / "out")]) == 0
     mode = Modes.load(tmp_path / "out/arm/modes.json")["bench"]
     data, full = mujoco.MjData(model), np.zeros((2, 2))
@@ -140,10 +141,10 @@ def test_switches_of_modes_know_the_rotors(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "matrix"), [(SIMPLE, [[9.0, 0.0], [0.0, -6.0]]), (WRIST, [[9.0, 3.0], [5.0, -6.0]])])
-def test_pinocchio_computes_equal_accelerations(text: str, matrix: list[list[float]], tmp_path: Path) -> None:
-    """From the URDF, with the inertia of the rotors added to the mass matrix of the joints."""
+def test_accelerations_match_pinocchio(text: str, matrix: list[list[float]], tmp_path: Path) -> None:
+    """pinocchio loads the URDF; the rotor inertia is added to its mass matrix."""
     pinocchio = pytest.importorskip("pinocchio")
-    model = compiled(tmp_path, text).modes["bench"].model()
+    model = compile_arm(tmp_path, text).modes["bench"].model()
     assert main(["build", str(tmp_path / "arm.yaml"), "--emit", "urdf", "-o", str(tmp_path / "out")]) == 0
     theirs = pinocchio.buildModelFromUrdf(str(tmp_path / "out/arm/urdf/arm_bench.urdf"))
     assert list(theirs.names)[1:] == ["shoulder", "elbow"]
@@ -162,11 +163,11 @@ def test_pinocchio_computes_equal_accelerations(text: str, matrix: list[list[flo
         assert data.qacc == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-def test_numbers_of_the_actuator_are_converted_to_the_joint(tmp_path: Path) -> None:
-    """By hand: r = 9, e = 0.85."""
+def test_actuator_values_are_converted_to_the_joint(tmp_path: Path) -> None:
+    """Expected values are computed with r = 9 and e = 0.85."""
     actuator = "{kind: position, kp: 2 N*m/rad, kv: 0.1 N*m*s/rad, effort: 0.4 N*m, velocity: 300 rad/s, armature: 2e-5 kg*m^2}"
     text = f"one: {{actuator: {actuator}, joint: shoulder, ratio: -9, efficiency: 85 %, backlash: 0.3 deg, inertia: 1e-5 kg*m^2}}"
-    mode = compiled(tmp_path, text).modes["bench"]
+    mode = compile_arm(tmp_path, text).modes["bench"]
     model = mode.model()
     assert model.actuator_gainprm[0, 0] == pytest.approx(2.0 * 81.0 * 0.85)
     assert model.actuator_biasprm[0, 2] == pytest.approx(-0.1 * 81.0 * 0.85)
@@ -177,7 +178,7 @@ def test_numbers_of_the_actuator_are_converted_to_the_joint(tmp_path: Path) -> N
     assert model.actuator("shoulder").trnid[0] == model.joint("shoulder").id and model.actuator_gear[0, 0] == 1.0
 
 
-def test_values_of_the_joint_replace_those_of_the_transmission(tmp_path: Path) -> None:
+def test_joint_values_override_the_transmission(tmp_path: Path) -> None:
     text = f"one: {{actuator: {MOTOR}, joint: shoulder, ratio: 9}}"
     (tmp_path / "own").mkdir()
     whole = ARM.replace("axis: [0, 1, 0]}}", "axis: [0, 1, 0], limit: {{effort: 3 N*m}}, dynamics: {{armature: 1e-4 kg*m^2}}}}")
@@ -186,8 +187,8 @@ def test_values_of_the_joint_replace_those_of_the_transmission(tmp_path: Path) -
     assert model.actuator_ctrlrange.tolist() == [[-3.0, 3.0]] and model.dof_armature[0] == 1e-4
 
 
-def test_a_rack_turns_a_rotation_into_a_slide(tmp_path: Path) -> None:
-    """Pinion of 10 mm: 0.4 N m are 40 N, 300 rad/s are 3 m/s, and 2e-5 kg m^2 are 0.2 kg."""
+def test_rack_converts_rotation_to_translation(tmp_path: Path) -> None:
+    """With a pinion of 10 mm, 0.4 N m are 40 N, 300 rad/s are 3 m/s, and 2e-5 kg m^2 are 0.2 kg."""
     text = ARM.format(transmissions=(
         "  rack: {actuator: {kind: motor, effort: 0.4 N*m, velocity: 300 rad/s, armature: 2e-5 kg*m^2}, joint: rail, ratio: =1 rad / 10 mm}"
     )).replace("shoulder: {type: continuous", "rail: {type: prismatic, limit: {lower: 0, upper: 1 m}")
@@ -197,8 +198,8 @@ def test_a_rack_turns_a_rotation_into_a_slide(tmp_path: Path) -> None:
     assert model.numeric("rail:velocity").data[0] == pytest.approx(3.0)
 
 
-def test_commands_of_a_differential_hold_a_pose(tmp_path: Path) -> None:
-    """In a keyframe the commands are those of the actuators at its pose, within the range that the limits of the joints allow."""
+def test_keyframe_commands_of_a_differential(tmp_path: Path) -> None:
+    """Commands in a keyframe are actuator positions at its pose, within the range that the joint limits allow. They hold the pose."""
     drive = "{kind: position, kp: 400 N*m/rad, kv: 4 N*m*s/rad}"
     text = f"wrist: {{differential: {{actuators: [{drive}, {drive}], joints: [shoulder, elbow], matrix: [[1, 2], [1, -2]]}}}}"
     limited = re.sub(r"continuous(.*?), axis", r"revolute\1, limit: {{lower: -30 deg, upper: 60 deg}}, axis", ARM)
@@ -215,27 +216,27 @@ def test_commands_of_a_differential_hold_a_pose(tmp_path: Path) -> None:
     assert np.degrees(data.qpos) == pytest.approx([20.0, -10.0], abs=0.5)
 
 
-def test_efficiency_of_a_differential_reduces_its_torques(tmp_path: Path) -> None:
-    model = compiled(tmp_path, WRIST + "  efficiency: 50 %\n").modes["bench"].model()
+def test_differential_efficiency_reduces_torques(tmp_path: Path) -> None:
+    model = compile_arm(tmp_path, WRIST + "  efficiency: 50 %\n").modes["bench"].model()
     assert model.actuator_ctrlrange[:, 1] == pytest.approx([2.0, 2.0]) and model.tendon_armature == pytest.approx([3e-5, 3e-5])
 
 
 @pytest.mark.parametrize("text", [SIMPLE, WRIST])
-def test_a_plan_computes_the_numbers_of_a_compilation(text: str, tmp_path: Path) -> None:
+def test_family_values_equal_a_full_compilation(text: str, tmp_path: Path) -> None:
     """For other numbers of teeth, which change the ratio."""
-    compiled(tmp_path, text)
+    compile_arm(tmp_path, text)
     with thingc.family(tmp_path / "arm.yaml") as family:
         for teeth in (30.0, 45.0, 200.0):
             model = family.model({"teeth": teeth}, mode="bench")
-            own = compiled(tmp_path, text, teeth=str(teeth)).modes["bench"].model()
+            own = compile_arm(tmp_path, text, teeth=str(teeth)).modes["bench"].model()
             for field in ("dof_armature", "tendon_armature", "actuator_ctrlrange", "wrap_prm"):
                 assert getattr(model, field).tolist() == getattr(own, field).tolist(), (teeth, field)
             assert own.dof_armature[0] == pytest.approx(3e-5 * (teeth / 10.0) ** 2) or text is WRIST
 
 
-def test_a_mirrored_and_nested_document_has_its_own_transmissions(tmp_path: Path) -> None:
-    """Named by their path; a mirror image moves with equal numbers."""
-    compiled(tmp_path, WRIST)
+def test_nested_and_mirrored_transmissions(tmp_path: Path) -> None:
+    """Actuators are named by their path. A mirror image has equal coefficients."""
+    compile_arm(tmp_path, WRIST)
     (tmp_path / "two.yaml").write_text("""\
 thingc: assembly/1
 name: two
@@ -255,9 +256,9 @@ modes:
     assert model.wrap_prm[:4].tolist() == model.wrap_prm[4:].tolist() == [9.0, 3.0, 5.0, -6.0]
 
 
-def test_torque_margins_are_those_at_the_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """0.7 kg at 0.12 m and 0.4 kg at 0.25 + 0.09 m weigh 2.158 N m on the shoulder; its belt holds 36 N m."""
-    compiled(tmp_path, SIMPLE)
+def test_torque_margin_is_computed_at_the_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """0.7 kg at 0.12 m and 0.4 kg at 0.25 + 0.09 m load the shoulder with 2.158 N m; its belt holds 36 N m."""
+    compile_arm(tmp_path, SIMPLE)
     tests = "tests: {strong: {torque_margin: {drive: shoulder, min: 1}}}\n"
     (tmp_path / "arm.yaml").write_text((tmp_path / "arm.yaml").read_text() + tests)
     assert main(["test", str(tmp_path / "arm.yaml")]) == 0
@@ -265,8 +266,8 @@ def test_torque_margins_are_those_at_the_joint(tmp_path: Path, capsys: pytest.Ca
     assert f"margin {36.0 / weight:.3g} at shoulder" in capsys.readouterr().out
 
 
-def test_an_actuator_that_a_nested_document_uses_is_an_error(tmp_path: Path) -> None:
-    """In one document, the pass `resolve` finds it; across documents, only the linked robot has it."""
+def test_actuator_used_in_nested_document_is_an_error(tmp_path: Path) -> None:
+    """In one document, the pass `resolve` reports it. Across documents, it is found in the linked robot."""
     body = "frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}"
     (tmp_path / "inner.yaml").write_text(f"""\
 thingc: assembly/1
@@ -289,7 +290,7 @@ joints: {{wrist: {{type: continuous, parent: inner.arm.origin, child: hand.origi
 
 
 def test_loops_are_not_cut_at_joints_of_a_differential(tmp_path: Path) -> None:
-    """Four bars whose joints are alike: without the differential, the joint that closes the loop is cut."""
+    """Four bars with equal joints: without the differential, the joint that closes the loop is cut."""
     body = "frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}, mounts: {end: {xyz: 100 0 0 mm}}"
     bars = (("one", "a", "b", ""), ("two", "b", "c", ""), ("three", "c", "d", ""), ("four", "d", "a", ", loop: true"))
     hinges = "".join(

@@ -1,4 +1,4 @@
-"""Mode switches in JAX are those of numpy, which MuJoCo is asked about elsewhere."""
+"""Mode switches in JAX equal those in numpy, which other tests compare with MuJoCo."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ DOCUMENTS = {"balls": random_tree(1)[0], "puck": PUCK}
 
 
 def states(mode: Mode, seed: int = 1) -> State:
-    """Worlds in the mode, moving anyhow; the base moves only if it can. Where loops are cut, they are nearly closed."""
+    """Random states of several worlds in the mode. The base moves only if it can. If loops are cut, they are nearly closed."""
     rng, count = np.random.default_rng(seed), len(mode.coordinates)
     start = mode.arrays(mode.state(next(iter(mode.named), None)))
     poses = np.array([pose(rotation_of(rng.normal(size=4)), rng.normal(size=3)) for _ in range(WORLDS)])
@@ -66,7 +66,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("robot", "old", "new", "on_motion"), CASES)
-def test_worlds_switch_as_one_by_one(
+def test_vectorized_switch_equals_single_switches(
     robots: Callable[[str], Modes], robot: str, old: str, new: str, on_motion: str,
 ) -> None:
     modes = robots(robot)
@@ -92,8 +92,8 @@ def test_worlds_switch_as_one_by_one(
     assert np.abs(moved).max() > 1e-3
 
 
-def test_a_switch_has_derivatives() -> None:
-    """Of the velocity after an impact by a joint, against a difference, also where the joints are at 0."""
+def test_switch_is_differentiable() -> None:
+    """The derivative of the velocity after an impact by a joint equals a finite difference, also with joints at 0."""
     modes = random_robot(3, mimics=True).modes
     one, other = modes["free_0"], modes["held_0"]
     state = one.arrays(one.state(base_twist=[0.3, -0.2, 0.5, 0.4, 0.1, -0.7]))
@@ -107,7 +107,7 @@ def test_a_switch_has_derivatives() -> None:
     assert np.asarray(slope) == pytest.approx(difference, abs=1e-7) and np.abs(difference).max() > 1e-3
 
 
-def test_a_base_that_is_elsewhere_is_nan() -> None:
+def test_switch_with_displaced_base_is_nan() -> None:
     modes = chain().modes
     near, bolted = modes["near"], modes["bolted"]
     bent = modes.switch(modes["bolted"].state("bent"), "near").state
@@ -120,7 +120,7 @@ def test_a_base_that_is_elsewhere_is_nan() -> None:
         assert all(np.isnan(one).all() for one in switched(elsewhere))
 
 
-def test_numbers_in_single_precision_stay_so() -> None:
+def test_single_precision_is_kept() -> None:
     jax.config.update("jax_enable_x64", False)
     modes = random_robot(3).modes
     free, held = modes["free_0"], modes["held_0"]
@@ -131,7 +131,7 @@ def test_numbers_in_single_precision_stay_so() -> None:
     assert np.asarray(found.v) == pytest.approx(expected.v, abs=1e-4)
 
 
-def test_an_unknown_choice() -> None:
+def test_unknown_on_motion_is_rejected() -> None:
     modes = random_robot(3).modes
     free = modes["free_0"]
     with pytest.raises(ModesError, match='expected on_motion "drop" or "impact", found `raise`'):

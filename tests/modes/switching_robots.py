@@ -1,4 +1,5 @@
-"""Robots to switch: random trees through `link`, `root` and the emitters, and their MuJoCo models; what MuJoCo says of bodies."""
+"""Robots for tests of mode switches: random trees through `link`, `root` and the emitters, their MuJoCo models, and readings from
+MuJoCo."""
 
 from __future__ import annotations
 
@@ -43,7 +44,7 @@ BASES = ("free", "held", "fixed")
 
 @dataclass
 class Made:
-    """A robot as a build gives it: what `modes.json` says, and one model per mode."""
+    """A built robot: `modes.json` and one model per mode."""
 
     modes: Modes
     xml: dict[str, str]
@@ -55,7 +56,7 @@ class Made:
 
 
 def emitted(found: Assembly) -> Made:
-    """Every mode of an assembly, through the emitters into MuJoCo."""
+    """Emit every mode of an assembly and load the MuJoCo models."""
     report = Report()
     robots = tuple(robot for m in found.modes if (robot := root(found, m, report)) is not None)
     with tempfile.TemporaryDirectory() as folder:
@@ -71,7 +72,7 @@ def emitted(found: Assembly) -> Made:
 
 
 def frame(rng: np.random.Generator) -> Array:
-    """A frame within 0.2 m, turned anyhow."""
+    """A random frame within 0.2 m with a random orientation."""
     roll, pitch, yaw = rng.uniform(-3, 3, 3)
     return t(*rng.uniform(-0.2, 0.2, 3)) @ rz(yaw) @ ry(pitch) @ rx(roll)
 
@@ -79,8 +80,7 @@ def frame(rng: np.random.Generator) -> Array:
 def random_robot(seed: int, *, mimics: bool = False) -> Made:
     """A tree of two to seven boxes on hinges, slides and rigid mates, rooted at up to three of them with every kind of base.
 
-    Modes are called `free_0`, `held_0`, `fixed_0`, ... With `mimics` some joints follow another.
-    """
+    Modes are named `free_0`, `held_0`, `fixed_0`, ... With `mimics`, some joints mimic others."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(2, 8))
     records, components, joints = [], [], []
@@ -108,7 +108,7 @@ def random_robot(seed: int, *, mimics: bool = False) -> Made:
 
 
 def driven(found: Assembly, **actuators: tuple[str, ...]) -> Assembly:
-    """The same with only these joints' drives in the modes named."""
+    """The same assembly with only these drives in the named modes."""
     return replace(found, modes=tuple(
         replace(m, actuators=actuators[m.name]) if m.name in actuators else m for m in found.modes
     ))
@@ -118,7 +118,7 @@ def driven(found: Assembly, **actuators: tuple[str, ...]) -> Assembly:
 
 
 def stir(rng: np.random.Generator, data: mujoco.MjData, *, moving: bool = True) -> mujoco.MjData:
-    """Joints and base anywhere, moving anyhow (a base that is not free stands), followed by `mj_forward`."""
+    """Set random positions and velocities of joints and base (a base that is not free does not move), and call `mj_forward`."""
     model = data.model
     data.qpos[:] = rng.uniform(-2, 2, model.nq)
     data.qvel[:] = rng.normal(size=model.nv) if moving else 0.0
@@ -130,8 +130,8 @@ def stir(rng: np.random.Generator, data: mujoco.MjData, *, moving: bool = True) 
 
 
 def bodies(data: mujoco.MjData) -> dict[str, tuple[Array, Array]]:
-    """Of every link, MuJoCo's own pose (4, 4) in the world and velocity (6,) of its frame: linear, angular, world axes. (The anchors of
-    holds are not links.)"""
+    """World pose (4, 4) and velocity (6,) of each link's frame by MuJoCo: linear, angular, in world axes. Anchors of holds are not
+    links."""
     model = data.model
     mujoco.mj_forward(model, data)
     found = {}
@@ -147,8 +147,9 @@ def bodies(data: mujoco.MjData) -> dict[str, tuple[Array, Array]]:
 
 
 def assert_said(mode: Mode, state: RobotState, data: mujoco.MjData) -> None:
-    """What `thingc.modes` says of every link, its pose and its twist (linear in world axes, angular in its own), is MuJoCo's. (It has none
-    of the links that only join two joints.)"""
+    """Assert that poses and twists of `thingc.modes` equal those of MuJoCo.
+
+    Twists are linear in world axes and angular in the link's own axes. Massless links between joints do not exist in MuJoCo."""
     twists, found = mode.twists(state), bodies(data)
     assert {link.name for link in mode.links if link.mass} <= found.keys()
     for link, X in mode.poses(state).items():
@@ -169,7 +170,7 @@ def joints_of(data: mujoco.MjData) -> dict[str, tuple[float, float]]:
 
 
 def same_motion(one: mujoco.MjData, other: mujoco.MjData) -> None:
-    """Fails unless every body is where it was and moves as it did, and every joint is to the bit what it was."""
+    """Assert that all bodies have equal poses and velocities, and that joint values are bit-identical."""
     before, after = bodies(one), bodies(other)
     assert before.keys() == after.keys()
     for name, (X, velocity) in before.items():
@@ -179,7 +180,7 @@ def same_motion(one: mujoco.MjData, other: mujoco.MjData) -> None:
 
 
 def mass_matrix(data: mujoco.MjData) -> Array:
-    """MuJoCo's own."""
+    """The mass matrix by MuJoCo."""
     model = data.model
     mujoco.mj_forward(model, data)
     found = np.zeros((model.nv, model.nv))
@@ -188,7 +189,7 @@ def mass_matrix(data: mujoco.MjData) -> Array:
 
 
 def jacobian(data: mujoco.MjData, body: str) -> Array:
-    """MuJoCo's own (6, nv) of a body's frame: linear over angular, world axes."""
+    """Jacobian (6, nv) of a body's frame by MuJoCo: linear over angular, in world axes."""
     found = np.zeros((6, data.model.nv))
     mujoco.mj_jacBody(data.model, data, found[:3], found[3:], data.model.body(body).id)
     return found

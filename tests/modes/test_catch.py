@@ -1,4 +1,4 @@
-"""A perfectly inelastic catch of two bodies, against what a textbook says."""
+"""A perfectly inelastic catch of two bodies, compared with textbook formulas."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from thingc.modes import Inertias
 SIZES = ((0.3, 0.1, 0.05), (0.2, 0.08, 0.06))
 MASSES = tuple(1000.0 * math.prod(size) for size in SIZES)
 ARM = 0.15
-"""From the joint to the centre of the other body [m]."""
+"""Distance from the joint to the centre of the other body [m]."""
 
 
 def pair(kind: str, armature: float = 0.0) -> Made:
-    """Two boxes: `one`, whose origin is on the joint, and `two`, whose centre is `ARM` away along its x. The joint's axis is z of
-    `one`; at q = 0 the two frames are parallel. Either can be held."""
+    """Two boxes: `one`, with its origin on the joint, and `two`, with its centre at `ARM` along its x.
+
+    The joint axis is z of `one`, and at q = 0 the two frames are parallel. Either can be held."""
     mounts_one: dict[str, Array] = {"a": np.eye(4)}
     # the mate turns z over: with its own z down and its x and y so that the frames come out parallel
     mate = np.array([[0.0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])
@@ -38,20 +39,16 @@ def pair(kind: str, armature: float = 0.0) -> Made:
 
 
 def about_z(k: int) -> float:
-    """m (a^2 + b^2) / 12."""
+    """Moment of inertia about z: m (a^2 + b^2) / 12."""
     return MASSES[k] * (SIZES[k][0] ** 2 + SIZES[k][1] ** 2) / 12
 
 
 @pytest.mark.parametrize("armature", [0.0, 0.02])
 @pytest.mark.parametrize("q", [0.0, 0.7, -2.0])
-def test_a_pendulum_caught_at_its_pivot(armature: float, q: float) -> None:
-    """`one` flies in the plane with velocity V of the joint and turns by w; `two` turns by w + v. The catch stops `one`. No
-    moment acts on `two` about the joint, so that its angular momentum about it stays:
-
-        (I + m l^2 + A) v' = I (w + v) + m l x (V + (w + v) x l) + A v
-
-    with A the rotor behind the gears, which turns with v only.
-    """
+def test_pendulum_caught_at_its_pivot(armature: float, q: float) -> None:
+    """`one` moves in the plane with velocity V of the joint and angular velocity w; `two` has w + v. The catch stops `one`. No moment
+    about the joint acts on `two`, so its angular momentum about the joint is conserved: (I + m l^2 + A) v' = I (w + v) + m l x (V +
+    (w + v) x l) + A v, where A is the rotor behind the gears, which turns only with v."""
     made = pair("revolute", armature)
     V, w, v = np.array([0.4, -1.1, 0.0]), 2.5, -0.8
     state = made.modes["free_one"].state(q={"j": q}, v={"j": v}, base_twist=[*V, 0, 0, w])
@@ -71,8 +68,8 @@ def test_a_pendulum_caught_at_its_pivot(armature: float, q: float) -> None:
 
 
 @pytest.mark.parametrize("armature", [0.0, 0.7])
-def test_a_sledge_caught_by_its_rail(armature: float) -> None:
-    """The momentum of `two` along the rail stays: (m + A) v' = m (V_z + v) + A v. Across it the rail takes everything."""
+def test_sledge_caught_by_its_rail(armature: float) -> None:
+    """The momentum of `two` along the rail is conserved: (m + A) v' = m (V_z + v) + A v. The rail absorbs everything across it."""
     made = pair("prismatic", armature)
     V, v = np.array([0.3, 0.2, -0.9]), 0.4
     state = made.modes["free_one"].state(q={"j": 0.05}, v={"j": v}, base_twist=[*V, 0, 0, 0])
@@ -82,8 +79,8 @@ def test_a_sledge_caught_by_its_rail(armature: float) -> None:
     assert switched.impulse[:2] == pytest.approx(-(MASSES[0] + m) * V[:2], rel=1e-12)
 
 
-def test_a_catch_by_the_other_end() -> None:
-    """The roles changed: `two` is stopped and `one` swings about the joint; q is still `two` relative to `one`."""
+def test_catch_at_the_other_body() -> None:
+    """With exchanged roles, `two` stops and `one` swings about the joint. q is still `two` relative to `one`."""
     made = pair("revolute")
     V, w = np.array([0.4, -1.1, 0.0]), 2.5
     state = made.modes["free_one"].state(base_twist=[*V, 0, 0, w], v={"j": -w})
@@ -95,8 +92,8 @@ def test_a_catch_by_the_other_end() -> None:
     assert switched.state.v["j"] == pytest.approx(-expected, rel=1e-12)
 
 
-def test_a_catch_is_what_a_very_stiff_weld_does() -> None:
-    """MuJoCo's own soft weld to the world, ever stiffer, comes to the same velocity of the joint."""
+def test_catch_is_the_limit_of_a_stiff_weld() -> None:
+    """MuJoCo's soft weld to the world converges to the same joint velocity with increasing stiffness."""
     made = pair("revolute", 0.002)
     start = made.modes["free_one"].state(q={"j": 0.7}, v={"j": -0.8}, base_twist=[0.4, -1.1, 0.2, 0.5, -0.3, 2.5])
     caught = made.modes.switch(start, "held_one", on_motion="impact").state.v["j"]
@@ -117,8 +114,8 @@ def test_a_catch_is_what_a_very_stiff_weld_does() -> None:
     assert errors[1] < 0.02 * abs(caught) and errors[1] < 0.3 * errors[0]
 
 
-def test_masses_come_from_the_model_or_from_the_caller() -> None:
-    """A payload that was put into the model at run time counts; so do masses that are given; a state alone has the build's."""
+def test_masses_come_from_model_or_argument() -> None:
+    """A payload added to the model at run time counts, and so do given masses. A state without a model uses the masses of the build."""
     made = pair("revolute")
     state = made.modes["free_one"].state(base_twist=[0.4, -1.1, 0, 0, 0, 2.5])
 

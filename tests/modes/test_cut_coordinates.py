@@ -1,4 +1,4 @@
-"""Coordinates and freedoms of joints that a mode cuts, against motions by the table of kinds and their differences."""
+"""Coordinates and degrees of freedom of cut joints, compared with motions by the table of kinds and finite differences."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from modes.test_random_trees import LEAD, frame, motion
 from thingc.modes import Cut
-from thingc.modes.cut_joints import constrained, coordinates, freedoms, velocities
+from thingc.modes.cut_joints import constraint_projector, coordinates, freedoms, velocities
 
 X, Y, Z = np.eye(3)
 NONE = np.zeros(3)
@@ -21,7 +21,7 @@ TWISTS = {
 
 
 @pytest.mark.parametrize("kind", TWISTS)
-def test_a_cut_joint_moves_as_its_kind_does(kind: str) -> None:
+def test_cut_joint_coordinates_match_its_kind(kind: str) -> None:
     rng = np.random.default_rng(3)
     X_WA = frame(Rotation.from_rotvec(rng.normal(size=3)), rng.normal(size=3))
     twists = np.array([np.concatenate(one) for one in TWISTS[kind]])
@@ -41,5 +41,5 @@ def test_a_cut_joint_moves_as_its_kind_does(kind: str) -> None:
     relative = np.array([*rate[:3, 3], spin[2, 1], spin[0, 2], spin[1, 0]])
     assert freedoms(cut, q, X_WB) @ v == pytest.approx(relative, abs=1e-8)
     assert velocities(cut, q, X_WB, relative) == pytest.approx(v, abs=1e-7)
-    P = constrained(cut, q, X_WB)
+    P = constraint_projector(cut, q, X_WB)
     assert P @ relative == pytest.approx(np.zeros(6), abs=1e-8) and np.trace(P) == pytest.approx(6 - len(q)) and pytest.approx(P) == P @ P

@@ -1,4 +1,4 @@
-"""`family.modes(settings)`: the modes of a variant in memory, by a plan and by every pass."""
+"""`family.modes(settings)`: the modes of a variant in memory, by a plan and by a full compilation."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def family(tmp_path: Path, shared_store: str) -> Iterator[thingc.RobotFamily]:
         yield family
 
 
-def test_they_are_those_of_a_compilation(family: thingc.RobotFamily, tmp_path: Path, shared_store: str) -> None:
-    """The links of every variant are where MuJoCo has them; by passes first, then by a plan."""
+def test_modes_of_variants_match_mujoco_and_compilation(family: thingc.RobotFamily, tmp_path: Path, shared_store: str) -> None:
+    """Links of every variant are at MuJoCo's poses, first by full passes and then by a plan."""
     rng = np.random.default_rng(1)
     lengths = [0.3, *rng.uniform(0.2, 0.8, 5)]
     for length in lengths:
@@ -60,7 +60,7 @@ def test_they_are_those_of_a_compilation(family: thingc.RobotFamily, tmp_path: P
         family.modes({"length": 0.4}).read("free", one)
 
 
-def test_some_modes_and_refused_settings(family: thingc.RobotFamily) -> None:
+def test_selected_modes_and_rejected_settings(family: thingc.RobotFamily) -> None:
     assert tuple(family.modes({}, "held", "free")) == ("free", "held")
     refused = family.modes({"length": 5.0})
     assert not refused and "at most 900 mm" in refused.problems[0].message

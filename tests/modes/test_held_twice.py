@@ -1,4 +1,4 @@
-"""Modes that hold further mounts, and modes that cut the same loop at different joints."""
+"""Modes with additional holds, and modes that cut the same loop at different joints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ COUNT = 9
 
 
 def chain(count: int = COUNT, seed: int = 4) -> Made:
-    """Links `c0` to `c8` on hinges askew, which held at both ends still move in two ways; `bridge` holds `c8.tip` besides."""
+    """Links `c0` to `c8` on hinges with general axes. Held at both ends, the chain has two degrees of freedom left; `bridge` also holds
+    `c8.tip`."""
     rng = np.random.default_rng(seed)
     parts = [
         box(f"p:B{k}", (0.1, 0.06, 0.04), centre=(0.01, 0.02, 0.0), mounts={"a": frame(rng), "b": frame(rng), "tip": frame(rng)})
@@ -49,28 +50,28 @@ def made() -> Made:
     return chain()
 
 
-def stretched_weld(data: mujoco.MjData, rows_of: int = 6) -> float:
-    """How far MuJoCo finds its equalities violated [m, rad]."""
+def equality_violation(data: mujoco.MjData, rows_of: int = 6) -> float:
+    """Largest violation of MuJoCo's equalities [m, rad]."""
     mujoco.mj_forward(data.model, data)
     rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
     assert rows.sum() == rows_of
     return float(np.abs(data.efc_pos[rows]).max())
 
 
-def test_a_bridge_is_entered_where_the_feet_are(made: Made) -> None:
-    """At any place, in any posture, at rest: the hold is moved to the mount."""
+def test_hold_moves_to_the_mount_on_entry(made: Made) -> None:
+    """For any place and posture at rest, the hold is moved to the mount."""
     rng = np.random.default_rng(8)
     for source in ("near", "far", "float"):
         one, other = stir(rng, made.data(source), moving=False), made.data("bridge")
-        assert stretched_weld(other) > 1e-3, "the postures differ"
+        assert equality_violation(other) > 1e-3, "the postures differ"
         made.modes.switch((source, one), ("bridge", other))
         same_motion(one, other)
-        assert stretched_weld(other) < 1e-12
+        assert equality_violation(other) < 1e-12
 
 
 @pytest.mark.parametrize("target", ["bridge", "pinned", "hung", "pinned_hung"])
-def test_a_switch_leaves_the_model_as_it_is(made: Made, target: str) -> None:
-    """A reset to a keyframe, another `MjData` of the model and a simulation of it are those of a model that nothing was switched into."""
+def test_switch_does_not_modify_the_model(made: Made, target: str) -> None:
+    """Keyframe resets and simulations of other `MjData` equal those of a fresh model."""
     size = 3 if "pinned" in target else 6
     model, fresh = made.models[target], mujoco.MjModel.from_xml_string(made.xml[target])
     one, other = stir(np.random.default_rng(11), made.data("near"), moving=False), mujoco.MjData(model)
@@ -79,21 +80,21 @@ def test_a_switch_leaves_the_model_as_it_is(made: Made, target: str) -> None:
     first = mujoco.MjData(fresh)
     for data in (first, other, mujoco.MjData(model)):
         mujoco.mj_resetDataKeyframe(data.model, data, 0)
-        assert stretched_weld(data, size) < 1e-9
+        assert equality_violation(data, size) < 1e-9
         mujoco.mj_step(data.model, data, 50)
         assert (data.qpos == first.qpos).all() and np.isfinite(data.qpos).all()
 
 
-def test_a_hung_robot_is_entered_with_its_hold_alone_at_rest(made: Made) -> None:
+def test_hung_mode_requires_only_its_hold_at_rest(made: Made) -> None:
     rng = np.random.default_rng(9)
     one, other = stir(rng, made.data("far")), made.data("hung")
     made.modes.switch(("far", one), ("hung", other))
     same_motion(one, other)
-    assert stretched_weld(other) < 1e-12
+    assert equality_violation(other) < 1e-12
 
 
-def test_a_hold_that_moves_is_said(made: Made) -> None:
-    """The root rests, the other foot does not."""
+def test_moving_hold_is_an_error(made: Made) -> None:
+    """The root is at rest, but the other foot is not."""
     one, other = stir(np.random.default_rng(3), made.data("near")), made.data("bridge")
     before = other.mocap_pos.copy()
     with pytest.raises(BaseMoves, match="^mode `bridge` holds `c8` at rest, but this link moves at ") as refused:
@@ -109,8 +110,8 @@ def test_a_hold_that_moves_is_said(made: Made) -> None:
 
 
 @pytest.mark.parametrize("target", ["bridge", "hung"])
-def test_a_catch_with_both_hands(made: Made, target: str) -> None:
-    """The projection with MuJoCo's mass matrix and Jacobians of the floating robot, of the links that stop."""
+def test_impact_at_two_links(made: Made, target: str) -> None:
+    """The oracle is the projection with MuJoCo's mass matrix and Jacobians of the stopped links in the floating robot."""
     one, other = stir(np.random.default_rng(6), made.data("float")), made.data(target)
     switched = made.modes.switch(("float", one), (target, other), on_motion="impact")
     M = mass_matrix(one)
@@ -132,11 +133,11 @@ def test_a_catch_with_both_hands(made: Made, target: str) -> None:
         assert not switched.impulse.any() and not switched.removed.any()
     turned = [np.concatenate([p[:3], bodies(one)[link][0][:3, :3] @ p[3:]]) for link, p in zip(stopped, impulses, strict=True)]
     assert np.concatenate(turned) == pytest.approx(taken, abs=1e-9)
-    assert stretched_weld(other) < 1e-12
+    assert equality_violation(other) < 1e-12
 
 
-def test_a_catch_at_a_point_and_at_a_link(made: Made) -> None:
-    """Of a robot whose base stays free: each impulse is that of its own hold."""
+def test_impact_at_a_point_and_a_link(made: Made) -> None:
+    """The base stays free. Each impulse is reported for its own hold."""
     one, other = stir(np.random.default_rng(7), made.data("float")), made.data("tied")
     switched = made.modes.switch(("float", one), ("tied", other), on_motion="impact")
     tip = np.zeros((3, one.model.nv))
@@ -149,13 +150,13 @@ def test_a_catch_at_a_point_and_at_a_link(made: Made) -> None:
     assert [*link[:3], *(bodies(one)["c0"][0][:3, :3] @ link[3:])] == pytest.approx(taken[3:], abs=1e-9)
 
 
-def test_of_a_bolted_robot_both_feet_must_be_where_they_stand(made: Made) -> None:
+def test_fixed_mode_requires_hold_at_its_place(made: Made) -> None:
     robot = made.modes
     bent = robot["bolted"].state("bent")
     source, other = made.data("near"), made.data("bolted")
     robot.write(robot.switch(bent, "near").state, source)
     robot.switch(("near", source), ("bolted", other))
-    assert stretched_weld(other) < 1e-9
+    assert equality_violation(other) < 1e-9
     before = other.mocap_pos.copy()
     source.joint("j8").qpos += 0.25
     with pytest.raises(BaseElsewhere, match="^mode `bolted` fixes `c8` to the world, but this link is ") as refused:
@@ -172,7 +173,7 @@ def turned(model: mujoco.MjModel) -> None:
 
 
 def shifted_joint(model: mujoco.MjModel) -> None:
-    """Across its axis; along it nothing would change."""
+    """Shift a joint across its axis; a shift along the axis would have no effect."""
     axis = model.jnt_axis[4]
     model.jnt_pos[4] += 5e-3 * np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
 
@@ -189,7 +190,8 @@ ELSEWHERE = {
 
 
 @pytest.mark.parametrize("name", ELSEWHERE)
-def test_a_model_with_something_in_another_place_is_refused(made: Made, name: str) -> None:
+def test_model_with_changed_geometry_is_rejected(made: Made, name: str) -> None:
+    """Changed masses are accepted; changed poses of links, joints and mounts are rejected."""
     model = mujoco.MjModel.from_xml_string(made.xml["bridge"])
     data = mujoco.MjData(model)
     made.modes.read("bridge", data)
@@ -204,7 +206,7 @@ def test_a_model_with_something_in_another_place_is_refused(made: Made, name: st
         made.modes.switch(("near", start), ("bridge", data))
 
 
-def test_the_same_robot_with_other_mounts_is_another_variant(made: Made) -> None:
+def test_model_with_other_mounts_is_rejected(made: Made) -> None:
     other = chain(seed=5)
     for name in made.modes:
         with pytest.raises(WrongData):
@@ -219,7 +221,7 @@ CUTS = {"ground": "j4", "crank": "j2", "rocker": "j3"}
 
 
 def four_bar(last: str) -> Made:
-    """Four bars in a plane; a hinge or a slide across closes the loop. No rotors: a joint that is cut loses its own."""
+    """Four bars in a plane, closed by a hinge or a transverse slide. There is no armature, because a cut joint would lose it."""
     parts, components = [], []
     for k, length in enumerate(LENGTHS):
         tail = t(-length / 2, 0, 0) @ rx(np.pi)
@@ -245,7 +247,7 @@ def four_bar(last: str) -> Made:
 
 
 def moving_loop(made: Made, name: str, rng: np.random.Generator) -> mujoco.MjData:
-    """A closed posture with a velocity that keeps the loop closed, by MuJoCo's own Jacobian of its equalities; any base."""
+    """A closed posture with a velocity in the null space of MuJoCo's equalities, with any base."""
     mode, data = made.modes[name], made.data(name)
     made.modes.write(mode.state(next(iter(mode.named)), base_pose=frame(rng)), data)
     mujoco.mj_forward(data.model, data)
@@ -261,8 +263,8 @@ def moving_loop(made: Made, name: str, rng: np.random.Generator) -> mujoco.MjDat
     return data
 
 
-def test_cut_joints_have_the_q_of_their_two_ends() -> None:
-    """Each mode cuts another joint: what one has not got follows from the poses of its links."""
+def test_cut_joint_q_follows_from_link_poses() -> None:
+    """Each mode cuts another joint, whose value follows from the poses of its links."""
     made, rng = four_bar("revolute"), np.random.default_rng(2)
     assert {name: [cut.name for cut in mode.cuts] for name, mode in made.modes.items()} == {
         f"{name}_{base}": [cut] for name, cut in CUTS.items() for base in ("free", "held")
@@ -282,8 +284,8 @@ def test_cut_joints_have_the_q_of_their_two_ends() -> None:
 
 
 @pytest.mark.parametrize(("target", "bar"), [("rocker_held", "bar3"), ("crank_held", "bar1")])
-def test_a_caught_loop_stays_closed(target: str, bar: str) -> None:
-    """The floating loop with one bar caught: projected with MuJoCo's Jacobians of that bar and of the equalities."""
+def test_impact_keeps_the_loop_closed(target: str, bar: str) -> None:
+    """One bar of the floating loop is caught. The oracle is the projection with MuJoCo's Jacobians of that bar and of the equalities."""
     made = four_bar("revolute")
     one, other = moving_loop(made, "ground_free", np.random.default_rng(5)), made.data(target)
     made.modes.switch(("ground_free", one), (target, other), on_motion="impact")
@@ -307,8 +309,8 @@ def test_a_caught_loop_stays_closed(target: str, bar: str) -> None:
     assert np.abs(other.qvel).max() > 1e-2
 
 
-def test_a_slide_that_closes_a_loop_has_the_way_between_its_ends() -> None:
-    """From the mode that has the slide into the one that has cut it, and back, by kinematics alone."""
+def test_cut_slide_position_is_recovered() -> None:
+    """Switching from the mode with the slide to the mode that cuts it, and back, with kinematics only."""
     made = four_bar("prismatic")
     robot = made.modes
     has, cut = robot["crank_free"], robot["ground_free"]
@@ -327,15 +329,15 @@ def test_a_slide_that_closes_a_loop_has_the_way_between_its_ends() -> None:
 
 
 def tip(data: mujoco.MjData) -> tuple[Array, Array]:
-    """The point that is pinned and its velocity, by MuJoCo."""
+    """Position and velocity of the pinned point by MuJoCo."""
     linear = np.zeros((3, data.model.nv))
     mujoco.mj_jacSite(data.model, data, linear, None, data.model.site("c8/tip").id)
     return np.array(data.site("c8/tip").xpos), linear @ data.qvel
 
 
 @pytest.mark.parametrize("target", ["pinned", "pinned_hung"])
-def test_a_catch_of_a_point(made: Made, target: str) -> None:
-    """The projection with MuJoCo's mass matrix and the Jacobian of the site: the tip stops, and its link goes on turning."""
+def test_impact_at_a_point(made: Made, target: str) -> None:
+    """The oracle is the projection with MuJoCo's mass matrix and the Jacobian of the site: the tip stops, and its link keeps rotating."""
     one, other = stir(np.random.default_rng(7), made.data("float")), made.data(target)
     with pytest.raises(BaseMoves):
         made.modes.switch(("float", one), (target, other))
@@ -357,11 +359,11 @@ def test_a_catch_of_a_point(made: Made, target: str) -> None:
     assert caught.impulse[:3] == pytest.approx(taken[-3:], abs=1e-9)
     arm = tip(one)[0] - bodies(one)["c8"][0][:3, 3]
     assert bodies(one)["c8"][0][:3, :3] @ caught.impulse[3:] == pytest.approx(np.cross(arm, taken[-3:]), abs=1e-9)
-    assert stretched_weld(other, 3) < 1e-12
+    assert equality_violation(other, 3) < 1e-12
 
 
-def test_a_link_that_turns_about_its_pinned_point_is_at_rest_there(made: Made) -> None:
-    """What it may keep is no motion that anybody has to decide about."""
+def test_rotation_about_a_pinned_point_is_allowed(made: Made) -> None:
+    """Rotation about the point is kept, so `on_motion` is not needed."""
     robot = made.modes
     still = robot["float"].state()
     poses, link = robot["float"].poses(still), robot["float"].links[8]
@@ -378,14 +380,15 @@ def test_a_link_that_turns_about_its_pinned_point_is_at_rest_there(made: Made) -
         robot.switch(moving, "hung")
 
 
-def test_of_a_bolted_robot_the_point_must_be_where_it_is_held(made: Made) -> None:
-    """However the link is turned there: the last joint but one goes through no tip, so another posture is elsewhere."""
+def test_fixed_mode_requires_point_at_its_place(made: Made) -> None:
+    """The orientation of the link is arbitrary. The changed joint axis does not pass through the tip, so the other posture moves the
+    point."""
     robot = made.modes
     bent = robot["pinned_bolted"].state("bent")
     source, other = made.data("near"), made.data("pinned_bolted")
     robot.write(robot.switch(bent, "near").state, source)
     robot.switch(("near", source), ("pinned_bolted", other))
-    assert stretched_weld(other, 3) < 1e-9
+    assert equality_violation(other, 3) < 1e-9
     robot.write(robot.switch(robot["pinned_bolted"].state("bent", q={"j4": 0.0}), "near").state, source)
     with pytest.raises(BaseElsewhere):
         robot.switch(("near", source), ("pinned_bolted", other))

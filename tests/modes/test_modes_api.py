@@ -1,4 +1,4 @@
-"""What goes along with a switch, how scenes may look, and what is said when something is wrong."""
+"""The modes API: data that a switch transfers, scenes with other objects, and error messages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from thingc.modes import Modes, ModesError, RobotState, UnknownMode, WrongData
 
 
 def crawler() -> Assembly:
-    """Three boxes in a row with a magnet under each end, `knee` and `ankle` driven."""
+    """Three boxes in a row with a magnet under each end; `knee` and `ankle` are driven."""
     drive = Drive(component=None, kind="position", kp=20.0, kv=0.1, effort=5.0)
     ends = {"a": t(0.1, 0, 0) @ rx(np.pi / 2), "b": t(-0.1, 0, 0) @ rx(np.pi / 2), "sole": rx(np.pi)}
     found = linked(
@@ -53,7 +53,7 @@ def made() -> Made:
     return emitted(crawler())
 
 
-def test_controls_of_drives_and_magnets_stay_by_name(made: Made) -> None:
+def test_controls_are_transferred_by_name(made: Made) -> None:
     """`front` has no drive at the knee, so the addresses differ."""
     one, other = made.data("crawl"), made.data("front")
     assert [one.model.actuator(k).name for k in range(one.model.nu)] == ["knee", "ankle", "front/sole", "rear/sole"]
@@ -68,8 +68,8 @@ def test_controls_of_drives_and_magnets_stay_by_name(made: Made) -> None:
     assert back.ctrl.tolist() == [0.7, -0.2, 300.0, 120.0] and switched.uncommanded == ("knee",)
 
 
-def filtered(made: Made, name: str, *actuators: str) -> mujoco.MjData:
-    """A mode's model whose drives have an activation."""
+def with_activations(made: Made, name: str, *actuators: str) -> mujoco.MjData:
+    """The model of a mode with drives that have an activation state."""
     spec = mujoco.MjSpec.from_string(made.xml[name])
     for actuator in actuators:
         spec.actuator(actuator).dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
@@ -77,21 +77,21 @@ def filtered(made: Made, name: str, *actuators: str) -> mujoco.MjData:
     return mujoco.MjData(spec.compile())
 
 
-def test_activations_stay_by_name(made: Made) -> None:
-    one, other = filtered(made, "crawl", "knee", "ankle", "rear/sole"), filtered(made, "front", "ankle", "rear/sole")
+def test_activations_are_transferred_by_name(made: Made) -> None:
+    one, other = with_activations(made, "crawl", "knee", "ankle", "rear/sole"), with_activations(made, "front", "ankle", "rear/sole")
     one.act[:] = [0.1, 0.2, 0.3]
     made.modes.switch(("crawl", one), ("front", other))
     assert other.act.tolist() == [0.2, 0.3]
-    back = filtered(made, "crawl", "knee", "ankle", "rear/sole")
+    back = with_activations(made, "crawl", "knee", "ankle", "rear/sole")
     made.modes.switch(("front", other), ("crawl", back))
     assert back.act.tolist() == [0.0, 0.2, 0.3]
 
 
-def test_an_activation_that_the_other_model_has_not_got_is_left_alone(made: Made) -> None:
-    one, other = filtered(made, "crawl", "ankle"), made.data("front")
+def test_missing_activations_are_unchanged(made: Made) -> None:
+    one, other = with_activations(made, "crawl", "ankle"), made.data("front")
     one.act[:] = 0.2
     made.modes.switch(("crawl", one), ("front", other))
-    back = filtered(made, "crawl", "ankle")
+    back = with_activations(made, "crawl", "ankle")
     back.act[:] = 0.9
     made.modes.switch(("front", other), ("crawl", back))
     assert back.act.tolist() == [0.9]
@@ -103,15 +103,15 @@ UNEXPECTED = """
 """
 
 
-def scene(made: Made, name: str) -> mujoco.MjData:
-    """The robot behind a ball and a puppet, which shift all its addresses."""
+def scene_with_other_bodies(made: Made, name: str) -> mujoco.MjData:
+    """The robot after a ball and a mocap body, which shift all its addresses."""
     text = re.sub("<keyframe>.*</keyframe>", "", made.xml[name], flags=re.DOTALL)
     return mujoco.MjData(mujoco.MjModel.from_xml_string(text.replace("<worldbody>", "<worldbody>" + UNEXPECTED)))
 
 
-def test_a_scene_may_hold_more_than_the_robot(made: Made) -> None:
+def test_scene_may_contain_other_bodies(made: Made) -> None:
     rng = np.random.default_rng(5)
-    one, other = scene(made, "crawl"), scene(made, "front")
+    one, other = scene_with_other_bodies(made, "crawl"), scene_with_other_bodies(made, "front")
     assert one.model.joint("knee").qposadr[0] > 7 and one.model.joint("root").qposadr[0] == 7
     state = made.modes["crawl"].state("arched", base_pose=t(0.3, 0.2, 0.1) @ rx(0.4))
     made.modes.write(state, one)
@@ -129,7 +129,7 @@ def test_a_scene_may_hold_more_than_the_robot(made: Made) -> None:
         np.testing.assert_allclose(other.body(link).xmat.reshape(3, 3), X[:3, :3], atol=1e-12)
 
 
-def test_nothing_but_the_motion_is_written_by_write(made: Made) -> None:
+def test_write_changes_only_the_motion(made: Made) -> None:
     data = made.data("front")
     data.time, data.ctrl[:], data.qacc_warmstart[:] = 1.5, 0.25, 3.0
     made.modes.write(made.modes["front"].state("arched", v={"knee": 0.5}), data)
@@ -137,7 +137,7 @@ def test_nothing_but_the_motion_is_written_by_write(made: Made) -> None:
     assert data.joint("knee").qpos[0] == 0.4 and data.joint("knee").qvel[0] == 0.5 and data.joint("ankle").qpos[0] == -0.7
 
 
-def test_the_solver_starts_from_the_joints_old_accelerations(made: Made) -> None:
+def test_solver_warmstart_is_transferred(made: Made) -> None:
     one, other = stir(np.random.default_rng(1), made.data("front")), made.data("crawl")
     mujoco.mj_step(one.model, one)
     other.qacc_warmstart[:] = 7.0
@@ -147,8 +147,8 @@ def test_the_solver_starts_from_the_joints_old_accelerations(made: Made) -> None
     assert not other.joint("root").qacc_warmstart.any()
 
 
-def test_states_need_no_simulator(made: Made) -> None:
-    """From one named pose to the state of another mode, and where its links are."""
+def test_states_work_without_simulation(made: Made) -> None:
+    """From a named pose to the state of another mode and the poses of its links."""
     robot = made.modes
     start = robot["bolted"].state("arched", v={"knee": 0.3})
     crawl = robot.switch(start, "crawl").state
@@ -163,7 +163,7 @@ def test_states_need_no_simulator(made: Made) -> None:
     assert np.array_equal(robot["crawl"].qvel(crawl), other.qvel)
 
 
-def test_a_state_is_frozen(made: Made) -> None:
+def test_state_is_immutable(made: Made) -> None:
     state = made.modes["crawl"].state()
     with pytest.raises(ValueError):
         state.base_pose[0, 0] = 2.0
@@ -173,7 +173,7 @@ def test_a_state_is_frozen(made: Made) -> None:
         state.mode = "front"  # type: ignore[misc]
 
 
-def test_a_robot_is_a_mapping_of_modes(made: Made) -> None:
+def test_modes_is_a_mapping(made: Made) -> None:
     robot = made.modes
     assert list(robot) == ["crawl", "front", "rear", "bolted"] and "front" in robot and "hind" not in robot and len(robot) == 4
     assert repr(robot) == "Modes(crawl, front, rear, bolted)"
@@ -185,7 +185,7 @@ def test_a_robot_is_a_mapping_of_modes(made: Made) -> None:
     ]
 
 
-def test_loading(made: Made, tmp_path: Path) -> None:
+def test_modes_load_from_folder_file_and_text(made: Made, tmp_path: Path) -> None:
     (tmp_path / "modes.json").write_bytes(made.described)
     for path in (tmp_path, str(tmp_path), tmp_path / "modes.json"):
         assert list(Modes.load(path)) == list(made.modes)
@@ -265,14 +265,14 @@ WRONG: dict[str, tuple[Callable[[Made], object], type[Exception], str]] = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_said(made: Made, case: str) -> None:
+def test_error_messages(made: Made, case: str) -> None:
     wrong, kind, text = WRONG[case]
     with pytest.raises(kind) as found:
         wrong(made)
     assert str(found.value) == text
 
 
-def test_a_file_of_another_version(made: Made) -> None:
+def test_file_of_another_version_is_rejected(made: Made) -> None:
     described = json.loads(made.described)
     del described["crawl"]["links"][0]["mass"]
     with pytest.raises(ModesError) as found:
@@ -285,7 +285,7 @@ def test_a_file_of_another_version(made: Made) -> None:
     assert str(found.value) == "mode `crawl` was written by another version of thingc: build the robot again"
 
 
-def test_it_loads_numpy_and_msgspec_alone() -> None:
+def test_import_loads_only_numpy_and_msgspec() -> None:
     def loaded(module: str) -> set[str]:
         program = f"import sys, json, {module}; print(json.dumps(sorted({{n.partition('.')[0] for n in sys.modules}})))"
         return set(json.loads(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout))

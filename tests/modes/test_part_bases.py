@@ -1,4 +1,4 @@
-"""Bases that move in part, `planar` and `ball`: MuJoCo asked where they are and how they move, and switches into and out of them."""
+"""Partially movable bases, `planar` and `ball`: poses and motions compared with MuJoCo, and switches into and out of them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def puck(tmp_path_factory: pytest.TempPathFactory) -> Built:
 
 
 def moved(turn: Array, place: Array) -> Array:
-    """Where the puck is when its mount, mated to `at`, has been moved there by a motion in that frame."""
+    """Pose of the puck when its mount, mated to `at`, is displaced by a motion in that frame."""
     M = np.eye(4)
     M[:3, :3], M[:3, 3] = Rotation.from_rotvec(turn).as_matrix(), place
     found: Array = AT @ M @ MATE @ np.linalg.inv(FOOT)
@@ -55,7 +55,7 @@ def data_of(puck: Built, state: RobotState) -> mujoco.MjData:
     return data
 
 
-def test_the_model_moves_in_the_plane_or_about_the_origin(puck: Built) -> None:
+def test_base_moves_in_plane_or_about_origin(puck: Built) -> None:
     names = {name: [puck.model(name).joint(k).name for k in range(puck.model(name).njnt)] for name in ("sled", "gimbal", "plain")}
     assert names == {"sled": ["root_0", "root_1", "root_2", "hinge"], "gimbal": ["root", "hinge"], "plain": names["sled"]}
     for name, qpos, X in (
@@ -71,7 +71,7 @@ def test_the_model_moves_in_the_plane_or_about_the_origin(puck: Built) -> None:
 
 
 @pytest.mark.parametrize("name", ["sled", "gimbal"])
-def test_states_are_mujocos(puck: Built, name: str) -> None:
+def test_states_match_mujoco(puck: Built, name: str) -> None:
     mode, h = Modes.parse(puck.text("modes.json"))[name], 1e-6
     planar = name == "sled"
     turn, place = (np.array([0, 0, -0.8]), np.array([0.4, 0.1, 0])) if planar else (np.array([0.5, -0.7, 0.9]), np.zeros(3))
@@ -98,7 +98,7 @@ def test_states_are_mujocos(puck: Built, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["sled", "gimbal"])
-def test_switches(puck: Built, name: str) -> None:
+def test_switches_into_and_out_of_partial_bases(puck: Built, name: str) -> None:
     modes = Modes.parse(puck.text("modes.json"))
     mode = modes[name]
     planar = name == "sled"

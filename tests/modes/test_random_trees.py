@@ -1,5 +1,5 @@
-"""Random trees of joints of all kinds, rooted at several links: where everything is by the formulas of the semantics, worked out here once
-more, and what MuJoCo's models of all modes say of masses and gravity while one link is held, against one another."""
+"""Random trees of joints of all kinds with several roots: poses by the formulas of the semantics, written out here, and masses and
+gravity with one link held compared between MuJoCo models of all modes."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from thingc.modes import Mode, Modes, RobotState
 
 LINKS = 6
 JOINED = 3
-"""The tree whose links 1 and 2 weigh nothing: three joints, of five coordinates, on one body."""
+"""The tree whose links 1 and 2 have no mass: three joints with five coordinates on one body."""
 FREE = 4
-"""The tree with free joints."""
+"""Index of the tree with free joints."""
 LEAD = 0.012
 OTHERS = ["continuous", "universal", "screw", "universal", "cylindrical", "planar", "revolute", "prismatic", "revolute"]
 COORDINATES = {"revolute": "t", "continuous": "t", "prismatic": "s", "screw": "t", "cylindrical": "ts", "universal": "tt", "planar": "sst",
@@ -28,8 +28,9 @@ COORDINATES = {"revolute": "t", "continuous": "t", "prismatic": "s", "screw": "t
 
 @dataclass(frozen=True)
 class Edge:
-    """A joint of a random tree, and its mounts in the links `parent` and `child`, which coincide where it has an `axis`. Where there is a
-    coordinate that it `follows`, its last one is at `ratio` times that, and a bit."""
+    """A joint of a random tree and its mounts in the links `parent` and `child`, which coincide if it has an `axis`.
+
+    If `follows` is set, the last coordinate mimics it with `ratio` and a constant offset."""
 
     name: str
     kind: str
@@ -72,7 +73,7 @@ def frame(turn: Rotation, place: Array | tuple[float, float, float] = (0.0, 0.0,
 
 
 def motion(kind: str, q: Array) -> Array:
-    """X_J as the table of kinds has it."""
+    """X_J by the table of joint kinds."""
     def about(axis: str, angle: float) -> Array:
         return frame(Rotation.from_euler(axis, angle))
 
@@ -94,7 +95,7 @@ def motion(kind: str, q: Array) -> Array:
 
 
 def random_tree(seed: int) -> tuple[str, list[Edge]]:
-    """A document, and its joints."""
+    """A document and its joints."""
     rng = np.random.default_rng(seed)
     joined = seed == JOINED
     kinds = [OTHERS[3 * seed], "ball", *OTHERS[3 * seed + 1 : 3 * seed + 3], "ball"] if seed < JOINED else [
@@ -186,7 +187,7 @@ def at(built: Built, mode: Mode, state: RobotState) -> mujoco.MjData:
     return data
 
 
-def test_everything_is_where_the_formulas_say(tree: tuple[Built, list[Edge], int]) -> None:
+def test_poses_match_the_formulas(tree: tuple[Built, list[Edge], int]) -> None:
     built, edges, seed = tree
     modes = Modes.parse(built.text("modes.json"))
     q = random_q(edges, np.random.default_rng(seed))
@@ -209,7 +210,7 @@ def test_everything_is_where_the_formulas_say(tree: tuple[Built, list[Edge], int
     assert {(kind, True), (kind, False)} <= crossed
 
 
-def test_velocities_are_what_moves(tree: tuple[Built, list[Edge], int]) -> None:
+def test_velocities_match_finite_differences(tree: tuple[Built, list[Edge], int]) -> None:
     built, edges, seed = tree
     rng = np.random.default_rng(seed + 10)
     q, h = random_q(edges, rng), 1e-6
@@ -231,7 +232,7 @@ def test_velocities_are_what_moves(tree: tuple[Built, list[Edge], int]) -> None:
         assert mode.qvel(mode.state(q=q, v=v)) == pytest.approx(expected, abs=1e-8)
 
 
-def test_masses_and_gravity_with_a_link_held_are_equal_in_every_mode(tree: tuple[Built, list[Edge], int]) -> None:
+def test_dynamics_with_a_held_link_are_equal_in_all_modes(tree: tuple[Built, list[Edge], int]) -> None:
     built, edges, seed = tree
     modes = Modes.parse(built.text("modes.json"))
     q = random_q(edges, np.random.default_rng(seed + 20))

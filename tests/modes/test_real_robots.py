@@ -1,4 +1,4 @@
-"""The robots of this repository, through every pair of their modes."""
+"""The example robots of this repository, switched between every pair of their modes."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def made(request: pytest.FixtureRequest, root: Path, shared_store: str) -> Made:
     )
 
 
-def standing(made: Made, base: str) -> list[str]:
+def modes_without_holds(made: Made, base: str) -> list[str]:
     return [name for name, mode in made.modes.items() if mode.base == base and not mode.holds]
 
 
-def test_masses_and_kinematics_are_those_of_the_models(made: Made) -> None:
+def test_masses_and_kinematics_match_mujoco(made: Made) -> None:
     rng = np.random.default_rng(1)
     for name, mode in made.modes.items():
         data = stir(rng, made.data(name))
@@ -48,7 +48,7 @@ def test_masses_and_kinematics_are_those_of_the_models(made: Made) -> None:
         assert [joint.dof for joint in mode.joints] == [data.model.joint(joint.name).dofadr[0] for joint in mode.joints]
 
 
-def test_every_named_pose_is_the_keyframe(made: Made) -> None:
+def test_named_poses_equal_keyframes(made: Made) -> None:
     for name, mode in made.modes.items():
         for pose in mode.named:
             one, other = made.data(name), made.data(name)
@@ -58,11 +58,11 @@ def test_every_named_pose_is_the_keyframe(made: Made) -> None:
                 same_motion(one, other)
 
 
-def test_there_and_back_through_every_pair(made: Made) -> None:
+def test_round_trip_through_every_pair_of_modes(made: Made) -> None:
     rng = np.random.default_rng(2)
     # A random state of a robot with a further mount held is none that it can have: there is no way back into it.
     whole = [name for name, mode in made.modes.items() if not mode.holds]
-    for source, target in product(whole, standing(made, "free")):
+    for source, target in product(whole, modes_without_holds(made, "free")):
         one, other, back = stir(rng, made.data(source)), made.data(target), made.data(source)
         made.modes.switch((source, one), (target, other))
         same_motion(one, other)
@@ -72,7 +72,7 @@ def test_there_and_back_through_every_pair(made: Made) -> None:
             assert np.abs(switched.removed).max() < 1e-12
 
 
-def test_at_rest_every_base_that_can_stand_anywhere_is_entered(made: Made) -> None:
+def test_held_modes_can_be_entered_at_rest(made: Made) -> None:
     rng = np.random.default_rng(3)
     held = [name for name, mode in made.modes.items() if mode.base == "held"]
     for source, target in product(made.modes, held):
@@ -81,9 +81,9 @@ def test_at_rest_every_base_that_can_stand_anywhere_is_entered(made: Made) -> No
         same_motion(one, other)
 
 
-def test_a_moving_link_is_caught_as_the_model_has_it(made: Made) -> None:
+def test_impact_matches_mujoco_projection(made: Made) -> None:
     rng = np.random.default_rng(4)
-    for source, target in product(standing(made, "free"), standing(made, "held")):
+    for source, target in product(modes_without_holds(made, "free"), modes_without_holds(made, "held")):
         one, other = stir(rng, made.data(source)), made.data(target)
         with pytest.raises(BaseMoves):
             made.modes.switch((source, one), (target, other))

@@ -1,4 +1,4 @@
-"""Joints with several coordinates: the state of one mode told in another, and MuJoCo asked about both."""
+"""Joints with several coordinates: states converted between modes, compared with MuJoCo."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def gantry(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return made
 
 
-def test_the_model_has_what_the_document_says_of_each_coordinate(gantry: Built) -> None:
+def test_coordinate_settings_appear_in_the_model(gantry: Built) -> None:
     model = gantry.model("stand")
     assert [model.joint(k).name for k in range(model.njnt)] == list(V)
     assert model.joint("table_0").range == pytest.approx([-1, 1]) and not model.joint("table_1").limited[0]
@@ -69,7 +69,7 @@ def test_the_model_has_what_the_document_says_of_each_coordinate(gantry: Built) 
     ]
 
 
-def test_a_state_told_in_another_mode_is_the_same_motion(gantry: Built) -> None:
+def test_state_in_another_mode_is_the_same_motion(gantry: Built) -> None:
     modes = Modes.parse(gantry.text("modes.json"))
     start = modes["loose"].state("home", v=V, base_twist=[0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     back = modes.switch(modes.switch(start, "slid").state, "loose").state
@@ -105,7 +105,8 @@ modes:
 
 
 @pytest.mark.parametrize("kind", ["planar", "cylindrical"])
-def test_a_loop_cut_at_several_coordinates_is_a_loss_and_its_way_is_known(kind: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_loop_cut_at_several_coordinates_is_a_loss(kind: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """MuJoCo has no equality for the cut, but position and velocity of the cut joint are still computed."""
     made = compiled(tmp_path_factory.mktemp("jack"), LOOP.replace("TYPE", kind))
     assert made.said == []
     for mode, path in (("one", "guide"), ("two", "way")):

@@ -1,4 +1,4 @@
-"""Random robots from any mode into any other: MuJoCo sees the same bodies at the same places with the same velocities."""
+"""Random robots switched from any mode to any other: MuJoCo reports equal poses and velocities of all bodies."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def of(made: Made, base: str) -> list[str]:
     return [name for name, mode in made.modes.items() if mode.base == base]
 
 
-def close(one: object, other: object) -> None:
+def assert_close(one: object, other: object) -> None:
     np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
 
 
 @few
 @given(seeds)
-def test_kinematics_of_every_link_are_those_of_mujoco(seed: int) -> None:
+def test_link_kinematics_match_mujoco(seed: int) -> None:
     made, rng = random_robot(seed), np.random.default_rng(seed)
     for name, mode in made.modes.items():
         data = stir(rng, made.data(name))
@@ -35,18 +35,18 @@ def test_kinematics_of_every_link_are_those_of_mujoco(seed: int) -> None:
         seen, poses, twists = bodies(data), mode.poses(state), mode.twists(state)
         assert list(poses) == list(twists) == [data.model.body(k).name for k in range(1, data.model.nbody)]
         for link, (X, velocity) in seen.items():
-            close(poses[link], X)
-            close(twists[link], np.concatenate([velocity[:3], X[:3, :3].T @ velocity[3:]]))
+            assert_close(poses[link], X)
+            assert_close(twists[link], np.concatenate([velocity[:3], X[:3, :3].T @ velocity[3:]]))
         expected = data.qpos.copy()
         if mode.base == "free":  # any length and either sign is the same turn
             expected[3:7] *= np.sign(expected[3:7] @ mode.qpos(state)[3:7]) / np.linalg.norm(expected[3:7])
-        close(mode.qpos(state), expected)
+        assert_close(mode.qpos(state), expected)
         assert (mode.qvel(state) == data.qvel).all()
 
 
 @few
 @given(seeds)
-def test_the_mass_matrix_is_that_of_mujoco(seed: int) -> None:
+def test_mass_matrix_matches_mujoco(seed: int) -> None:
     made, rng = random_robot(seed), np.random.default_rng(seed)
     for name, mode in made.modes.items():
         data = stir(rng, made.data(name))
@@ -60,7 +60,7 @@ def test_the_mass_matrix_is_that_of_mujoco(seed: int) -> None:
 
 @few
 @given(seeds)
-def test_into_a_free_base_everything_goes_on_as_it_was(seed: int) -> None:
+def test_switch_to_free_base_keeps_the_motion(seed: int) -> None:
     made, rng = random_robot(seed), np.random.default_rng(seed)
     for source in made.modes:
         for target in of(made, "free"):
@@ -74,8 +74,8 @@ def test_into_a_free_base_everything_goes_on_as_it_was(seed: int) -> None:
 
 @few
 @given(seeds)
-def test_there_and_back_again(seed: int) -> None:
-    """From a held or free base with moving joints into a free one elsewhere: the way back finds the old base at rest."""
+def test_round_trip_restores_the_state(seed: int) -> None:
+    """From a held, free or fixed base with moving joints into a free base at another link, and back: the old base is at rest."""
     made, rng = random_robot(seed), np.random.default_rng(seed)
     for source in [*of(made, "held"), *of(made, "free"), *of(made, "fixed")]:
         for target in of(made, "free"):
@@ -90,7 +90,7 @@ def test_there_and_back_again(seed: int) -> None:
 
 @few
 @given(seeds)
-def test_at_rest_every_held_base_can_be_entered(seed: int) -> None:
+def test_held_bases_can_be_entered_at_rest(seed: int) -> None:
     made, rng = random_robot(seed), np.random.default_rng(seed)
     for source in made.modes:
         for target in of(made, "held"):
@@ -101,7 +101,7 @@ def test_at_rest_every_held_base_can_be_entered(seed: int) -> None:
 
 @few
 @given(seeds)
-def test_a_fixed_base_is_entered_only_where_it_stands(seed: int) -> None:
+def test_fixed_base_requires_its_place(seed: int) -> None:
     made, rng = random_robot(seed), np.random.default_rng(seed)
     for target in of(made, "fixed"):
         standing = stir(rng, made.data(target))
@@ -122,8 +122,8 @@ def test_a_fixed_base_is_entered_only_where_it_stands(seed: int) -> None:
 
 @few
 @given(seeds)
-def test_into_a_held_base_that_moves(seed: int) -> None:
-    """Raised by default; dropped, the joints go on; caught, the velocity is projected as MuJoCo's own mass matrix has it."""
+def test_switch_to_a_moving_held_base(seed: int) -> None:
+    """By default it is an error. `drop` keeps the joint velocities. `impact` projects the velocity with MuJoCo's mass matrix."""
     made, rng = random_robot(seed), np.random.default_rng(seed)
     for source in of(made, "free"):
         for target in of(made, "held"):
@@ -134,17 +134,17 @@ def test_into_a_held_base_that_moves(seed: int) -> None:
             before = other.qpos.copy(), other.mocap_pos.copy()
             with pytest.raises(BaseMoves) as refused:
                 made.modes.switch((source, one), (target, other))
-            close(refused.value.twist, twist)
+            assert_close(refused.value.twist, twist)
             assert (other.qpos == before[0]).all() and (other.mocap_pos == before[1]).all(), "nothing is written"
 
             dropped = made.modes.switch((source, one), (target, other), on_motion="drop")
-            close(dropped.removed, twist)
+            assert_close(dropped.removed, twist)
             assert not dropped.impulse.any() and not dropped.state.base_twist.any()
             assert joints_of(other) == joints_of(one)
-            close(bodies(other)[link][0], X)
+            assert_close(bodies(other)[link][0], X)
 
             caught = made.modes.switch((source, one), (target, other), on_motion="impact")
-            close(caught.removed, twist)
+            assert_close(caught.removed, twist)
             M, J = mass_matrix(one), jacobian(one, link)
             taken = np.linalg.solve(J @ np.linalg.solve(M, J.T), -J @ one.qvel)
             after = one.qvel + np.linalg.solve(M, J.T @ taken)
@@ -160,9 +160,9 @@ def test_into_a_held_base_that_moves(seed: int) -> None:
 
 @few
 @given(seeds)
-def test_a_caught_robot_keeps_the_momentum_that_it_gave_nobody(seed: int) -> None:
-    """Of all bodies together (no rotors behind gears): what is gone, linear and angular, is the impulse on the root link; the
-    energy that is gone is that of the velocity that is gone (Carnot)."""
+def test_impact_conserves_momentum(seed: int) -> None:
+    """For all bodies together, without rotors behind gears: the lost linear and angular momentum is the impulse on the root link, and
+    the lost energy is that of the lost velocity (Carnot)."""
     made, rng = random_robot(seed), np.random.default_rng(seed)
     for model in made.models.values():
         model.dof_armature[:] = 0.0
@@ -171,7 +171,7 @@ def test_a_caught_robot_keeps_the_momentum_that_it_gave_nobody(seed: int) -> Non
     switched = made.modes.switch((source, one), (target, other), on_motion="impact")
     after, difference = made.data(free), made.data(free)
     made.modes.switch(switched.state, (free, after))
-    before = made.modes.read(free, _moved(made, (source, one), free))
+    before = made.modes.read(free, _switch_into(made, (source, one), free))
     made.modes.write(made.modes[free].state(
         q=before.q, base_pose=before.base_pose, base_twist=before.base_twist - switched.state.base_twist,
         v={name: before.v[name] - switched.state.v[name] for name in before.v},
@@ -187,14 +187,14 @@ def test_a_caught_robot_keeps_the_momentum_that_it_gave_nobody(seed: int) -> Non
     assert energy > energy_after
 
 
-def _moved(made: Made, source: tuple[str, mujoco.MjData], target: str) -> mujoco.MjData:
+def _switch_into(made: Made, source: tuple[str, mujoco.MjData], target: str) -> mujoco.MjData:
     data = made.data(target)
     made.modes.switch(source, (target, data))
     return data
 
 
 def _momenta(data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray, float]:
-    """Linear and angular momentum (about the world's origin) and kinetic energy, body by body."""
+    """Linear and angular momentum (about the world's origin) and kinetic energy, summed over bodies."""
     model = data.model
     mujoco.mj_forward(model, data)
     linear, angular, energy = np.zeros(3), np.zeros(3), 0.0
@@ -212,8 +212,9 @@ def _momenta(data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray, float]:
 
 @few
 @given(seeds)
-def test_caught_joints_that_mimic_keep_to_their_leaders(seed: int) -> None:
-    """The same projection with one more constraint per mimic: v - k v_leader = 0, k the slope of a polynomial where the leader is."""
+def test_impact_keeps_mimic_constraints(seed: int) -> None:
+    """The same projection with one constraint per mimic: v - k v_leader = 0, where k is the slope of the polynomial at the leader's
+    position."""
     made, rng = random_robot(seed, mimics=True), np.random.default_rng(seed)
     source, target = of(made, "free")[0], of(made, "held")[-1]
     one, other = stir(rng, made.data(source)), made.data(target)
@@ -244,8 +245,8 @@ def test_caught_joints_that_mimic_keep_to_their_leaders(seed: int) -> None:
 
 @few
 @given(seeds)
-def test_the_joints_accelerate_alike_before_and_after(seed: int) -> None:
-    """Into another free base the dynamics go on: same gravity, same torques, same qacc of the joints."""
+def test_joint_accelerations_are_equal_after_a_switch(seed: int) -> None:
+    """In another mode with a free base, equal gravity and torques give equal qacc of the joints."""
     made, rng = random_robot(seed), np.random.default_rng(seed)
     free = of(made, "free")
     one, other = stir(rng, made.data(free[0])), made.data(free[-1])

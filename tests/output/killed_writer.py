@@ -1,8 +1,8 @@
-"""A process of its own that writes builds and is killed, over and over; prints what was found afterwards as JSON.
+"""A separate process that writes builds and is killed repeatedly. It prints the findings as JSON.
 
-    python killed_writer.py FOLDER every exchange|renames      a kill at every step that Python can see, one after the other
-    python killed_writer.py FOLDER random SEED COUNT           kills at random instants of an endless run of builds
-"""
+    python killed_writer.py FOLDER every exchange|renames      a kill at every step that Python can observe, one after the other
+
+    python killed_writer.py FOLDER random SEED COUNT           kills at random times during an endless sequence of builds"""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOT_COUNTED = ("object.", "code.", "compile", "marshal.", "cpython.", "sys._getf
 
 
 def build(version: int) -> dict[str, bytes]:
-    """A build of which every byte depends on the version; files come and go with it."""
+    """A build in which every byte depends on the version; the set of files changes with it."""
     files = {f"mjcf/assets/{k}.obj": f"{version} {k} ".encode() * 500 for k in range(6)}
     files[f"stl/only_{version}.stl"] = b"x" * version
     files["bom.csv"] = f"version {version}\n".encode()
@@ -31,7 +31,7 @@ def build(version: int) -> dict[str, bytes]:
 
 
 class NoStore:
-    """Nothing here is stored."""
+    """A store without content."""
 
     def read(self, sha256: str) -> bytes:
         raise KeyError(sha256)
@@ -42,18 +42,18 @@ def write(folder: str, version: int) -> None:
 
 
 def standing(folder: str) -> int | None:
-    """The version of the build in the folder, None where there is no whole one."""
+    """The version of the build in the folder, or None if there is no complete build."""
     manifest = output.verify(os.path.join(folder, "arm"))
     return None if manifest is None else int(manifest["version"])
 
 
 def elsewhere(folder: str, place: object) -> bool:
-    """Whether it is a path out of the folder: what Python looks up there for itself is no step, and not always the same."""
+    """Whether an argument is a path outside the folder. Accesses of Python itself are not counted as steps, because they vary."""
     return isinstance(place, str) and os.path.isabs(place) and not place.startswith(folder)
 
 
 def killed_at(folder: str, step: int, version: int) -> tuple[bool, str | None]:
-    """A child that writes a build and kills itself at its `step`-th system step; whether it died, and at which."""
+    """Fork a child that writes a build and kills itself at its `step`-th system call. Returns whether it died, and at which event."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
@@ -81,7 +81,7 @@ def killed_at(folder: str, step: int, version: int) -> tuple[bool, str | None]:
 
 
 def every(folder: str, how: str) -> dict[str, object]:
-    """Kill at step 1, 2, 3, ... until a build gets through; after each, look, then let the next build mend."""
+    """Kill at step 1, 2, 3, ... until a build completes. After each kill, check the folder and let the next build repair it."""
     if how == "renames":
         def refuse(a: str, b: str) -> None:
             raise NotImplementedError
@@ -113,7 +113,7 @@ def every(folder: str, how: str) -> dict[str, object]:
 
 
 def at_random(folder: str, seed: int, count: int) -> dict[str, object]:
-    """Let a child build version after version and kill it some time after it has begun."""
+    """Let a child build versions continuously and kill it after a random time."""
     chance = random.Random(seed)
     write(folder, -1)
     began = time.perf_counter()

@@ -1,4 +1,4 @@
-"""The build folder appears as a whole: kills, two builds at once, unexpected files, links, full disks."""
+"""The build folder is replaced atomically: kills, concurrent builds, unexpected files, links, full disks."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def driver(*arguments: str) -> dict[str, object]:
 
 
 class TestWhole:
-    def test_the_second_build_replaces_the_first_to_the_byte(self, tmp_path: Path, store: Store) -> None:
+    def test_second_build_replaces_the_first(self, tmp_path: Path, store: Store) -> None:
         out = tmp_path / "deep" / "build"
         assert build(out, FIRST, store) == out / "arm"
         assert content(out / "arm") == FIRST
@@ -64,7 +64,7 @@ class TestWhole:
         assert content(out / "arm") == SECOND
         assert os.listdir(out) == ["arm"], "nothing else is left beside the folder"
 
-    def test_stored_content_is_a_copy(self, tmp_path: Path, store: Store) -> None:
+    def test_stored_files_are_copied(self, tmp_path: Path, store: Store) -> None:
         sha256 = store.put(b"mesh")
         manifest = {"name": "arm", "document": "arm.yaml", "files": {"stl/a.stl": sha256}}
         files: dict[str, Content] = {"stl/a.stl": StoredArtifact(sha256=sha256, size=4), "manifest.json": json.dumps(manifest).encode()}
@@ -73,7 +73,7 @@ class TestWhole:
         assert store.read(sha256) == b"mesh"
         assert os.stat(folder / "stl" / "a.stl").st_nlink == 1
 
-    def test_a_damaged_blob_leaves_the_old_build(self, tmp_path: Path, store: Store) -> None:
+    def test_damaged_blob_keeps_the_old_build(self, tmp_path: Path, store: Store) -> None:
         folder = build(tmp_path / "build", FIRST, store)
         sha256 = store.put(b"mesh")
         Path(store.path(sha256)).write_bytes(b"mEsh")
@@ -83,48 +83,48 @@ class TestWhole:
         assert content(folder) == FIRST
         assert os.listdir(tmp_path / "build") == ["arm"]
 
-    def test_a_manifest_is_needed(self, tmp_path: Path, store: Store) -> None:
+    def test_manifest_is_required(self, tmp_path: Path, store: Store) -> None:
         with pytest.raises(ValueError, match=r"^a build needs a manifest\.json$"):
             build(tmp_path, {"bom.csv": b""}, store)
 
     @pytest.mark.parametrize("path", ["../x", "/etc/x", "a/../../x", "a//b", "", ".", "a/.", "a\0b", "..\\x"])
-    def test_no_path_leaves_the_folder(self, tmp_path: Path, store: Store, path: str) -> None:
+    def test_paths_outside_the_folder_are_rejected(self, tmp_path: Path, store: Store, path: str) -> None:
         with pytest.raises(ValueError, match="is not a path inside the folder|a backslash"):
             build(tmp_path / "build", {**FIRST, path: b"bad"}, store)
         assert os.listdir(tmp_path) == []
 
     @pytest.mark.parametrize("name", ["..", ".", "a/b", "/x", ""])
-    def test_no_name_leaves_the_parent(self, tmp_path: Path, store: Store, name: str) -> None:
+    def test_names_outside_the_parent_are_rejected(self, tmp_path: Path, store: Store, name: str) -> None:
         with pytest.raises(ValueError, match="is not a path inside the folder|must not contain `/`"):
             write_build(str(tmp_path / "build"), name, FIRST, store, "arm.yaml")
         assert os.listdir(tmp_path) == []
 
-    def test_a_path_is_not_a_file_and_a_folder(self, tmp_path: Path, store: Store) -> None:
+    def test_path_as_file_and_folder_is_rejected(self, tmp_path: Path, store: Store) -> None:
         with pytest.raises(ValueError, match="'stl' is both a file and a folder"):
             build(tmp_path, {**FIRST, "stl": b""}, store)
 
 
 class TestKilled:
-    def test_at_every_step_with_the_exchange(self, tmp_path: Path) -> None:
+    def test_kill_at_every_step_with_exchange(self, tmp_path: Path) -> None:
         found = driver(str(tmp_path), "every", "exchange")
         assert found["damaged"] == [] and found["litter"] == []
         assert found["absent"] == 0
         assert int(str(found["steps"])) > 30 and "os.rename" not in list(found["events"])  # type: ignore[call-overload]
 
-    def test_at_every_step_with_two_renames(self, tmp_path: Path) -> None:
+    def test_kill_at_every_step_with_two_renames(self, tmp_path: Path) -> None:
         found = driver(str(tmp_path), "every", "renames")
         assert found["damaged"] == [] and found["litter"] == []
         assert found["absent"] == 1, "between the two renames, and only there; the next run mends it"
 
-    def test_at_random_instants(self, tmp_path: Path) -> None:
+    def test_kill_at_random_times(self, tmp_path: Path) -> None:
         found = driver(str(tmp_path), "random", "7", "40")
         assert found["damaged"] == []
         assert int(str(found["different"])) > 5, "the kills must come at different places"
         assert found["left"] == ["arm"]
 
 
-    def test_what_stood_between_two_renames_comes_back(self, tmp_path: Path, store: Store) -> None:
-        """Even where the run that mends has nothing to put in its place."""
+    def test_build_interrupted_between_renames_is_restored(self, tmp_path: Path, store: Store) -> None:
+        """Also if the next build fails and has no replacement."""
         folder = build(tmp_path, FIRST, store)
         folder.rename(tmp_path / ".arm.thingc-old")
         (tmp_path / ".arm.thingc-new").mkdir()
@@ -135,7 +135,7 @@ class TestKilled:
 
 
 class TestTwoAtOnce:
-    def test_the_second_waits_and_says_so(self, tmp_path: Path, store: Store) -> None:
+    def test_concurrent_build_waits_and_reports_it(self, tmp_path: Path, store: Store) -> None:
         folder = build(tmp_path, FIRST, store)
         lock = os.open(tmp_path / ".arm.thingc-lock", os.O_RDWR | os.O_CREAT)
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -157,12 +157,12 @@ class TestTwoAtOnce:
         assert content(folder) == SECOND
         assert os.listdir(tmp_path) == ["arm"]
 
-    def test_nobody_waits_alone(self, tmp_path: Path, store: Store) -> None:
+    def test_single_build_does_not_wait(self, tmp_path: Path, store: Store) -> None:
         said: list[str] = []
         build(tmp_path, FIRST, store, on_wait=said.append)
         assert said == []
 
-    def test_two_processes_write_and_one_reads(self, tmp_path: Path) -> None:
+    def test_reader_always_sees_a_complete_build(self, tmp_path: Path) -> None:
         code = (
             "import sys; sys.path.insert(0, sys.argv[3]); import killed_writer as w\n"
             "for version in range(int(sys.argv[2]), 100, 2): w.write(sys.argv[1], version)\n"
@@ -185,7 +185,7 @@ class TestTwoAtOnce:
 
 
 class TestStrangers:
-    def test_a_file_of_somebody_else(self, tmp_path: Path, store: Store) -> None:
+    def test_unexpected_files_stop_the_build(self, tmp_path: Path, store: Store) -> None:
         folder = build(tmp_path, FIRST, store)
         (folder / "notes.txt").write_text("mine")
         (folder / "stl" / "extra.stl").write_text("mine")
@@ -197,7 +197,7 @@ class TestStrangers:
         assert content(folder) == before
         assert os.listdir(tmp_path) == ["arm"]
 
-    def test_what_is_said(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_diagnostic_of_unexpected_files(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         folder = build(tmp_path, FIRST, store)
         for number in range(10):
@@ -213,7 +213,7 @@ class TestStrangers:
         assert said.message == f"`arm` contains files that no build of `arm.yaml` wrote ({names} and 2 more); nothing was written"
         assert said.help == "move these files, or build into another folder with -o, or overwrite them with --force"
 
-    def test_the_build_of_another_document(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_build_of_another_document_is_kept(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         folder = build(tmp_path, with_manifest({"bom.csv": b"one"}, "other.yaml"), store, "other.yaml")
         words = r"^`arm` contains the build of another document \(`other.yaml`, not `arm.yaml`\); nothing was written$"
@@ -225,27 +225,27 @@ class TestStrangers:
         b"", b"{", b"[]", b'{"name": "arm"}', b'{"name": 1, "document": "arm.yaml", "files": {}}',
         b'{"name": "arm", "document": "arm.yaml", "files": ["notes.txt"]}', b"[" * 100_000,
     ])
-    def test_a_manifest_that_is_not_ours(self, tmp_path: Path, store: Store, manifest: bytes) -> None:
+    def test_foreign_manifest_is_an_unexpected_file(self, tmp_path: Path, store: Store, manifest: bytes) -> None:
         (tmp_path / "arm").mkdir()
         (tmp_path / "arm" / "manifest.json").write_bytes(manifest)
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, FIRST, store)
         assert raised.value.names == ("manifest.json",)
 
-    def test_empty_folders_are_not_unexpected(self, tmp_path: Path, store: Store) -> None:
+    def test_empty_folders_are_removed(self, tmp_path: Path, store: Store) -> None:
         (tmp_path / "arm" / "stl" / "empty").mkdir(parents=True)
         folder = build(tmp_path, FIRST, store)
         assert content(folder) == FIRST
         assert not (folder / "stl" / "empty").exists()
 
-    def test_a_file_where_the_folder_should_be(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_file_in_place_of_the_folder_is_an_error(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         (tmp_path / "arm").write_text("mine")
         with pytest.raises(OutputError, match="^`arm` is a file, but the build requires a folder at this path$"):
             build(tmp_path, FIRST, store)
         assert (tmp_path / "arm").read_text() == "mine"
 
-    def test_a_file_that_somebody_has_edited_is_not_lost(
+    def test_edited_files_are_kept_without_force(
         self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         monkeypatch.chdir(tmp_path)
@@ -266,8 +266,8 @@ class TestStrangers:
         build(tmp_path, SECOND, store, force=True)
         assert content(folder) == SECOND and os.listdir(tmp_path) == ["arm"]
 
-    def test_an_edit_of_the_same_size_and_time_is_seen(self, tmp_path: Path, store: Store) -> None:
-        """Times and sizes are no proof: only the content counts."""
+    def test_edit_with_equal_size_and_time_is_detected(self, tmp_path: Path, store: Store) -> None:
+        """Only the content is compared, not sizes or times."""
         folder = build(tmp_path, FIRST, store)
         state = (folder / "stl" / "a.stl").stat()
         (folder / "stl" / "a.stl").write_bytes(b"B" * 100)
@@ -276,14 +276,14 @@ class TestStrangers:
             build(tmp_path, SECOND, store)
         assert raised.value.names == ("stl/a.stl",)
 
-    def test_a_file_that_was_touched_and_not_changed_is_ours(self, tmp_path: Path, store: Store) -> None:
+    def test_touched_files_without_changes_are_replaced(self, tmp_path: Path, store: Store) -> None:
         folder = build(tmp_path, FIRST, store)
         (folder / "bom.csv").write_bytes(bytes(FIRST["bom.csv"]))  # type: ignore[arg-type]
         os.utime(folder / "stl" / "a.stl", (1, 1))
         build(tmp_path, SECOND, store)
         assert content(folder) == SECOND
 
-    def test_what_is_gone_or_empty_is_written_again(self, tmp_path: Path, store: Store) -> None:
+    def test_missing_or_emptied_files_are_written_again(self, tmp_path: Path, store: Store) -> None:
         folder = build(tmp_path, FIRST, store)
         (folder / "bom.csv").unlink()
         (folder / "stl" / "a.stl").write_bytes(b"")
@@ -294,8 +294,8 @@ class TestStrangers:
     @pytest.mark.parametrize("name", [
         "thesis.tex", "stl/notes.txt", "mjcf/assets/deep/a.obj", "mjcf/.xml/a", ".git/config", "bom.csv.bak", "STL/a.stl", "a/bom.csv",
     ])
-    def test_a_manifest_is_not_believed_for_what_no_target_writes(self, tmp_path: Path, store: Store, name: str) -> None:
-        """Whoever can change the manifest could otherwise have any file taken away by the next build, with its right hash."""
+    def test_manifest_cannot_claim_files_no_target_writes(self, tmp_path: Path, store: Store, name: str) -> None:
+        """Otherwise, anyone who can edit the manifest could make the next build delete any file by listing its correct hash."""
         folder = build(tmp_path, FIRST, store)
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text("mine")
@@ -305,7 +305,7 @@ class TestStrangers:
             build(tmp_path, SECOND, store)
         assert raised.value.names == (name,) and (folder / name).read_text() == "mine"
 
-    def test_a_manifest_that_lists_what_lies_outside(self, tmp_path: Path, store: Store) -> None:
+    def test_manifest_cannot_claim_files_outside(self, tmp_path: Path, store: Store) -> None:
         (tmp_path / "precious.stl").write_text("mine")
         folder = build(tmp_path, FIRST, store)
         outside = {"../precious.stl": hashlib.sha256(b"mine").hexdigest(), str(tmp_path / "precious.stl"): "0" * 64}
@@ -315,8 +315,8 @@ class TestStrangers:
         build(tmp_path, SECOND, store, force=True)
         assert content(folder) == SECOND and (tmp_path / "precious.stl").read_text() == "mine"
 
-    def test_what_a_build_writes_again_is_ours_whatever_it_is_called(self, tmp_path: Path, store: Store) -> None:
-        """A target of somebody else's package that says nothing of its names."""
+    def test_files_that_are_rewritten_may_have_any_name(self, tmp_path: Path, store: Store) -> None:
+        """A target of another package may use any file name without declaring it."""
         own = with_manifest({"weights.txt": b"1"})
         folder = build(tmp_path, own, store)
         build(tmp_path, with_manifest({"weights.txt": b"2"}), store)
@@ -325,7 +325,7 @@ class TestStrangers:
         assert (folder / "weights.txt").read_bytes() == b"2"
 
     @pytest.mark.parametrize("owner", ["other.yaml", None])
-    def test_force_takes_no_folder_that_is_not_ours(self, tmp_path: Path, store: Store, owner: str | None) -> None:
+    def test_force_does_not_replace_foreign_folders(self, tmp_path: Path, store: Store, owner: str | None) -> None:
         if owner is None:
             (tmp_path / "arm").mkdir()
             (tmp_path / "arm" / "thesis.tex").write_text("years of work")
@@ -336,7 +336,7 @@ class TestStrangers:
             build(tmp_path, FIRST, store, force=True)
         assert "--force" not in raised.value.diagnostic.help and content(tmp_path / "arm") == before
 
-    def test_force_gives_up_only_what_was_there(self, tmp_path: Path) -> None:
+    def test_force_keeps_files_created_during_the_build(self, tmp_path: Path) -> None:
         class Meddler(Store):
             def read(self, sha256: str) -> bytes:
                 (tmp_path / "arm" / "late.txt").write_text("mine")
@@ -351,8 +351,8 @@ class TestStrangers:
         assert "late.txt" in raised.value.names and (folder / "late.txt").read_text() == "mine"
 
     @pytest.mark.parametrize("how", ["exchange", "renames"])
-    def test_a_file_saved_while_we_write(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
-        """The store is asked in the middle of writing: that is when somebody saves a file into the old build."""
+    def test_file_created_during_the_build_is_kept(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+        """A file is saved into the old build while the new one is written, which is when the store is read."""
 
         class Meddler(Store):
             def read(self, sha256: str) -> bytes:
@@ -375,7 +375,7 @@ class TestStrangers:
 
 
 class TestLinks:
-    def test_what_links_point_to_is_never_deleted(self, tmp_path: Path, store: Store) -> None:
+    def test_link_targets_are_never_deleted(self, tmp_path: Path, store: Store) -> None:
         precious = tmp_path / "precious"
         precious.mkdir()
         (precious / "a.stl").write_text("mine")
@@ -396,7 +396,7 @@ class TestLinks:
         assert content(folder) == SECOND
         assert (precious / "a.stl").read_text() == "mine"
 
-    def test_a_linked_folder_is_built_where_it_lies(self, tmp_path: Path, store: Store) -> None:
+    def test_linked_folder_is_replaced_at_its_target(self, tmp_path: Path, store: Store) -> None:
         (tmp_path / "big_disk" / "out").mkdir(parents=True)
         (tmp_path / "build").mkdir()
         os.symlink(tmp_path / "big_disk" / "out", tmp_path / "build" / "arm")
@@ -406,7 +406,7 @@ class TestLinks:
             assert content(tmp_path / "big_disk" / "out") == files
         assert os.listdir(tmp_path / "big_disk") == ["out"]
 
-    def test_a_linked_parent(self, tmp_path: Path, store: Store) -> None:
+    def test_linked_parent_is_supported(self, tmp_path: Path, store: Store) -> None:
         (tmp_path / "big_disk").mkdir()
         os.symlink("big_disk", tmp_path / "build")
         build(tmp_path / "build", FIRST, store)
@@ -414,14 +414,14 @@ class TestLinks:
         assert content(tmp_path / "big_disk" / "arm") == SECOND
         assert os.listdir(tmp_path / "big_disk") == ["arm"]
 
-    def test_a_link_to_nowhere(self, tmp_path: Path, store: Store) -> None:
+    def test_dangling_link_is_created(self, tmp_path: Path, store: Store) -> None:
         os.symlink(tmp_path / "later" / "arm", tmp_path / "arm")
         build(tmp_path, FIRST, store)
         assert content(tmp_path / "later" / "arm") == FIRST
 
 
 class TestRefused:
-    def test_a_parent_that_is_a_file(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_parent_that_is_a_file_is_an_error(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         (tmp_path / "build").write_text("mine")
         with pytest.raises(OutputError) as raised:
@@ -429,7 +429,7 @@ class TestRefused:
         assert str(raised.value) == "cannot write the build to `build/arm`: File exists"
         assert raised.value.diagnostic.help == "move the existing file, or build into another folder with -o"
 
-    def test_a_name_that_is_too_long(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_too_long_file_name_is_an_error(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         with pytest.raises(OutputError) as raised:
             build(tmp_path, with_manifest({f"{'a' * 300}.stl": b"x"}), store)
@@ -438,7 +438,7 @@ class TestRefused:
             "use shorter names in the document, or build into another folder with -o"
         )
 
-    def test_a_system_that_takes_no_folders(self, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_unwritable_file_system_is_an_error(self, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir("/")
         report = Report()
         with pytest.raises(OutputError) as raised:
@@ -450,8 +450,8 @@ class TestRefused:
         assert said.help is not None and said.help.endswith(", or build into another folder with -o")
         assert "space" not in said.help
 
-    def test_no_room_left(self, tmp_path: Path, store: Store) -> None:
-        """The system's own refusal in the middle of a file (a file size limit: RLIMIT_FSIZE), in a process of its own."""
+    def test_full_disk_keeps_the_old_build(self, tmp_path: Path, store: Store) -> None:
+        """The operating system fails in the middle of a file, in a separate process with a file size limit (RLIMIT_FSIZE)."""
         folder = build(tmp_path, FIRST, store)
         big = with_manifest({"a.stl": b"x" * 1000, "b.stl": b"x" * 200_000})
         child = os.fork()
@@ -467,8 +467,8 @@ class TestRefused:
         assert content(folder) == FIRST
         assert os.listdir(tmp_path) == ["arm"]
 
-    def test_a_folder_without_write_permission_is_replaced_and_deleted(self, store: Store) -> None:
-        """As an ordinary user: the old build can be displaced, and must not stay as litter in the way of the next."""
+    def test_read_only_folder_is_replaced_and_deleted(self, store: Store) -> None:
+        """As an unprivileged user, the old build can be moved away; it must be deleted so that it does not block the next build."""
         with tempfile.TemporaryDirectory() as name:
             parent = Path(name)
             folder = build(parent, FIRST, store)
@@ -495,12 +495,12 @@ class TestRefused:
 
 
 class TestVerify:
-    def test_a_whole_build(self, tmp_path: Path, store: Store) -> None:
+    def test_complete_build_is_verified(self, tmp_path: Path, store: Store) -> None:
         folder = build(tmp_path, FIRST, store)
         assert verify(str(folder)) == json.loads(bytes(FIRST["manifest.json"]))  # type: ignore[arg-type]
 
     @pytest.mark.parametrize("damage", ["edit", "delete", "add", "link", "pipe", "manifest", "folder"])
-    def test_anything_else_is_none(self, tmp_path: Path, store: Store, damage: str) -> None:
+    def test_damaged_build_is_not_verified(self, tmp_path: Path, store: Store, damage: str) -> None:
         folder = build(tmp_path, FIRST, store)
         bom = folder / "bom.csv"
         if damage == "edit":
@@ -519,7 +519,7 @@ class TestVerify:
                 os.mkfifo(bom)
         assert verify(str(folder)) is None
 
-    def test_an_empty_folder_more_does_not_matter(self, tmp_path: Path, store: Store) -> None:
+    def test_additional_empty_folder_is_ignored(self, tmp_path: Path, store: Store) -> None:
         folder = build(tmp_path, FIRST, store)
         (folder / "empty").mkdir()
         assert verify(str(folder)) is not None

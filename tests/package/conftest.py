@@ -10,6 +10,6 @@ from package.installed import ROOT, build
 
 @pytest.fixture(scope="session")
 def dist(shared_store: str) -> Path:
-    """A folder with the wheel and the sdist."""
+    """A folder that contains the wheel and the sdist."""
     folder = Path(shared_store).parent / "packages"
     return once(folder, lambda: build(ROOT, folder / "dist")) / "dist"

@@ -14,12 +14,12 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def build(source: Path, folder: Path) -> None:
-    """Build the sdist, and from the sdist the wheel, with the build backend of this environment."""
+    """Build the sdist, and then the wheel from the sdist, with the build backend of this environment."""
     run_module("build", "--no-isolation", "--outdir", str(folder), str(source))
 
 
 def run_module(*words: str) -> None:
-    """Run a module of this environment that builds packages, with the date 2023-11-14."""
+    """Run a module of this environment that builds packages. The date is set to 2023-11-14."""
     environment = {**os.environ, "SOURCE_DATE_EPOCH": "1700000000"}
     done = subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -27,17 +27,16 @@ def run_module(*words: str) -> None:
 
 @dataclass(frozen=True)
 class Installed:
-    """A virtual environment with thingc: its folder of programs, its folder of packages, and the store of its commands."""
+    """A virtual environment with thingc. The attributes are its folder of programs, its folder of packages, and the store for its
+    commands."""
 
     programs: Path
     packages: Path
     store: str
 
     def run(self, folder: Path, *words: str) -> str:
-        """Run a program of the environment in a folder, and return its standard output.
-
-        Other workers of the machine remove temporary folders of workers that hold no lock, so these workers have their own.
-        """
+        """Run a program of the environment in a folder, and return its standard output. Other processes delete temporary folders without
+        a lock, so this folder is locked."""
         clean = {name: text for name, text in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
         command = [str(self.programs / words[0]), *words[1:]]
         own = {"THINGC_STORE": self.store, "TMPDIR": str(self.packages)}
@@ -47,10 +46,8 @@ class Installed:
 
 
 def install(folder: Path, wheel: Path, store: str) -> Installed:
-    """Install a wheel in a new environment, without its dependencies, which are those of this environment.
-
-    A `.pth` file adds them to `sys.path`. The `.pth` files of this environment are not read, so the checkout is not on `sys.path`.
-    """
+    """Install a wheel in a new environment without its dependencies. A `.pth` file adds the dependencies of this environment to
+    `sys.path`. The `.pth` files of this environment are not read, so the checkout is not on `sys.path`."""
     venv.create(folder, with_pip=False, symlinks=True)
     names = {"base": str(folder), "platbase": str(folder)}
     programs, packages = (Path(sysconfig.get_path(one, "venv", names)) for one in ("scripts", "purelib"))

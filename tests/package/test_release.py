@@ -1,4 +1,4 @@
-"""What publishes thingc: workflows, the image, the conda recipe and the notebook agree with the package."""
+"""The files for releases agree with the package: workflows, the image, the conda recipe and the notebook."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def jobs(name: str) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_the_workflows_are_well_formed() -> None:
+def test_workflows_are_well_formed() -> None:
     command = [str(Path(sys.executable).parent / "check-jsonschema"), "--builtin-schema", "vendor.github-workflows", *map(str, WORKFLOWS)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert len(WORKFLOWS) == 2 and done.returncode == 0, done.stdout
 
 
-def test_every_action_is_pinned_to_a_commit() -> None:
+def test_actions_are_pinned_to_commits() -> None:
     used = re.findall(r"uses: *(\S+)(.*)", "".join(path.read_text() for path in WORKFLOWS))
     assert len(used) > 5
     for action, comment in used:
@@ -46,7 +46,7 @@ def test_every_action_is_pinned_to_a_commit() -> None:
         assert pins.get(action, commit) == commit
 
 
-def test_only_the_job_that_publishes_may_ask_for_a_token() -> None:
+def test_only_the_publishing_job_can_request_a_token() -> None:
     for path in WORKFLOWS:
         assert yaml.safe_load(path.read_text())["permissions"] == {"contents": "read"}
         for name, job in jobs(path.name).items():
@@ -54,14 +54,14 @@ def test_only_the_job_that_publishes_may_ask_for_a_token() -> None:
             assert job.get("permissions") == expected and (name != "pypi" or job["environment"]["name"] == "pypi")
 
 
-def test_the_same_versions_of_python_are_tested_and_declared() -> None:
+def test_tested_python_versions_are_declared() -> None:
     makefile = (ROOT / "Makefile").read_text()
     assert jobs("tests.yaml")["tests"]["strategy"]["matrix"]["python"] == VERSIONS
     assert re.search(r"^PYTHONS \?= (.*)$", makefile, re.MULTILINE)[1].split() == VERSIONS  # type: ignore[index]
     assert PROJECT["requires-python"] == f">={VERSIONS[0]}"
 
 
-def test_every_command_of_make_exists() -> None:
+def test_make_commands_exist() -> None:
     text = "".join(path.read_text() for path in (*WORKFLOWS, ROOT / "docs" / "install.md", ROOT / "packaging" / "Dockerfile"))
     targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     used = set(re.findall(r"(?:run: |^|`|#   )make ([\w-]+)", text, re.MULTILINE))
@@ -72,7 +72,7 @@ def notes(tag: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, str(ROOT / "packaging" / "release_notes.py"), tag], capture_output=True, text=True)
 
 
-def test_a_release_needs_its_version_and_its_notes() -> None:
+def test_release_needs_a_version_and_notes() -> None:
     section = runpy.run_path(str(ROOT / "packaging" / "release_notes.py"))["section"]
     text = "# Changelog\n\n## Unreleased\n\n- new\n\n## 0.2.0 (2026-12-01)\n\n- one\n- two\n\n## 0.1.0\n\n- old\n\n## 0.0.1\n"
     assert section(text, "0.2.0") == "- one\n- two" and section(text, "0.1.0") == "- old"
@@ -83,7 +83,7 @@ def test_a_release_needs_its_version_and_its_notes() -> None:
     assert (right.returncode == 0) == (f"## {PROJECT['version']}" in (ROOT / "CHANGELOG.md").read_text()), right.stderr
 
 
-def test_the_recipe_of_conda_has_the_same_dependencies() -> None:
+def test_conda_recipe_has_the_same_dependencies() -> None:
     """Some packages have another name on conda-forge."""
     recipe = yaml.safe_load((ROOT / "packaging" / "conda" / "recipe.yaml").read_text())
     names = {"mujoco-python": "mujoco", "fast-simplification": "fast_simplification", "tree_sitter": "tree-sitter"}
@@ -100,7 +100,7 @@ def test_the_recipe_of_conda_has_the_same_dependencies() -> None:
     assert dict([point.split(" = ")]) == PROJECT["scripts"]
 
 
-def test_the_image_copies_files_that_exist_and_starts_thingc() -> None:
+def test_image_copies_existing_files_and_starts_thingc() -> None:
     steps = runpy.run_path(str(ROOT / "packaging" / "image_steps.py"))["steps"]
     found = list(steps((ROOT / "packaging" / "Dockerfile").read_text()))
     assert found[0][0] == "FROM" and found[-1] == ("ENTRYPOINT", '["thingc"]')
@@ -109,7 +109,7 @@ def test_the_image_copies_files_that_exist_and_starts_thingc() -> None:
     assert any("--constraint /opt/thingc/gate/constraints.txt" in words for instruction, words in found if instruction == "RUN")
 
 
-def test_the_notebook_has_no_outputs_and_uses_commands_that_exist() -> None:
+def test_notebook_has_no_outputs_and_valid_commands() -> None:
     notebook = json.loads((ROOT / "examples" / "thingc.ipynb").read_text())
     cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
     assert not any(cell.get("outputs") or cell.get("execution_count") for cell in notebook["cells"])

@@ -1,4 +1,4 @@
-"""What thingc does on systems without `fork`, file locks and other features of POSIX, and with Windows' line ends and paths."""
+"""Behaviour on systems without `fork`, file locks and other features of POSIX, and with the line ends and paths of Windows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HIDDEN = ROOT / "tests" / "package" / "without_posix.py"
 
 
 def modules() -> Iterator[str]:
-    """All modules of thingc, except templates, and modules for JAX, which takes long to import."""
+    """Return all modules of thingc except templates and modules for JAX, whose import takes long."""
     for path in sorted((ROOT / "compiler" / "thingc").rglob("*.py")):
         words = path.relative_to(ROOT / "compiler").with_suffix("").parts
         if "templates" not in words[:-1] and not any("jax" in word or "mjx" in word for word in words):
@@ -30,9 +30,7 @@ def modules() -> Iterator[str]:
 
 
 def test_every_module_can_be_imported_without_posix() -> None:
-    """Third-party packages are imported before; they have packages for Windows.
-    The CAD kernel is imported as in a worker, which is faster.
-    """
+    """Third-party packages are imported first, because they have separate packages for Windows."""
     program = f"""
 import importlib, runpy, sys
 from thingc.geometry.worker.lazy_build123d import import_cheaply
@@ -56,8 +54,8 @@ print(len(names))
     assert int(done.stdout) > 300
 
 
-def test_modules_that_windows_does_not_have_are_imported_where_they_are_needed() -> None:
-    """At the top of a module, only below `try`."""
+def test_posix_modules_are_imported_lazily() -> None:
+    """At the top of a module, they can only be imported in a `try` statement."""
     found = []
     for path in sorted((ROOT / "compiler" / "thingc").rglob("*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
@@ -68,7 +66,7 @@ def test_modules_that_windows_does_not_have_are_imported_where_they_are_needed()
 
 @pytest.fixture(scope="module")
 def elsewhere(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Installed:
-    """thingc in an environment whose processes, also workers, find no feature of POSIX; with a store of its own."""
+    """thingc in an environment without features of POSIX in all processes, including workers, and with a separate store."""
     folder = tmp_path_factory.mktemp("elsewhere")
     (wheel,) = dist.glob("*.whl")
     installed = install(folder / "venv", wheel, str(folder / "store"))
@@ -109,7 +107,7 @@ def test_commands_work_without_posix_and_write_the_same_files(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("begun", ["legged"], indirect=True)
-def test_a_workspace_with_windows_line_ends(begun: Path, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workspace_with_windows_line_ends(begun: Path, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Git for Windows checks out text files with these line ends."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     for path in begun.parent.rglob("*"):
@@ -127,7 +125,7 @@ def test_a_workspace_with_windows_line_ends(begun: Path, tmp_path: Path, shared_
 
 @pytest.fixture
 def on_windows(monkeypatch: pytest.MonkeyPatch) -> Workspace:
-    """The modules that resolve paths use Windows' path syntax. Links are not resolved, because the files do not exist."""
+    """Let the modules that resolve paths use the path syntax of Windows. Links are not resolved, because the files do not exist."""
 
     class Windows:
         path = ntpath
@@ -143,9 +141,9 @@ def on_windows(monkeypatch: pytest.MonkeyPatch) -> Workspace:
     )
 
 
-def test_paths_of_windows_are_written_with_slashes(on_windows: Workspace) -> None:
+def test_windows_paths_are_written_with_slashes(on_windows: Workspace) -> None:
     document = "C:\\robots\\rover\\arms\\arm.yaml"
-    found = paths.named("../legs/leg.yaml", document)
+    found = paths.resolve_path("../legs/leg.yaml", document)
     assert found is not None and PureWindowsPath(found) == PureWindowsPath("C:/robots/rover/legs/leg.yaml")
     assert on_windows.contains(found) and on_windows.relative(found) == "legs/leg.yaml"
     assert not on_windows.contains("C:\\robots\\rover2\\leg.yaml") and not on_windows.contains("D:\\robots\\rover\\leg.yaml")
@@ -153,7 +151,7 @@ def test_paths_of_windows_are_written_with_slashes(on_windows: Workspace) -> Non
 
 
 @pytest.mark.parametrize("text", ["C:\\x.yaml", "C:/x.yaml", "C:x.yaml", "\\\\server\\x.yaml", "/x.yaml", "..\\..\\x.yaml", "../../x.yaml"])
-def test_paths_out_of_the_workspace_are_refused_on_windows(text: str, on_windows: Workspace) -> None:
+def test_paths_outside_the_workspace_are_errors_on_windows(text: str, on_windows: Workspace) -> None:
     report = Report()
     beside = "C:\\robots\\rover\\rover.yaml"
     assert paths.find_assembly(text, beside=beside, where=None, workspace=on_windows, report=report) is None

@@ -1,4 +1,4 @@
-"""The wheel and the sdist: their files and metadata, that builds are reproducible, and that both work when they are installed."""
+"""The wheel and the sdist: their files and metadata, reproducible builds, and installations from both."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def metadata(wheel: Path) -> Message:
 
 
 def sources(*folders: str) -> dict[str, bytes]:
-    """The files of the repository in some folders, including new ones, by path."""
+    """Return the files in some folders of the repository by path, including new files."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard", *folders]
     names = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split("\0")[:-1]
     return {name: (ROOT / name).read_bytes() for name in names if (ROOT / name).exists()}
 
 
-def test_a_build_does_not_depend_on_the_folder_its_times_or_the_umask(dist: Path, sdist: Path, tmp_path: Path) -> None:
+def test_build_ignores_folder_times_and_umask(dist: Path, sdist: Path, tmp_path: Path) -> None:
     with tarfile.open(sdist) as archive:
         archive.extractall(tmp_path, filter="data")
     copy = (tmp_path / sdist.name.removesuffix(".tar.gz")).rename(tmp_path / "elsewhere")
@@ -61,8 +61,9 @@ def test_a_build_does_not_depend_on_the_folder_its_times_or_the_umask(dist: Path
         assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes(), path.name
 
 
-def test_the_wheel_has_exactly_the_files_of_both_packages(wheel: Path) -> None:
-    """Among them: pages of the viewer, templates of workspaces (also hidden ones), examples of diagnostics, stock parts, `py.typed`."""
+def test_wheel_contains_exactly_the_files_of_both_packages(wheel: Path) -> None:
+    """The files include pages of the viewer, templates of workspaces (also hidden ones), examples of diagnostics, stock parts and
+    `py.typed`."""
     expected = {name.partition("/")[2]: data for name, data in sources("compiler/thingc", "parts/thingc_stock").items()}
     with zipfile.ZipFile(wheel) as archive:
         found = {name: archive.read(name) for name in archive.namelist() if not name.startswith(INFO)}
@@ -77,14 +78,14 @@ def test_the_wheel_has_exactly_the_files_of_both_packages(wheel: Path) -> None:
         assert name in found
 
 
-def test_the_sdist_has_what_builds_the_wheel_and_no_pictures(sdist: Path) -> None:
+def test_sdist_contains_the_sources_without_pictures(sdist: Path) -> None:
     with tarfile.open(sdist) as archive:
         names = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
     others = {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "PKG-INFO", ".gitignore"}
     assert names == {*sources("compiler/thingc", "parts/thingc_stock"), *others}
 
 
-def test_the_metadata(metadata: Message) -> None:
+def test_metadata(metadata: Message) -> None:
     assert (metadata["Name"], metadata["Version"]) == ("thingc", thingc.__version__)
     assert (metadata["License-Expression"], metadata["License-File"]) == ("Apache-2.0", "LICENSE")
     assert metadata["Requires-Python"] == PROJECT["requires-python"]
@@ -95,8 +96,8 @@ def test_the_metadata(metadata: Message) -> None:
     assert versions == ["3.11", "3.12", "3.13", "3.14"]
 
 
-def test_every_link_of_the_description_is_absolute(metadata: Message) -> None:
-    """PyPI shows the README on its own, and the repository has a tag for each version."""
+def test_links_in_the_description_are_absolute(metadata: Message) -> None:
+    """PyPI shows the README without the repository. The repository has a tag for each version."""
     targets, written = (re.findall(r"\]\(([^)]+)\)", text) for text in (metadata.get_payload(), (ROOT / "README.md").read_text()))
     assert len(targets) == len(written) > 40 and all(target.startswith("https://") for target in targets)
     prefixes = re.compile(rf"https://(raw\.githubusercontent\.com/thingc/thingc|github\.com/thingc/thingc/blob)/v{thingc.__version__}/(.+)")
@@ -105,13 +106,13 @@ def test_every_link_of_the_description_is_absolute(metadata: Message) -> None:
     assert {Path(path).suffix for path in own if "raw." in path or path.startswith("docs/pictures/")} <= {".png", ".svg"}
 
 
-def test_pip_makes_the_same_wheel_of_the_sdist(wheel: Path, sdist: Path, tmp_path: Path) -> None:
-    """Therefore, an installation from the sdist is the one that the next test uses."""
+def test_pip_builds_the_same_wheel_from_the_sdist(wheel: Path, sdist: Path, tmp_path: Path) -> None:
+    """Therefore, the next test also covers an installation from the sdist."""
     run_module("pip", "wheel", "--no-deps", "--no-index", "--no-build-isolation", "--wheel-dir", str(tmp_path), str(sdist))
     assert (tmp_path / wheel.name).read_bytes() == wheel.read_bytes()
 
 
-def test_an_installed_thingc_makes_and_builds_a_robot(wheel: Path, tmp_path: Path, shared_store: str) -> None:
+def test_installed_thingc_creates_and_builds_a_robot(wheel: Path, tmp_path: Path, shared_store: str) -> None:
     installed = install(tmp_path / "venv", wheel, shared_store)
     rover = tmp_path / "rover"
     code = "import sys, thingc, thingc_stock; print(thingc.__file__, *thingc_stock.__path__, *sys.path, sep='\\n')"

@@ -1,7 +1,5 @@
-"""Hide modules and functions that Windows does not have, except those that Python's own modules need on Linux.
-
-An environment in which this module is imported when Python starts is as poor as Windows in all its processes.
-"""
+"""Hide the modules and functions that Windows does not have, except those that Python's own modules need on Linux. If this module is
+imported when Python starts, no process of the environment has these features."""
 
 import os
 import signal
@@ -24,7 +22,7 @@ _open = os.open
 
 
 def _without_folders(path, flags, mode=0o777, *, dir_fd=None):  # type: ignore[no-untyped-def]
-    """As `os.open` of Windows, which cannot open a folder."""
+    """Behave like `os.open` on Windows, which cannot open a folder."""
     if os.path.isdir(path):
         raise PermissionError(13, "Permission denied", path)
     return _open(path, flags, mode, dir_fd=dir_fd)

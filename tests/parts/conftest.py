@@ -1,7 +1,5 @@
-"""The arm put together by hand: an oracle for placements that reads no document and uses no pass of the compiler.
-
-Lengths in mm. A mate is the matrix chain X_PC = X_PA Rz(turn + q) M inv(X_CB) with M written out.
-"""
+"""The arm, assembled with a chain of matrices, as an independent reference for placements: it reads no document and uses no compiler
+pass. Lengths are in mm. A mate is the product X_PC = X_PA Rz(turn + q) M inv(X_CB), with the matrix M written out."""
 
 from __future__ import annotations
 
@@ -29,23 +27,23 @@ POSES = {
     "folded": (0.0, -150.0, 125.0, 0.0),
     "writing": (0.0, -40.0, 98.8, -58.8),
 }
-"""The poses of assemblies/arm.yaml: yaw, shoulder, elbow, wrist [deg]."""
+"""The poses in assemblies/arm.yaml: yaw, shoulder, elbow, wrist [deg]."""
 
 
 def matrix(location) -> np.ndarray:
-    """The homogeneous matrix [mm] of a build123d Location, read from the kernel's own transformation."""
+    """Return the homogeneous matrix [mm] of a build123d Location, read from the transformation of the CAD kernel."""
     t = location.wrapped.Transformation()
     return np.array([[t.Value(i, j) for j in range(1, 5)] for i in range(1, 4)] + [[0.0, 0, 0, 1]])
 
 
 def about_z(degrees: float) -> np.ndarray:
-    """A turn about z."""
+    """Return a rotation about z."""
     a = np.radians(degrees)
     return np.array([[np.cos(a), -np.sin(a), 0, 0], [np.sin(a), np.cos(a), 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 
 
 def mount_frame(thing, mount: str) -> np.ndarray:
-    """A mount's frame on its Thing; `screw_3` is the third of a list."""
+    """Return the frame of a mount of a Thing. `screw_3` is the third element of a list."""
     name, _, number = mount.rpartition("_")
     found = getattr(thing, mount, None) if not number.isdigit() else getattr(thing, name)[int(number)]
     return matrix(found.location)
@@ -53,7 +51,7 @@ def mount_frame(thing, mount: str) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Placed:
-    """A part of the arm: its Thing, its pose in the plate's frame, and the link that it belongs to."""
+    """A part of the arm: its Thing, its pose in the frame of the plate, and its link."""
 
     name: str
     thing: object
@@ -63,7 +61,8 @@ class Placed:
 
 @dataclass(frozen=True)
 class Mated:
-    """A line of the arm: `name` sits with its mount `mine` on `theirs` of `parent`, turned; `joint` is its number or None."""
+    """A row of the arm: `name` is attached with its mount `mine` to the mount `theirs` of `parent`, rotated. `joint` is the number of
+    the joint, or None."""
 
     name: str
     thing: object
@@ -76,7 +75,7 @@ class Mated:
 
 
 def lines(reach: float = 100.0, pen: float = 15.0) -> Iterator[Mated]:
-    """The arm as assemblies/arm.yaml means it, after the plate; the parent's link is named in words."""
+    """Return the rows of the arm after the plate, as in assemblies/arm.yaml."""
     import arm
     from thingc_stock.dynamixel import XM430
     from thingc_stock.fasteners import Screw
@@ -101,7 +100,7 @@ def lines(reach: float = 100.0, pen: float = 15.0) -> Iterator[Mated]:
 
 
 def put_together(q: tuple[float, ...], reach: float = 100.0, pen: float = 15.0) -> dict[str, Placed]:
-    """Every part of the arm where it stands in the plate's frame, at the joint angles `q` [deg]."""
+    """Return every part of the arm with its pose in the frame of the plate, at the joint angles `q` [deg]."""
     import arm
 
     placed = {"plate": Placed("plate", arm.BasePlate(), np.eye(4), "base")}
@@ -114,7 +113,7 @@ def put_together(q: tuple[float, ...], reach: float = 100.0, pen: float = 15.0) 
 
 
 def as_manifold(shapes):
-    """The exact meshes (0.05 mm) of solids as one manifold3d solid."""
+    """Convert the meshes (0.05 mm) of solids to one manifold3d solid."""
     import manifold3d
 
     pieces = []
@@ -130,7 +129,7 @@ def as_manifold(shapes):
 
 @pytest.fixture(scope="session")
 def meshes():
-    """Thing to its exact mesh, each made once."""
+    """A function from a Thing to its mesh, which is created once."""
     made = {}
 
     def mesh(thing):
@@ -143,7 +142,7 @@ def meshes():
 
 @pytest.fixture(scope="session")
 def pieces():
-    """Thing to the meshes of its collision pieces (of its hull where it has none), each made once."""
+    """A function from a Thing to the meshes of its collision pieces, or of its hull, which are created once."""
     made = {}
 
     def collide(thing):

@@ -1,5 +1,5 @@
-"""The arm put together by the hand-written chain of `conftest.py`: holes in line, nothing inside anything else, no false
-contacts between the collision pieces."""
+"""The arm, assembled with the chain of matrices in `conftest.py`: holes are aligned, parts do not overlap, and collision pieces have no
+false contacts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from build123d import Vector
 from .conftest import POSES, mount_frame, put_together
 
 NEIGHBOURS = {("base", "bracket"), ("bracket", "humerus"), ("humerus", "forearm"), ("forearm", "hand")}
-"""Links that a joint connects: simulators exclude them from contact."""
+"""Links that a joint connects. Simulators exclude their contacts."""
 
 # Holes of the XM430 (drawing X-430), in its frame: mouth and direction out of the material.
 SIDES = [((sx * 14.25, y, z), (sx, 0, 0)) for sx in (1, -1) for y in (-4, -28) for z in (6, -6)]
@@ -45,12 +45,12 @@ FASTENED = [  # fixture, servo, its holes, how far above the servo's face the ho
 
 @pytest.fixture(scope="module")
 def straight():
-    """The arm with every joint at such an angle that the holes of horns are in line with those of their fixtures."""
+    """The arm with joint angles at which the holes of horns are aligned with those of their fixtures."""
     return put_together((0.0, 0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(("fixture", "servo", "holes", "above", "radius"), FASTENED)
-def test_the_holes_of_a_fixture_are_in_line_with_those_of_its_servo(straight, fixture, servo, holes, above, radius):
+def test_holes_of_fixtures_and_servos_are_aligned(straight, fixture, servo, holes, above, radius):
     solid = straight[fixture].thing.result()
     seen = np.linalg.inv(straight[fixture].pose) @ straight[servo].pose
     for mouth, out in holes:
@@ -62,7 +62,7 @@ def test_the_holes_of_a_fixture_are_in_line_with_those_of_its_servo(straight, fi
                 assert solid.is_inside(Vector(*point[:3])) is filled, (mouth, r)
 
 
-def test_the_caps_screws_find_their_holes_in_the_hand(straight):
+def test_screws_of_the_cap_fit_holes_of_the_hand(straight):
     cap, hand = straight["hand/cap"], straight["hand/fixture"]
     for k in range(2):
         screw = straight[f"hand/cap_screw_{k}"]
@@ -74,8 +74,8 @@ def test_the_caps_screws_find_their_holes_in_the_hand(straight):
                     assert part.thing.result().is_inside(Vector(*point[:3])) is filled
 
 
-def test_the_servos_sit_on_their_fixtures(straight):
-    """The axis of every servo, from the drawing's numbers alone: 35.25 mm above a bottom, 19 mm behind the face of a horn."""
+def test_servo_axes(straight):
+    """The axis of every servo, from dimensions of the drawing: 35.25 mm above a bottom, 19 mm behind the face of a horn."""
     axis = {name: (straight[name].pose[:3, 3], straight[name].pose[:3, 2]) for name in straight if name.endswith("servo")}
     heights = 5 + 34 + 2 + 5 + 35.25  # plate, case, horn, platform, bottom to axis
     expected = {
@@ -91,9 +91,9 @@ def test_the_servos_sit_on_their_fixtures(straight):
     ("home", 100, 15), ("stretched", 100, 15), ("folded", 100, 15), ("writing", 100, 15), ("home", 75, 6),
     ("folded", 75, 30), ("home", 200, 30),
 ])
-def test_nothing_is_inside_anything_else(pose, reach, pen, meshes):
-    """Exact meshes, every pair of parts, at the poses of the document. Only the cap's screws are in the hand's material:
-    their thread, as the cylinder of its pitch diameter (3 - 0.6495 x 0.5), in holes of 2.5 mm."""
+def test_parts_do_not_overlap(pose, reach, pen, meshes):
+    """Exact meshes of every pair of parts, in the poses of the document. Only the screws of the cap overlap the hand: their thread, as a
+    cylinder with its pitch diameter (3 - 0.6495 x 0.5), in holes of 2.5 mm."""
     arm = put_together(POSES[pose], reach, pen)
     there = {name: meshes(part.thing).transform(part.pose[:3]) for name, part in arm.items()}
     thread = pi / 4 * ((3 - 0.649519 * 0.5) ** 2 - 2.5**2) * 5
@@ -105,7 +105,7 @@ def test_nothing_is_inside_anything_else(pose, reach, pen, meshes):
             assert shared < 1e-3, f"{one} and {other} share {shared:.3f} mm^3"
 
 
-def test_the_tip_is_above_the_plate_at_home_and_points_down():
+def test_tip_at_home_is_above_the_plate_and_points_down():
     arm = put_together(POSES["home"])
     tip = arm["hand/pen"].pose @ mount_frame(arm["hand/pen"].thing, "tip")
     # Planar: shoulder 81.25 mm up; humerus 60 deg up, forearm 60 deg down; the pen 34.55 mm before the wrist, 30 deg down.
@@ -122,8 +122,8 @@ def boxes_meet(one, other):
 
 
 def touching_links(q, pieces, reach=100.0, pen=15.0):
-    """The pairs of links between which MuJoCo finds a contact: a body per link with the convex pieces that the parts give
-    (MuJoCo makes their hulls itself), neighbours through a joint excluded."""
+    """Return the pairs of links between which MuJoCo finds a contact, with one body per link and the convex collision pieces of the
+    parts. Contacts of links that a joint connects are excluded."""
     import mujoco
 
     spec, bodies, known = mujoco.MjSpec(), {}, {}
@@ -155,12 +155,12 @@ def touching_links(q, pieces, reach=100.0, pen=15.0):
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_mujoco_sees_no_contact_at_the_poses_of_the_document(pose, pieces):
-    """Nothing penetrates there (see above), so that every contact would be a false one."""
+def test_no_contacts_in_document_poses(pose, pieces):
+    """No parts overlap in these poses, so every contact would be false."""
     assert touching_links(POSES[pose], pieces) == set()
 
 
-def test_mujoco_sees_the_contact_where_a_thick_pen_runs_into_the_shoulder(pieces, meshes):
+def test_contact_of_a_thick_pen_with_the_shoulder(pieces, meshes):
     q = (0.0, -150.0, 130.0, 80.0)
     assert ("bracket", "hand") in {tuple(sorted(pair)) for pair in touching_links(q, pieces, reach=75, pen=30)}
     arm = put_together(q, 75, 30)

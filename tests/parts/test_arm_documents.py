@@ -1,4 +1,4 @@
-"""The documents of `assemblies/` through the whole compiler, against the hand-written chain of `conftest.py`."""
+"""The documents in `assemblies/`, compiled, and compared with the chain of matrices in `conftest.py`."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ JOINTS = ("yaw", "shoulder", "elbow", "wrist")
 
 
 def compiled(document, store, **parameters):
-    """The compilation, run; it must have nothing to say."""
+    """Return the compilation, which must have no diagnostics."""
     with Environment(document, Options(store=store, jobs=2, parameters=parameters)) as environment:
         compilation = pipeline.compile(environment)
     # A short arm that draws has its plate in the floor of the scene: that is said, and no more.
     said = [found for found in compilation.report.diagnostics if found.code.code != "TC610"]
-    assert not said, as_text(compilation.report.ordered())
+    assert not said, as_text(compilation.report.sorted_diagnostics())
     assert compilation.assembly is not None
     return compilation
 
 
 @pytest.fixture(scope="module")
 def arm(shared_store):
-    """The arm as its document says."""
+    """The arm of the document."""
     return compiled(ARM, shared_store)
 
 
 @pytest.fixture(scope="module")
 def models(shared_store):
-    """Mode to its compiled MuJoCo model."""
+    """The compiled MuJoCo model of each mode."""
     return {name: mode.model() for name, mode in thingc.compile(ARM, store=shared_store).modes.items()}
 
 
 def rest(compilation):
-    """Every occurrence's pose at q = 0 in the plate's frame [mm]."""
+    """Return the pose of every occurrence at q = 0 in the frame of the plate [mm]."""
     assembly = compilation.assembly
     poses = {}
     for occurrence in assembly.occurrences:
@@ -54,7 +54,7 @@ def rest(compilation):
 
 
 @pytest.mark.parametrize(("reach", "pen"), [(100, 15), (60, 6), (200, 30)])
-def test_every_part_stands_where_the_chain_puts_it(shared_store, reach, pen):
+def test_part_poses_equal_those_of_the_chain(shared_store, reach, pen):
     found = rest(compiled(ARM, shared_store, reach=f"{reach} mm", pen_diameter=f"{pen} mm"))
     expected = put_together((0, 0, 0, 0), reach, pen)
     assert set(found) == set(expected) | {"bus_board"}
@@ -62,7 +62,7 @@ def test_every_part_stands_where_the_chain_puts_it(shared_store, reach, pen):
         assert np.allclose(found[path], part.pose, atol=1e-9), path
 
 
-def test_the_board_is_behind_the_bracket(arm):
+def test_board_is_behind_the_bracket(arm):
     from arm import YawPitchBracket
 
     board = rest(arm)["bus_board"]
@@ -73,7 +73,7 @@ def test_the_board_is_behind_the_bracket(arm):
     assert board[0, 3] < -14.25 - 4  # outside the cradle's rear wall
 
 
-def test_poses_of_the_document_are_those_checked_for_collisions(arm):
+def test_poses_equal_those_of_the_collision_test(arm):
     poses = {pose.name: tuple(pose.values.get(joint, 0.0) for joint in JOINTS) for pose in arm.assembly.poses}
     assert poses == {name: pytest.approx([radians(angle) for angle in q]) for name, q in POSES.items()}
 
@@ -96,7 +96,7 @@ def test_links_masses_and_sources(arm):
     assert 0.4 < assembly.properties.mass < 0.55
 
 
-def test_in_bench_the_yaw_axis_is_up_and_the_tip_at_home_is_above_the_plate(models):
+def test_bench_mode_has_a_vertical_yaw_axis(models):
     import mujoco
 
     model = models["bench"]
@@ -111,7 +111,7 @@ def test_in_bench_the_yaw_axis_is_up_and_the_tip_at_home_is_above_the_plate(mode
     assert data.site("tip").xpos[2] > 0.010
 
 
-def test_the_drives_are_those_of_the_servos(models):
+def test_drives_equal_those_of_the_servos(models):
     model = models["bench"]
     for joint in JOINTS:
         actuator = model.actuator(joint)
@@ -121,9 +121,9 @@ def test_the_drives_are_those_of_the_servos(models):
         assert model.joint(joint).armature[0] == pytest.approx(0.045, rel=1e-12)
 
 
-def test_every_contact_within_the_arm_is_confirmed_by_the_exact_meshes(models, meshes):
-    """At every pose, in every mode: a contact that MuJoCo reports between two parts is one that their exact meshes have,
-    too (0.05 mm of room for the tessellation)."""
+def test_contacts_are_confirmed_by_exact_meshes(models, meshes):
+    """In every pose and mode, two parts with a contact in MuJoCo also touch according to their exact meshes, with a tolerance of 0.05 mm
+    for the tessellation."""
     import mujoco
 
     for mode, model in models.items():
@@ -148,8 +148,8 @@ def test_every_contact_within_the_arm_is_confirmed_by_the_exact_meshes(models, m
             assert touching <= reported
 
 
-def test_the_arm_holds_its_home_pose(models):
-    """The drives are strong enough for the arm: from home it settles within 3 degrees of it in a second."""
+def test_arm_holds_its_home_pose(models):
+    """The drives are strong enough for the arm: from home, it stays within 3 degrees for a second."""
     import mujoco
 
     model = models["bench"]
@@ -162,7 +162,7 @@ def test_the_arm_holds_its_home_pose(models):
     assert all(warning.number == 0 for warning in data.warning)
 
 
-def test_the_end_effector_is_a_robot_of_its_own(shared_store):
+def test_end_effector_can_be_compiled_alone(shared_store):
     compilation = compiled(str(ROOT / "assemblies" / "end_effector.yaml"), shared_store, pen_diameter="9 mm")
     assert [o.path for o in compilation.assembly.occurrences] == ["fixture", "cap", "cap_screw_0", "cap_screw_1", "pen"]
     assert [mount.path for mount in compilation.assembly.exported] == ["seat", "tip"]

@@ -1,4 +1,4 @@
-"""Each printed part of the arm by itself: sound solids over the whole range of its parameters, and honest refusals."""
+"""Each printed part of the arm: valid solids over the whole range of its parameters, and errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SWEEP = [
 
 
 @pytest.mark.parametrize(("family", "parameters"), SWEEP)
-def test_every_part_is_one_closed_solid_over_the_range_of_its_parameters(family, parameters, meshes, pieces):
+def test_parts_are_closed_solids_for_all_parameters(family, parameters, meshes, pieces):
     thing = family(**parameters)
     solid = thing.result()
     assert solid.is_valid and len(solid.solids()) == 1 and solid.volume > 0
@@ -42,7 +42,7 @@ def test_every_part_is_one_closed_solid_over_the_range_of_its_parameters(family,
     assert (mesh - union).volume() <= 1e-4 * mesh.volume(), "the collision pieces do not hold the part"
 
 
-def test_a_brace_is_as_long_as_it_says():
+def test_brace_has_its_length():
     for length in (60, 87.5, 200):
         brace = arm.RotorBrace(length=length)
         rotor, seat = brace.rotor_seat.location, brace.servo_seat.location
@@ -53,7 +53,7 @@ def test_a_brace_is_as_long_as_it_says():
         assert tuple(seat.z_axis.direction) == pytest.approx((0, 1, 0), abs=1e-9)
 
 
-def test_the_pen_lies_on_the_hand_whatever_its_diameter():
+def test_pen_of_any_diameter_touches_the_hand():
     for diameter in (6, 15, 30):
         cap = arm.OmegaCap(pen_diameter=diameter)
         assert tuple(cap.pen.location.position) == pytest.approx((0, 0, diameter / 2 + 0.05), abs=1e-9)
@@ -65,7 +65,7 @@ def test_the_pen_lies_on_the_hand_whatever_its_diameter():
             assert not solid.is_inside(middle + Vector(0, 0, 1) * (diameter / 2 + 3.15))
 
 
-def test_the_pen_has_the_volume_of_its_formula_but_for_the_rounding():
+def test_pen_has_the_volume_of_its_formula():
     pen = arm.PenDummy(length=100, diameter=15)
     whole = pi * 7.5**2 * 100 + pi * 7.5**2 * 10 / 3
     assert 0.97 * whole < pen.result().volume < whole
@@ -75,7 +75,7 @@ def test_the_pen_has_the_volume_of_its_formula_but_for_the_rounding():
     assert pen.groundplane.area == pytest.approx(pi * 7.5**2)
 
 
-def test_what_cannot_be_made_is_refused_in_words():
+def test_invalid_parameters_are_errors():
     with pytest.raises(ParameterError, match="`length` of `RotorBrace` must be at least 60 mm, found 59 mm"):
         arm.RotorBrace(length=59)
     with pytest.raises(ParameterError, match="`pen_diameter` of `Hand` must be at most 30 mm, found 31 mm"):
@@ -91,13 +91,13 @@ def test_what_cannot_be_made_is_refused_in_words():
         (arm.Hand, {("rotor_seat", "XM430", "rotor"), ("cap_seat", "OmegaCap", "seat")}),
     ],
 )
-def test_parts_remember_what_they_were_cut_for(thing, expected):
+def test_parts_state_their_expected_neighbours(thing, expected):
     found = expectations_of(thing())
     assert {(one.mount, one.family.__name__, one.child_mount) for one in found} == expected
     assert all(one.parameters == {"idler": True} for one in found if one.family.__name__ == "XM430")
 
 
-def test_the_hand_expects_the_cap_for_its_own_pen():
+def test_hand_expects_the_cap_for_its_pen():
     (cap,) = (one for one in expectations_of(arm.Hand(pen_diameter=9)) if one.mount == "cap_seat")
     assert cap.parameters == {"pen_diameter": 9.0, "thickness": 3.0, "width": 12.0}
 

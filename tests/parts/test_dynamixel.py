@@ -1,8 +1,6 @@
-"""The servos against the numbers of the ROBOTIS e-Manual and its drawings, written here once more.
-
-Sources: emanual.robotis.com/docs/en/dxl/x/xm430-w350 and .../xm540-w270 ("Specifications", "Control Table"), drawings X-430
-(XM430.N101.I101) and X-540 (XM,H,D-540.N101.I101). Frame: x left, y top, z out of the horn, on the output axis.
-"""
+"""The servos, compared with numbers of the ROBOTIS e-Manual and its drawings, which are repeated here. Sources:
+emanual.robotis.com/docs/en/dxl/x/xm430-w350 and .../xm540-w270 ("Specifications", "Control Table"), drawings X-430 (XM430.N101.I101)
+and X-540 (XM,H,D-540.N101.I101). Frame: x left, y top, z out of the horn, on the output axis."""
 
 from __future__ import annotations
 
@@ -47,12 +45,12 @@ MODELS = pytest.mark.parametrize("model", [XM430, XM540])
 
 @pytest.fixture(scope="module")
 def solids():
-    """Model to its solid."""
+    """The solid of each model."""
     return {model: model().result() for model in (XM430, XM540)}
 
 
 def circle_holes(model):
-    """Mouth and direction of the 8 holes of horn and idler, from +x towards +y, with their depth."""
+    """Return the position and direction of the 8 holes of horn and idler, from +x towards +y, with their depth."""
     depth = SIZES[model][2]
     _, _, horn, idler, circle, _ = OUTER[model]
     for k in range(8):
@@ -62,7 +60,7 @@ def circle_holes(model):
 
 
 def assert_hole(solid, mouth, out, depth, diameter):
-    """The solid has a blind hole there: empty on its axis and just inside its wall, material just outside and below."""
+    """Check that the solid has a blind hole: empty on its axis and just inside its wall, material just outside and below."""
     mouth, out = Vector(mouth), Vector(out)
     across = out.cross(Vector(0.3, 0.5, 0.7)).normalized()
     other = out.cross(across)
@@ -76,7 +74,7 @@ def assert_hole(solid, mouth, out, depth, diameter):
 
 
 @MODELS
-def test_the_solid_is_one_closed_part_of_the_published_size(model, solids):
+def test_solid_is_closed_and_has_the_published_size(model, solids):
     solid = solids[model]
     width, height, depth = SIZES[model]
     top, rim, horn, idler, _, _ = OUTER[model]
@@ -92,7 +90,7 @@ def test_the_solid_is_one_closed_part_of_the_published_size(model, solids):
 
 
 @MODELS
-def test_mounts_stand_on_the_faces_and_look_outwards(model):
+def test_mounts_are_on_faces_and_point_outwards(model):
     servo = model()
     width, height, depth = SIZES[model]
     top, _, horn, idler, _, _ = OUTER[model]
@@ -113,7 +111,7 @@ def test_mounts_stand_on_the_faces_and_look_outwards(model):
 
 
 @MODELS
-def test_every_hole_of_the_case_is_where_the_drawing_has_it(model, solids):
+def test_holes_of_the_case_match_the_drawing(model, solids):
     servo, depth = model(), DEPTH[model]
     for name, (mouth, out) in HOLES[model].items():
         assert_hole(solids[model], mouth, out, depth, 2.5)
@@ -129,7 +127,7 @@ def test_every_hole_of_the_case_is_where_the_drawing_has_it(model, solids):
 
 
 @MODELS
-def test_the_circles_of_horn_and_idler(model, solids):
+def test_bolt_circles_of_horn_and_idler(model, solids):
     servo = model()
     thread = OUTER[model][5]
     for where, k, mouth, out, depth in circle_holes(model):
@@ -143,7 +141,7 @@ def test_the_circles_of_horn_and_idler(model, solids):
 
 
 @MODELS
-def test_mass_and_actuator_are_the_vendors(model):
+def test_mass_and_actuator_equal_vendor_data(model):
     mass, torque, speed, gear = {XM430: (0.082, 4.1, 46, 353.5), XM540: (0.165, 10.6, 30, 272.5)}[model]
     actuator = model.actuator
     assert model().mass() == (mass, "vendor")
@@ -157,7 +155,7 @@ def test_mass_and_actuator_are_the_vendors(model):
     assert model.bom["make"] == "buy" and model.bom["number"] in model.__doc__
 
 
-def test_the_armatures():
+def test_armatures():
     # Fitted to the XM430-W350: 0.045 kg m^2 (MuJoCo Menagerie, robotis_op3). The XM540: similar rotors scale with the fifth
     # power of a length: 3.6011e-7 kg m^2 x (33.5 / 28.5)^5 = 8.0793e-7 kg m^2, times 272.5^2.
     assert XM430.actuator.armature == pytest.approx(0.045, rel=1e-12)
@@ -165,7 +163,7 @@ def test_the_armatures():
 
 
 @MODELS
-def test_adjust_gives_play_on_each_side_and_leaves_the_rest(model):
+def test_adjust_adds_play_on_each_side(model):
     width, height, depth = SIZES[model]
     top = OUTER[model][0]
     servo, roomy = model(), model().adjust(width__add=0.2, height__add=0.4, depth__add=0.6, boss_diameter__add=1)
@@ -184,7 +182,7 @@ def test_adjust_gives_play_on_each_side_and_leaves_the_rest(model):
     assert roomy.boss_hull(1.0).volume == pytest.approx(pi / 4 * (servo.p.boss_diameter + 1) ** 2)
 
 
-def test_a_horn_without_room_for_its_holes_is_refused():
+def test_horn_without_room_for_holes_is_an_error():
     with pytest.raises(AssertionError, match="the holes of the horn are on a circle of 16 mm, which must lie between the boss"):
         XM430().adjust(horn_diameter=15)
     with pytest.raises(ParameterError, match="`width` of `XM430` must be at least 0.1 mm, found -1 mm"):
@@ -192,7 +190,7 @@ def test_a_horn_without_room_for_its_holes_is_refused():
 
 
 @MODELS
-def test_collision_pieces_are_convex_and_hold_the_servo(model, solids, pieces):
+def test_collision_pieces_are_convex_and_contain_the_servo(model, solids, pieces):
     own = pieces(model())
     assert all(piece.volume() == pytest.approx(piece.hull().volume(), rel=1e-4) for piece in own)
     union = own[0] + own[1] + own[2]
@@ -200,7 +198,7 @@ def test_collision_pieces_are_convex_and_hold_the_servo(model, solids, pieces):
     assert union.volume() == pytest.approx(solids[model].volume, rel=0.04)
 
 
-def test_the_idler_lies_in_its_hull():
+def test_idler_is_inside_its_hull():
     servo = XM430()
     rim = servo.idler_hull(2.0)
     box = rim.bounding_box()
@@ -208,7 +206,7 @@ def test_the_idler_lies_in_its_hull():
     assert [tuple(box.min)[2], tuple(box.max)[2]] == pytest.approx([-19, -17], abs=1e-6)
 
 
-def test_the_family_itself_is_no_part():
+def test_base_class_is_not_a_part():
     from thingc.geometry.things.inspection import is_part
 
     assert is_part(XSeries) is None

@@ -1,7 +1,5 @@
-"""Screws against bd_warehouse's own screw, and against numbers of the standards written here.
-
-ISO 4762:2004 table 1 (head diameter of knurled heads, head height, socket), ISO 273:1979 (clearance holes), ISO 261 (pitch).
-"""
+"""Screws, compared with the screw of bd_warehouse, and with numbers of the standards. ISO 4762:2004 table 1 (head diameter of knurled
+heads, head height, socket), ISO 273:1979 (clearance holes), ISO 261 (pitch)."""
 
 from __future__ import annotations
 
@@ -25,7 +23,7 @@ SIZES = pytest.mark.parametrize("size", TABLE)
 
 
 @SIZES
-def test_dimensions_are_those_of_the_standards(size):
+def test_dimensions_equal_those_of_the_standards(size):
     d, pitch, dk, k, s, t, fine, medium, coarse, tap = TABLE[size]
     screw = Screw(size, 10)
     assert (screw.diameter, screw.pitch, screw.head_diameter, screw.head_height) == (d, pitch, dk, k)
@@ -35,7 +33,7 @@ def test_dimensions_are_those_of_the_standards(size):
 
 
 @SIZES
-def test_the_solid_has_the_volume_of_its_formula_and_nearly_that_of_bd_warehouse(size):
+def test_volume_equals_formula_and_bd_warehouse(size):
     d, pitch, dk, k, s, t = TABLE[size][:6]
     screw = Screw(size, 10)
     solid = screw.result()
@@ -51,7 +49,7 @@ def test_the_solid_has_the_volume_of_its_formula_and_nearly_that_of_bd_warehouse
 
 
 @SIZES
-def test_the_hulls_hold_the_screw(size):
+def test_hulls_contain_the_screw(size):
     d, _, dk, k, *_, medium, _, tap = TABLE[size]
     screw = Screw(size, 10)
     assert screw.body_hull.volume == pytest.approx(pi / 4 * (d**2 * 10 + dk**2 * k))
@@ -65,7 +63,7 @@ def test_the_hulls_hold_the_screw(size):
         assert hull.is_valid
 
 
-def test_mounts_look_out_of_the_screw():
+def test_mounts_point_out_of_the_screw():
     screw = Screw("M3", 8)
     for mount, height, out in ((screw.seat, 0, -1), (screw.tip, -8, -1), (screw.drive, 3, 1)):
         assert tuple(mount.location.position) == pytest.approx((0, 0, height))
@@ -73,7 +71,7 @@ def test_mounts_look_out_of_the_screw():
     assert (screw.seat.interface, screw.drive.interface) == ("m3-head", "hex-2.5")
 
 
-def test_a_moved_screw_brings_its_hulls_along():
+def test_hulls_move_with_the_screw():
     screw = Screw("M3", 8).move(Pos(10, 0, 0) * Location((0, 0, 0), (0, 90, 0)))
     box = screw.tapped_hull.bounding_box()
     assert tuple(box.min) == pytest.approx((2, -1.25, -1.25), abs=1e-6)
@@ -81,7 +79,7 @@ def test_a_moved_screw_brings_its_hulls_along():
     assert screw.tapped_hull.volume == pytest.approx(pi / 4 * 2.5**2 * 8)
 
 
-def test_equal_screws_are_one_and_wrong_ones_are_refused():
+def test_equal_screws_are_equal_and_invalid_ones_are_errors():
     assert Screw("M3", 8) is Screw(size="M3", length=8.0)
     with pytest.raises(ParameterError, match="`size` of `Screw` must be one of 'M1.6', 'M2', .*, found 'M7'"):
         Screw("M7")

@@ -1,4 +1,4 @@
-"""The interfaces of the stock parts, the arm and MInchW: nothing is found in the robots, and other servos and longer screws are found."""
+"""The interfaces of the stock parts, the arm and MInchW: the robots have no findings, and other servos and longer screws do."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CODES = ("TC425", "TC534", "TC535")
 
 
 def found(document, store, texts=(), **choices):
-    """The findings about interfaces: code and message. `texts` replaces words of documents: file, old and new words."""
+    """Return the findings about interfaces: code and message. `texts` replaces texts in documents: file, old text, new text."""
     replaced = {}
     for file, old, new in texts:
         with open(file) as stream:
@@ -24,11 +24,11 @@ def found(document, store, texts=(), **choices):
         replaced[file] = text.replace(old, new).encode()
     with Environment(document, Options(store=store, jobs=2, texts=replaced, choices=choices)) as environment:
         report = pipeline.check(environment).report
-    return [(one.code.code, one.message) for one in report.ordered() if one.code.code in CODES]
+    return [(one.code.code, one.message) for one in report.sorted_diagnostics() if one.code.code in CODES]
 
 
 @pytest.mark.parametrize("document", [ARM, MINCHW])
-def test_the_robots_have_no_finding(shared_store, document):
+def test_robots_have_no_findings(shared_store, document):
     assert found(document, shared_store) == []
 
 
@@ -50,7 +50,7 @@ def test_another_servo_of_the_arm(shared_store, joint, servo, parent):
 
 
 def test_another_servo_on_a_brace(shared_store):
-    """The bottom of an XM540 has its holes on 20 x 16 mm, and a brace two holes on 16 x 12 mm."""
+    """The bottom of an XM540 has its holes on 20 x 16 mm, and a brace has two holes on 16 x 12 mm."""
     said = found(ARM, shared_store, **{"components.elbow_servo.part": "thingc_stock.dynamixel:XM540"})
     assert any(code == "TC534" and "`elbow_servo.bottom` does not fit `humerus.servo_seat`" in message for code, message in said)
 
@@ -74,26 +74,26 @@ def test_another_servo_on_a_brace(shared_store):
     (MINCHW, (LEG, "{size: M3, length: 10 mm}", "{size: M3, length: 16 mm}"),
      "is 16 mm long, 5 mm too long: the distance to `front.magnet.back` is 5 mm, and the threaded hole is 6 mm deep"),
 ])
-def test_a_screw_of_another_length(shared_store, document, text, words):
+def test_screw_of_another_length(shared_store, document, text, words):
     said = found(document, shared_store, [text])
     assert [code for code, _ in said] == ["TC535"], said
     assert words in said[0][1]
 
 
 def test_screws_of_the_thigh(shared_store):
-    """12 mm: 6 mm in each web. Both screws are found, in each leg at the same line."""
+    """12 mm: 6 mm in each web. Both screws of each leg are reported, at the same line."""
     with open(LEG) as stream:
         text = stream.read()
     with Environment(MINCHW, Options(store=shared_store, jobs=2, texts={
         LEG: text.replace("{size: M2.5, length: 12 mm}", "{size: M2.5, length: 14 mm}").encode(),
     })) as environment:
-        said = [one.message for one in pipeline.check(environment).report.ordered() if one.code.code in CODES]
+        said = [one.message for one in pipeline.check(environment).report.sorted_diagnostics() if one.code.code in CODES]
     assert len(said) == 2
     assert "`front.thigh_screw` on `front.thigh.screw_0` is 14 mm long, 2 mm too long: the distance to `front.thigh_idler.web`" in said[0]
 
 
 @pytest.mark.parametrize("servo", ["XM430", "XL430"])
-def test_the_holes_of_a_servo_and_its_horn_are_those_of_the_drawing(servo):
+def test_servo_and_horn_holes_match_the_drawing(servo):
     from thingc_stock import dynamixel
 
     made = getattr(dynamixel, servo)()
@@ -113,7 +113,7 @@ components:
 """
 
 
-def test_the_solids_of_the_stock_have_what_they_declare(shared_store, tmp_path):
+def test_stock_solids_match_their_declarations(shared_store, tmp_path):
     parts = [
         "dynamixel:XM430", "dynamixel:XL430", "dynamixel:XM540", "bus_servos:XL330", "bus_servos:STS3215", "magnets:HoldingMagnet",
         "motors:Nema17", "motors:ShaftHub", "bearings:Bearing", "fasteners:Screw",
@@ -123,6 +123,6 @@ def test_the_solids_of_the_stock_have_what_they_declare(shared_store, tmp_path):
     (tmp_path / "stock.yaml").write_text(STOCK + "".join(lines))
     with Environment(str(tmp_path / "stock.yaml"), Options(store=shared_store, jobs=2)) as environment:
         compilation = pipeline.check(environment)
-    assert [one.message for one in compilation.report.ordered() if one.code.code in CODES] == []
+    assert [one.message for one in compilation.report.sorted_diagnostics() if one.code.code in CODES] == []
     declared = [mount for record in compilation.records.values() for mount in record.mounts.values() if mount.features]
     assert len(declared) > 30

@@ -1,4 +1,4 @@
-"""Stock parts against what their docstrings say was read, written here once more: sizes, masses, drives and their sources, holes."""
+"""Stock parts, compared with the data in their docstrings, which are repeated here: sizes, masses, drives with sources, and holes."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_drives_in_rpm(part):
     assert drive.no_load_speed == pytest.approx(speed * 2 * pi / 60)
 
 
-def test_a_stepper_pulls_by_its_holding_torque():
+def test_stepper_uses_its_holding_torque():
     for part, torque, inertia, source in (
         (motors.Nema17Short, 0.26, 38e-7, "vendor"), (motors.Nema17, 0.45, 54e-7, "estimated"), (motors.Nema17Long, 0.59, 82e-7, "vendor"),
     ):
@@ -90,8 +90,8 @@ def test_a_stepper_pulls_by_its_holding_torque():
 
 
 @pytest.mark.parametrize("part", [part for part in SIZED if issubclass(part, servos.HobbyServo)], ids=lambda part: part.__name__)
-def test_a_hobby_servo_hangs_in_its_cut_out(part):
-    """The pocket takes the case, the ears lie beside it, and the holes of ears and frame are in line."""
+def test_hobby_servo_fits_its_cut_out(part):
+    """The pocket contains the case, the ears are beside it, and the holes of ears and frame are aligned."""
     servo = part()
     solid, pocket = servo.result(), servo.pocket(30.0)
     below = solid & pocket
@@ -104,8 +104,8 @@ def test_a_hobby_servo_hangs_in_its_cut_out(part):
     assert tuple(servo.flange.location.z_axis.direction) == pytest.approx((0, 0, -1))
 
 
-def test_the_holes_of_a_motor_and_its_hub():
-    """Size 17: four M3 holes 31 mm apart."""
+def test_holes_of_a_motor_and_its_hub():
+    """Size 17: four M3 holes at a distance of 31 mm."""
     motor = motors.Nema17()
     solid = motor.result()
     corners = sorted(tuple(round(v, 6) for v in (m.location.position.X, m.location.position.Y)) for m in motor.hole)
@@ -118,7 +118,7 @@ def test_the_holes_of_a_motor_and_its_hub():
     assert tuple(placed.face.location.position) == pytest.approx((0, 0, 4 + 9 + 3))
 
 
-def test_the_horn_of_a_bus_servo_lies_as_in_its_model():
+def test_horn_of_a_bus_servo_is_placed_as_in_its_model():
     servo = bus_servos.STS3215()
     threads = [hole(0.0).thread_hull.center() for hole in servo.screws_horn]
     assert [(round(at.X, 6), round(at.Y, 6)) for at in threads] == [(7, 0), (0, 7), (-7, 0), (0, -7)]  # a circle of 14 mm
@@ -127,7 +127,7 @@ def test_the_horn_of_a_bus_servo_lies_as_in_its_model():
 
 
 def bearings_of_bd_warehouse():
-    """Bore, outer diameter, width [mm] and mass [kg] by designation, as bd_warehouse has them."""
+    """Return bore, outer diameter, width [mm] and mass [kg] by designation, from bd_warehouse."""
     found = {}
     for table in ("single_row_deep_groove", "single_row_capped_deep_groove"):
         text = files("bd_warehouse").joinpath("data", f"{table}_ball_bearing_parameters.csv").read_text(encoding="utf-8")
@@ -138,7 +138,7 @@ def bearings_of_bd_warehouse():
     return found
 
 
-def test_bearings_as_bd_warehouse_has_them():
+def test_bearings_equal_those_of_bd_warehouse():
     known = bearings_of_bd_warehouse()
     there = {"688": "628/8-2Z", "61800": "61800", "6000": "6000"}
     for name, sizes in bearings.BEARINGS.items():
@@ -160,7 +160,7 @@ def test_bearings(name):
     assert tuple(bearing.front.location.position) == pytest.approx((0, 0, sizes.width / 2))
 
 
-def test_densities_are_those_of_the_grades_that_the_comments_name():
+def test_densities_match_the_grades_in_comments():
     grades = {
         str(grade): one.density
         for module in ("metals", "plastics", "resins", "wood", "glass")
@@ -175,7 +175,7 @@ def test_densities_are_those_of_the_grades_that_the_comments_name():
     assert set(re.findall(r"# ([A-Z]\w+\.[A-Z]\w+)", text)) == set(GRADES.values())
 
 
-def test_a_profile_of_any_length():
+def test_profile_of_any_length():
     for length in (50.0, 1000.0):
         profile = profiles.Profile2020(length=length)
         solid = profile.result()
@@ -187,7 +187,7 @@ def test_a_profile_of_any_length():
         assert tuple(profile.left_end.location.z_axis.direction) == pytest.approx((1, 0, 0))
 
 
-def test_a_tyre_fits_its_rim_and_a_ball_its_socket():
+def test_tyre_fits_rim_and_ball_fits_socket():
     rim, tyre = wheels.Rim(diameter=70, width=20), wheels.Tyre(diameter=70, width=20, thickness=6)
     assert rim.result().is_valid and size_of(tyre.result()) == pytest.approx((82, 82, 20), abs=0.1)
     placed = rim.tyre.align(tyre.seat)
@@ -198,7 +198,7 @@ def test_a_tyre_fits_its_rim_and_a_ball_its_socket():
     assert pytest.approx(23.0) == rolling.bounding_box().max.Z
 
 
-def test_boards_stand_on_posts_below_their_holes():
+def test_posts_are_below_the_holes_of_boards():
     board = boards.RaspberryPi4()
     assert sorted({round(p[0], 3) for p in board.places}) == [-39.0, 19.0]  # 3.5 mm from the edge, 58 mm on
     assert sorted({round(p[1], 3) for p in board.places}) == [-24.5, 24.5]
@@ -207,8 +207,8 @@ def test_boards_stand_on_posts_below_their_holes():
 
 @pytest.mark.parametrize("part", [servos.Horn, motors.ShaftHub, servos.SG90, bus_servos.XL330, bearings.Bearing, boards.RaspberryPi4],
                          ids=lambda part: part.__name__)
-def test_collision_shapes_hold_the_part(part):
-    """What simulators touch reaches as far as the part, to 20 % of its size."""
+def test_collision_shapes_contain_the_part(part):
+    """The collision shapes have the extent of the part, within 20 % of its size."""
     thing = part()
     boxes = [piece.bounding_box() for piece in thing.collision()]
     own = thing.result().bounding_box()
@@ -218,7 +218,7 @@ def test_collision_shapes_hold_the_part(part):
         assert abs(low - getattr(own.min, axis)) <= 0.2 * extent and abs(high - getattr(own.max, axis)) <= 0.2 * extent
 
 
-def test_the_table_of_drives_in_the_docs():
+def test_table_of_drives_in_the_docs():
     text = (Path(__file__).resolve().parents[2] / "docs/stock.md").read_text()
     row = r"^\| `(\S+):(\w+)` \| (.+?) \| (\S+) g \| (\S+) N\*m \| (\S+) rpm \| (\w+), (\w+) \|$"
     rows = re.findall(row, text.partition("<!-- drives -->")[2], re.MULTILINE)

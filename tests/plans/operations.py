@@ -1,4 +1,4 @@
-"""Every operation that a tape records, with arguments for which it is defined and functions of mpmath as oracles."""
+"""The operations that a tape records, with valid arguments, and functions of mpmath for comparison."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whole builds by plans. The oracle is what every pass gives for the same settings."""
+"""Builds by plans are equal to builds by all compiler passes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from families.documents import EVERYTHING, INERTIA, TOOL
 from thingc.base import numeric
 from thingc.base.numeric import Recorded
-from thingc.base.pose import shifted
+from thingc.base.pose import make_translation
 from thingc.batch.measurements import measure
 from thingc.batch.plans import build_templates
 from thingc.batch.plans.build_templates import Builds
@@ -90,9 +90,9 @@ def given(k: int) -> Settings:
     )
 
 
-def test_nothing_of_python_is_replaced_while_a_plan_is_made(session: Session) -> None:
+def test_planning_does_not_patch_python(session: Session) -> None:
     def functions() -> tuple[Any, ...]:
-        return builtins.min, builtins.max, builtins.sum, math.sin, math.isfinite, math.fsum, numeric.hypot, assembly.substituted
+        return builtins.min, builtins.max, builtins.sum, math.sin, math.isfinite, math.fsum, numeric.hypot, assembly.substitute
 
     known, recorded = functions(), []
 
@@ -102,18 +102,18 @@ def test_nothing_of_python_is_replaced_while_a_plan_is_made(session: Session) ->
         return {}
 
     builds = made(session, measured=measured)
-    assert [builds.planned(given(k)) is not None for k in range(3)] == [False, True, True] and recorded
+    assert [builds.build_by_plan(given(k)) is not None for k in range(3)] == [False, True, True] and recorded
 
 
-def test_builds_are_those_of_every_pass(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_builds_equal_those_by_passes(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     own = made(
         session, measured=lambda compilation: {"mass": compilation.robots[0].assembly.links[1].properties.mass, "name": "x"},
         targets=tuple(name for name, target in TARGETS.items() if target.numbers_in_text),
     )
-    assert own.planned(given(0)) is None
-    assert own.planned(given(1)) is not None  # the second that no plan is of
+    assert own.build_by_plan(given(0)) is None
+    assert own.build_by_plan(given(1)) is not None  # the second that no plan is of
     monkeypatch.setattr(Session, "compile", None)
-    planned = {k: own.planned(given(k)) for k in range(2, 8)}
+    planned = {k: own.build_by_plan(given(k)) for k in range(2, 8)}
     monkeypatch.undo()
     for k, build in planned.items():
         whole, _ = own.compile_build(given(k))
@@ -126,10 +126,10 @@ def test_builds_are_those_of_every_pass(session: Session, monkeypatch: pytest.Mo
     assert len(set(masses)) == 6 and all(type(mass) is float for mass in masses)
 
 
-def test_the_file_of_the_whole_robot_is_of_the_values_that_it_depends_on() -> None:
-    """No number on a tape gets to the kernel."""
+def test_robot_file_depends_only_on_its_values() -> None:
+    """Numbers on a tape are not sent to the CAD kernel."""
     tape = Tape()
-    placed = [Placed(path=name, definition="d", brep="b", pose=shifted(0.0, 0.0, 1.0), color=None) for name in ("a", "b")]
+    placed = [Placed(path=name, definition="d", brep="b", pose=make_translation(0.0, 0.0, 1.0), color=None) for name in ("a", "b")]
     kernel = build_templates._Kernel(SimpleNamespace(assemble=lambda name, instances: (name, instances)))
     assert kernel.assemble("whole", placed) == ("whole", placed)
     length = tape.variable(3.0)
@@ -138,25 +138,26 @@ def test_the_file_of_the_whole_robot_is_of_the_values_that_it_depends_on() -> No
     assert kernel.assemble("whole", [moved, placed[1]]).size == 0 and tape.pinned == [length]
 
 
-def test_pieces_of_equal_mass_are_one_row_again(workspace: Path) -> None:
+def test_pieces_of_equal_mass_are_one_row(workspace: Path) -> None:
     with Session(str(workspace / "pair.yaml"), Options()) as session:
         own = made(session, modes=())
         for k in range(3):
-            build = own.planned(Settings(parameters={"one": f"{10 + k} g", "other": f"{20 + k} g"}))
+            build = own.build_by_plan(Settings(parameters={"one": f"{10 + k} g", "other": f"{20 + k} g"}))
         assert build is not None and json.loads(build.files()["bom.json"])[1]["quantity"] == 1  # type: ignore[arg-type]
         alike = Settings(parameters={"one": "15 g", "other": "15 g"})
-        assert own.planned(alike) is None
+        assert own.build_by_plan(alike) is None
         build, _ = own.compile_build(alike)
         assert build is not None
         assert [row["quantity"] for row in json.loads(build.files()["bom.json"])] == [1, 2, 1]  # type: ignore[arg-type]
 
 
-def test_one_plan_measures_whatever_reaches_out_farthest(workspace: Path) -> None:
-    """The box around a thin arm of 400 mm that turns in a cube of 100 mm, at 0 along y: mated mounts swap x and y."""
+def test_plan_finds_the_farthest_part(workspace: Path) -> None:
+    """A thin arm of 400 mm turns in a cube of 100 mm. The test checks the bounding box. At 0, the arm is along y, because mated mounts
+    swap x and y."""
     with Session(str(workspace / "swing.yaml"), Options()) as session:
         own = made(session, modes=(), measured=lambda compilation: measure(compilation.robots[0], None, None))
         angles = [2, 5, 30, 60, 88, -10, -80]
-        builds = [own.planned(Settings(choices={"poses.home.turn": f"{angle} deg"})) for angle in angles]
+        builds = [own.build_by_plan(Settings(choices={"poses.home.turn": f"{angle} deg"})) for angle in angles]
     assert builds[0] is None and all(builds[1:])
     for angle, build in zip(angles[1:], builds[1:], strict=True):
         sine, cosine = abs(math.sin(math.radians(angle))), math.cos(math.radians(angle))
@@ -164,38 +165,38 @@ def test_one_plan_measures_whatever_reaches_out_farthest(workspace: Path) -> Non
         assert build is not None and [build.results[f"box.{axis}"] for axis in "xyz"] == pytest.approx(sides, rel=1e-12)
 
 
-def test_what_a_plan_is_not_of_goes_through_every_pass(session: Session) -> None:
+def test_other_settings_use_all_passes(session: Session) -> None:
     own = made(session)
     for k in range(2):
-        own.planned(given(k))
-    assert own.planned(Settings(parameters={"load": "30 kg"}, choices={})) is None
-    assert own.planned(Settings(parameters={**given(3).parameters, "load": "30 kg"}, choices=given(3).choices)) is None
+        own.build_by_plan(given(k))
+    assert own.build_by_plan(Settings(parameters={"load": "30 kg"}, choices={})) is None
+    assert own.build_by_plan(Settings(parameters={**given(3).parameters, "load": "30 kg"}, choices=given(3).choices)) is None
     build, problems = own.compile_build(Settings(parameters={"load": "30 kg"}))
     assert build is None and "must be at most 20 kg" in problems[0].message
-    assert made(session, targets=("mjcf", "hag")).planned(given(0)) is None
+    assert made(session, targets=("mjcf", "hag")).build_by_plan(given(0)) is None
 
 
-def test_a_plan_that_gives_other_files_is_given_up(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plan_with_wrong_files_is_discarded(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     own = made(session, verify=3)
-    assert [own.planned(given(k)) is not None for k in range(4)] == [False, True, True, True]
+    assert [own.build_by_plan(given(k)) is not None for k in range(4)] == [False, True, True, True]
     monkeypatch.setattr(build_templates._Template, "files", lambda self, numbers, settings: {MANIFEST: b"{}"})
-    assert own.planned(given(4)) is None  # the first after three others: time to look
+    assert own.build_by_plan(given(4)) is None  # the first after three others: time to look
     (form,) = own.forms.values()
     assert form.plans == [] and (form.refused or "").startswith("a plan gave different files for {'joints.lift.limit.upper': 1.29")
     monkeypatch.undo()
-    assert own.planned(given(5)) is None
+    assert own.build_by_plan(given(5)) is None
 
 
-def test_a_plan_is_made_when_it_pays(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plan_is_created_when_it_saves_time(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(build_templates, "PATIENCE", 4)
     own = made(session)
-    assert [own.planned(given(k)) is not None for k in range(5)] == [False, False, False, True, True]
+    assert [own.build_by_plan(given(k)) is not None for k in range(5)] == [False, False, False, True, True]
 
 
-def test_no_number_of_a_file_is_infinite(session: Session) -> None:
-    """One of many is enough; a result can be infinite, as a torque margin is."""
+def test_infinite_numbers_in_files_are_rejected(session: Session) -> None:
+    """One infinite number is enough. A result can be infinite, for example a torque margin."""
     own = made(session, measured=lambda compilation: {"mass": compilation.robots[0].assembly.links[1].properties.mass})
-    assert [own.planned(given(k)) is not None for k in range(2)] == [False, True]
+    assert [own.build_by_plan(given(k)) is not None for k in range(2)] == [False, True]
     (form,) = own.forms.values()
     template, count = form.plans[0].made, len(form.plans[0].made.outputs)
     assert count > 10

@@ -1,4 +1,4 @@
-"""Columns give the bits of the function that runs one setting."""
+"""Columns compute the same bits as the function for single settings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from plans.operations import OPERATIONS
 from thingc.base.inertia import physical_fault, principal_axes, principal_moments
-from thingc.base.numeric import fsum, hypot, isfinite, maximum, minimum, rounded, sqrt
+from thingc.base.numeric import fsum, hypot, isfinite, maximum, minimum, round_significant, sqrt
 from thingc.batch.plans.columns import column_function
 from thingc.batch.plans.program import Program, program_of
 from thingc.batch.plans.tape import Tape
@@ -34,7 +34,7 @@ def assert_same(program: Program, rows: np.ndarray) -> int:
 
 
 @pytest.mark.parametrize("name", OPERATIONS)
-def test_an_operation_has_the_same_bits(name: str) -> None:
+def test_operation_has_the_same_bits(name: str) -> None:
     function, draw, _ = OPERATIONS[name]
     tape, source = Tape(), random.Random(name)
     variables = [tape.variable(value) for value in draw(source)]
@@ -73,11 +73,11 @@ def test_sums_are_rounded_once() -> None:
     assert assert_same(program, np.array(rows)) > 11000
 
 
-def test_guards_exclude_rows_and_tuples_are_taken_apart() -> None:
+def test_guards_exclude_rows_and_tuples_are_unpacked() -> None:
     tape = Tape()
     a, b = tape.variable(2.0), tape.variable(0.3)
     least, *_ = principal_moments(((a, 0.1, 0.0), (0.1, 2.0, b), (0.0, b, 1.5)))
-    answers = [least * 2.0, rounded(a * b, 3), round(b, 2), sqrt(a), maximum(a, b, 1.0), minimum(a, -b), 7.0]
+    answers = [least * 2.0, round_significant(a * b, 3), round(b, 2), sqrt(a), maximum(a, b, 1.0), minimum(a, -b), 7.0]
     assert a > 0.5 and isfinite(b) and not b > 1.0 and bool(a != 1.25)
     source = random.Random(2)
     rows = [[source.uniform(-1.0, 3.0), source.uniform(-1.0, 2.0)] for _ in range(1000)]
@@ -85,7 +85,7 @@ def test_guards_exclude_rows_and_tuples_are_taken_apart() -> None:
     assert applied - 1 == sum(a > 0.5 and b <= 1.0 for a, b in rows) > 100  # and the row with an infinite moment
 
 
-def test_moments_that_only_guards_need_decide_them_or_exclude_a_row() -> None:
+def test_moments_in_guards_decide_or_exclude_a_row() -> None:
     tape, source = Tape(), random.Random(6)
     xx, yy, zz, xy = (tape.variable(value) for value in (1.0, 2.0, 2.5, 0.1))
     assert physical_fault(((xx, xy, 0.02), (xy, yy, 0.0), (0.02, 0.0, zz))) is None
@@ -101,7 +101,7 @@ def test_moments_that_only_guards_need_decide_them_or_exclude_a_row() -> None:
     assert 500 < exact < 2900 and ok[:3000].sum() == exact
 
 
-def test_axes_that_guards_need_are_exact() -> None:
+def test_axes_in_guards_are_exact() -> None:
     tape = Tape()
     xx, xy = tape.variable(1.0), tape.variable(0.3)
     _, axes = principal_axes(((xx, xy, 0.0), (xy, 2.0, 0.1), (0.0, 0.1, 3.0)))

@@ -1,4 +1,4 @@
-"""Derivatives of programs, compared with those of mpmath, which computes differences with 60 digits."""
+"""Derivatives of programs, compared with differences that mpmath computes with 60 digits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from plans.operations import OPERATIONS
 from thingc.base import inertia, numeric, pose
 from thingc.base.inertia import principal_moments
-from thingc.base.numeric import hypot, maximum, minimum, rounded, sin, sqrt
+from thingc.base.numeric import hypot, maximum, minimum, round_significant, sin, sqrt
 from thingc.batch.plans import derivatives
 from thingc.batch.plans.derivatives import RULES, NotSmooth, derivative_function
 from thingc.batch.plans.program import Operation, program_of
@@ -33,7 +33,7 @@ def program(*outputs: Any) -> Any:
 
 @pytest.mark.parametrize("name", OPERATIONS)
 @pytest.mark.parametrize("arrays", [False, True], ids=["code", "arrays"])
-def test_a_rule_is_the_derivative(name: str, arrays: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rule_is_the_derivative(name: str, arrays: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if arrays:
         monkeypatch.setattr(derivatives, "LONGEST", -1)
     function, draw, oracle = OPERATIONS[name]
@@ -59,7 +59,9 @@ def test_every_rule_is_tested() -> None:
     for function, draw, _ in OPERATIONS.values():
         line = program(function(*traced(*draw(random.Random(1))))).statements
         used |= {one.operation for one in line if isinstance(one, Operation)}
-    assert set(RULES) - used == {"negative", "cosine of", "sine of", "round", "rounded"}  # tested as `-`, `quarter_exact`, and below
+    assert set(RULES) - used == {
+        "negative", "cosine of", "sine of", "round", "round_significant",
+    }  # tested as `-`, `quarter_exact`, and below
 
 
 def test_every_smooth_operation_has_a_rule() -> None:
@@ -68,7 +70,7 @@ def test_every_smooth_operation_has_a_rule() -> None:
 
 
 def composed(a: Any, b: Any, c: Any) -> list[Any]:
-    """Many values that depend on others in several ways."""
+    """Compute many values that depend on others in several ways."""
     x = [a, b, c]
     for _ in range(6):
         x = [x[0] * x[1] + 0.3 * x[2], sin(x[0] - x[2]), hypot(x[1], x[2], 1.0) / (1.0 + x[0] ** 2)]
@@ -76,7 +78,7 @@ def composed(a: Any, b: Any, c: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize("way", ["forward", "backward", "arrays"])
-def test_all_ways_give_the_same_jacobian(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_methods_give_the_same_jacobian(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if way == "arrays":
         monkeypatch.setattr(derivatives, "LONGEST", -1)
     else:
@@ -104,10 +106,10 @@ def test_all_ways_give_the_same_jacobian(way: str, monkeypatch: pytest.MonkeyPat
                 assert found.jacobian[row, place] == pytest.approx(wanted, rel=1e-13, abs=1e-15)
 
 
-def test_the_way_with_fewer_statements_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_method_with_fewer_statements_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     taken: list[int] = []
-    generated = derivatives._generated
-    monkeypatch.setattr(derivatives, "_generated", lambda *given: taken.append(len(given[3][0])) or generated(*given))
+    generated = derivatives._generate_function
+    monkeypatch.setattr(derivatives, "_generate_function", lambda *given: taken.append(len(given[3][0])) or generated(*given))
     many = traced(*(0.1 * place for place in range(20)))
     chain = many[0]
     for one in many[1:]:
@@ -127,14 +129,14 @@ def test_the_way_with_fewer_statements_is_used(monkeypatch: pytest.MonkeyPatch) 
     (lambda a: a % 0.5, (1.5,), "remainder"),
     (lambda a: round(a, 2), (0.3,), "is rounded"),
 ])
-def test_a_kink_is_an_error(function: Callable[..., Any], values: Sequence[float], why: str) -> None:
+def test_kink_is_an_error(function: Callable[..., Any], values: Sequence[float], why: str) -> None:
     inputs = traced(*values)
     with pytest.raises(NotSmooth, match=why) as caught:
         derivative_function(program(inputs[0] * 2.0, function(*inputs)))(values)
     assert caught.value.output == 1
 
 
-def test_an_operation_without_a_rule_leaves_other_derivatives_exact() -> None:
+def test_missing_rule_does_not_affect_other_derivatives() -> None:
     a, b = traced(4.0, 2.0)
     moment = principal_moments(((a, 0.1, 0.0), (0.1, 2.0, 0.3), (0.0, 0.3, 1.5)))[0]
     found = derivative_function(program(a * b, moment, moment * b, moment * 0.0 + b))((4.0, 2.0))
@@ -142,7 +144,7 @@ def test_an_operation_without_a_rule_leaves_other_derivatives_exact() -> None:
     assert found.jacobian[0].tolist() == [2.0, 4.0] and found.jacobian[2, 1] == found.values[1] and found.jacobian[3, 1] == 1.0
 
 
-def test_a_kink_between_branches_with_the_same_derivative_is_none() -> None:
+def test_equal_derivatives_of_branches_are_not_a_kink() -> None:
     a, b = traced(1.5, 2.0)
     outputs = program(maximum(a + b, b + a, 1.0 + 0.5 * b), abs(a * 0.0) * 1.0, minimum(a, b))
     found = derivative_function(outputs)((1.5, 2.0))
@@ -164,7 +166,7 @@ def test_decisions_between_equal_numbers_are_reported_by_variable() -> None:
 
 def test_rounding_to_many_digits_has_the_derivative_of_the_number() -> None:
     a, = traced(0.3)
-    found = derivative_function(program(round(a * 2.0, 7), rounded(a, 9)))((0.4,))
+    found = derivative_function(program(round(a * 2.0, 7), round_significant(a, 9)))((0.4,))
     assert found is not None and found.jacobian.tolist() == [[2.0], [1.0]]
 
 

@@ -1,4 +1,4 @@
-"""Records of parts on a tape: what of them is exchanged, and which records a plan is not of."""
+"""Part records on a tape: the values that a plan replaces, and the records to which a plan does not apply."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ BAR = PartSchema(
 
 
 def bar(length: float, text: str) -> PartRecord:
-    """A bar: its numbers, a mesh, and an end that is no number of any kind in another place."""
+    """Return the record of a bar: its numbers, a mesh, and a mount whose position is not a number of a known kind."""
     mesh = Mesh(sha256=f"{length!r}".ljust(64, "0"), size=100, vertices=8, faces=12, closed=True, flat=False)
     return record(
         text, volume=length * 1e-4, box=((0.0, -0.005, -0.005), (length, 0.005, 0.005)), meshes={"visual": mesh},
@@ -44,7 +44,7 @@ def bar(length: float, text: str) -> PartRecord:
 
 
 class Parts:
-    """A geometry service without a kernel. `made` changes the record of a bar."""
+    """A geometry service without a CAD kernel. `made` changes the record of a bar."""
 
     def __init__(self, made: Callable[[PartRecord], Any] = lambda one: one) -> None:
         self.made = made
@@ -70,7 +70,7 @@ class Parts:
 
 
 def exchange(parts: Parts, *others: PartDefinition) -> Exchange:
-    """Of a bar that is as long as a variable says, and 1 cm longer."""
+    """Return the exchange for a bar whose length is a variable, and for another one that is 1 cm longer."""
     tape = Tape()
     length = tape.variable(0.14)
     traced = TracedParts(parts, lambda number: True)  # type: ignore[arg-type]
@@ -88,7 +88,7 @@ def exchange(parts: Parts, *others: PartDefinition) -> Exchange:
     return made
 
 
-def test_numbers_and_meshes_are_those_of_the_other_record() -> None:
+def test_numbers_and_meshes_come_from_the_other_record() -> None:
     parts = Parts()
     found = exchange(parts).of([0.25])
     assert isinstance(found, Exchanged) and parts.asked == [f"m:Bar(length={0.14 + 0.01!r})", "m:Bar(length=0.26)"]
@@ -100,7 +100,7 @@ def test_numbers_and_meshes_are_those_of_the_other_record() -> None:
     }
 
 
-def test_what_is_asked_for_again_is_at_hand() -> None:
+def test_repeated_requests_are_cached() -> None:
     parts = Parts()
     made = exchange(parts)
     assert made.of([0.25]) is made.of([0.25]) and parts.asked.count("m:Bar(length=0.26)") == 1
@@ -115,12 +115,12 @@ def test_what_is_asked_for_again_is_at_hand() -> None:
     lambda one: replace(one, meshes={name: replace(mesh, closed=one.volume < 2e-5) for name, mesh in one.meshes.items()}),
     lambda one: replace(one, pieces=(Primitive(shape="sphere", size=(1.5,), pose=Pose()),) * (2 if one.volume > 2e-5 else 1)),
 ], ids=["failed", "not exact", "material", "turned", "mounts", "closed", "pieces"])
-def test_a_plan_is_not_of_records_that_differ_otherwise(made: Callable[[PartRecord], Any]) -> None:
+def test_plan_does_not_apply_to_other_differences(made: Callable[[PartRecord], Any]) -> None:
     found = exchange(Parts(made))
     assert found.of([0.15]) is not None and found.of([0.25]) is None
 
 
-def test_that_a_centre_is_0_is_a_chance_and_that_a_mount_is_there_is_none() -> None:
+def test_zero_centres_may_change_but_mounts_may_not() -> None:
     centre = Parts(lambda one: replace(one, centre=(0.1, 0.0 if one.volume > 2e-5 else 1e-3, 0.0)))
     assert exchange(centre).of([0.25]) is not None
     mount = MountRecord(pose=Pose(translation=(0.1, 1e-3, 0.0)), interface=None)
@@ -128,20 +128,20 @@ def test_that_a_centre_is_0_is_a_chance_and_that_a_mount_is_there_is_none() -> N
     assert exchange(mounts).of([0.25]) is None
 
 
-def test_a_plan_is_not_of_what_becomes_another_s_part() -> None:
-    """The plate is cut for a bar of 200 mm, and another bar is 300 mm long: where the traced one is, too, there are fewer parts."""
+def test_plan_does_not_apply_if_parts_become_equal() -> None:
+    """The plate is cut for a bar of 200 mm, and another bar is 300 mm long. If the traced bar is 300 mm long too, there are fewer parts."""
     plate = PartDefinition(reference="m:Plate", kind="code", parameters=(), text="m:Plate", label="m:Plate")
     found = exchange(Parts(), plate, BAR.definition({"length": 0.3}))
     assert found.of([0.15]) is not None and found.of([0.2 - 0.01]) is None and found.of([0.3 - 0.01]) is None
 
 
-def test_a_part_that_may_not_be_modelled_by_a_number_is_said() -> None:
+def test_reason_is_given_if_a_number_cannot_change_a_part() -> None:
     traced = TracedParts(Parts(), lambda number: False)  # type: ignore[arg-type]
     with pytest.raises(PartDependsOnNumber, match=r"m:Bar\(length=150 mm\)"):
         traced.realize([BAR.definition({"length": Tape().variable(0.15)})])  # type: ignore[dict-item]
 
 
-def test_after_plans_have_paid_the_next_is_made_at_once() -> None:
+def test_next_plan_is_immediate_if_plans_save_time() -> None:
     form: PlanCache[None] = PlanCache()
     read = ParsedSettings(names=("length",), values=(0.1,), texts=())
     assert [form.worth_it(read) for _ in range(8)] == [False, True, False, True, False, False, False, True]
@@ -149,7 +149,7 @@ def test_after_plans_have_paid_the_next_is_made_at_once() -> None:
     assert [form.worth_it(read) for _ in range(3)] == [True, False, True] and form.met == 0
 
 
-def test_a_plan_gets_the_settings_before_the_numbers_of_records() -> None:
+def test_settings_come_before_numbers_of_records() -> None:
     class Records:
         def of(self, values: Sequence[float]) -> Exchanged:
             assert list(values) == [1.0, 2.0]

@@ -1,4 +1,4 @@
-"""Diagnostics of refused settings by plans are those of a compilation: all texts, for several causes and robots."""
+"""For refused settings, plans report the same diagnostics as a compilation, with all texts, for several causes and robots."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def limits(source: random.Random) -> dict[str, Any]:
 
 
 def linkage(source: random.Random) -> dict[str, Any]:
-    """The rods of a loop may be too short, and a pose outside a limit."""
+    """Draw settings of a linkage. The rods of its loop can be too short, and a pose can be outside a limit."""
     return {
         "components.crank.mounts.pin.xyz.0": 0.1 * source.uniform(0.8, 1.2),
         "components.coupler.mounts.pin.xyz.0": source.choice([0.4, 0.15]) * source.uniform(0.95, 1.05),
@@ -85,16 +85,16 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def compiled(family: thingc.RobotFamily, one: dict[str, Any]) -> tuple[Diagnostic, ...]:
-    """The diagnostics of a compilation that fails; empty if it does not."""
+    """Return the diagnostics of a compilation, or nothing if it succeeds."""
     report = family._session.compile(family._reader.settings(family._reader.read(one)), (family.mode,)).report
-    return tuple(report.ordered()) if report.failed else ()
+    return tuple(report.sorted_diagnostics()) if report.failed else ()
 
 
 @pytest.mark.parametrize(("name", "draw", "count", "causes", "codes"), [
     ("boom", boom, 120, 5, {"TC803"}), ("boom", limits, 120, 5, {"TC803", "TC506", "TC324", "TC601"}),
     ("everything", linkage, 12, 1, {"TC604", "TC809"}),
 ])
-def test_diagnostics_are_those_of_a_compilation(
+def test_diagnostics_equal_those_of_a_compilation(
     workspace: Path, name: str, draw: Draw, count: int, causes: int, codes: set[str],
 ) -> None:
     source = random.Random(11)
@@ -113,7 +113,7 @@ def test_diagnostics_are_those_of_a_compilation(
         assert [one.problems if isinstance(one, NoModel) else () for one in models] == expected
 
 
-def test_a_known_cause_is_not_compiled(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_known_cause_is_not_compiled_again(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with thingc.family(workspace / "boom.yaml", verify=0) as family:
         family.evaluate([{"length": 0.9 + k / 10} for k in range(1, 5)])
         monkeypatch.setattr(pipeline, "recompile", None)
@@ -124,8 +124,8 @@ def test_a_known_cause_is_not_compiled(workspace: Path, monkeypatch: pytest.Monk
             family.evaluate({"length": math.inf})  # which a text of the command line cannot be
 
 
-def test_rows_of_a_batch_are_those_of_a_compilation(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If a choice has a unit, its diagnostics quote it, so they are not by a plan."""
+def test_batch_rows_equal_those_of_a_compilation(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If a choice has a unit, its diagnostics quote it, so plans do not report them."""
     job = Job(
         assembly=str(workspace / "boom.yaml"), folder=None, store=None, part_timeout=None, modes=(), results_mode="standing", pose=None,
         reach=None, rules=(), rule_names=(), dimensions={}, emit=("mjcf",), verify=0,
@@ -138,16 +138,16 @@ def test_rows_of_a_batch_are_those_of_a_compilation(workspace: Path, monkeypatch
         for size in range(910, 950, 10):
             runner.build(task(size))
         monkeypatch.setattr(runner.session, "compile", None)
-        assert runner._attempt(task(1234)) == other._passed(task(1234)) and runner._attempt(task(1234))["code"] == "TC803"
+        assert runner._attempt(task(1234)) == other._build_by_passes(task(1234)) and runner._attempt(task(1234))["code"] == "TC803"
         with pytest.raises(TypeError):
             runner._attempt(task(1235, **{"joints.lift.limit.upper": "80 deg"}))
         assert runner.builds is not None
         settings = Settings(parameters={"length": "1240 mm"})
         monkeypatch.undo()
-        assert runner.builds.made(settings) == ({}, other.builds.compile_build(settings)[1])  # type: ignore[union-attr]
+        assert runner.builds.build(settings) == ({}, other.builds.compile_build(settings)[1])  # type: ignore[union-attr]
 
 
-def test_a_wrong_plan_is_not_used_again(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_plan_is_discarded(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with thingc.family(workspace / "boom.yaml") as family:
         family.evaluate([{"length": 0.9 + k / 10} for k in range(1, 5)])
         refusals = family._refusals_of(family.mode)
@@ -166,7 +166,7 @@ def test_numbers_that_parts_depend_on(workspace: Path) -> None:
         assert any(form.plans for form in family._refusals_of(family.mode).causes.values())
 
 
-def test_a_part_that_fails_is_not_traced(workspace: Path) -> None:
+def test_failing_part_is_not_traced(workspace: Path) -> None:
     with thingc.family(workspace / "brim.yaml", verify=0) as family:
         found = [family.evaluate({"wide": 0.5 + k / 10, "deep": 0.09}) for k in range(5)]
         assert all("TC401" in {problem.code.code for problem in one.problems} for one in found)

@@ -1,4 +1,4 @@
-"""Loops are closed by one operation of a tape: a plan also serves settings for which the search takes other steps."""
+"""Loops are closed by one operation of a tape, so a plan also applies to settings for which the search takes other steps."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ def everything(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("mode", ["standing", "hanging", "stuck"])
-def test_one_plan_serves_other_sizes_of_a_linkage(everything: Path, mode: str) -> None:
+def test_plan_applies_to_other_sizes_of_a_linkage(everything: Path, mode: str) -> None:
     many = settings(8, 3, LINKAGE)
     with thingc.family(everything, verify=0) as family, thingc.family(everything) as other:
         for one in many:
-            model, whole = family.model(one, mode=mode), other._of(mode, True)._compiled(other._reader.read(one))
+            model, whole = family.model(one, mode=mode), other._of(mode, True)._compile(other._reader.read(one))
             assert not isinstance(model, NoModel) and not isinstance(whole, tuple)
             assert different_fields(model, whole) == []
         form = family._of(mode, True).form_of(family._reader.read(many[0]))
         assert not form.why and sum(form.plan_for(family._reader.read(one)) is not None for one in many) >= 6
         assert len(form.plans) <= 2
         results = family.evaluate(many)
-        assert results == [other._evaluation_of(other.mode)._passed(one, other._reader.read(one), False) for one in many]
+        assert results == [other._evaluation_of(other.mode)._evaluate_by_passes(one, other._reader.read(one), False) for one in many]
 
 
 def test_numbers_that_do_not_affect_a_loop_do_not_search_again(everything: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,8 +59,8 @@ def test_numbers_that_do_not_affect_a_loop_do_not_search_again(everything: Path,
         assert all(family.models(others, mode="stuck")) and not searched
 
 
-def test_a_plan_does_not_apply_if_a_loop_no_longer_closes(everything: Path) -> None:
-    """The rods are too short for the distance of the pins: the search decides, and a compilation reports it."""
+def test_plan_does_not_apply_if_a_loop_does_not_close(everything: Path) -> None:
+    """The rods are too short for the distance of the pins. The plan does not apply, and a compilation reports the error."""
     with thingc.family(everything, verify=0) as family:
         many = settings(3, 5, LINKAGE)
         assert all(family.models(many, mode="standing"))
@@ -70,14 +70,14 @@ def test_a_plan_does_not_apply_if_a_loop_no_longer_closes(everything: Path) -> N
 
 
 def search(length: Any) -> tuple[float, tuple[float, str]]:
-    """A search in this test: halve until it is small; the number of steps is a part of the result."""
+    """Halve a number until it is small. The number of steps is part of the result."""
     value, steps = length, 0
     while value > 1.0:
         value, steps = value / 2.0, steps + 1
     return value, (float(steps), "odd" if value < 0.6 else "even")
 
 
-def test_the_result_of_another_structure_is_not_of_the_tape(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tape_rejects_results_of_another_structure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thingc.batch.plans.searches.SEARCHES", (search.__name__,))
     tape = Tape()
     memo = SearchMemo(tape)
@@ -95,7 +95,7 @@ def test_the_result_of_another_structure_is_not_of_the_tape(monkeypatch: pytest.
         program_of(tape, []).run(4.5)
 
 
-def test_a_search_without_traced_numbers_is_not_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_search_without_traced_numbers_is_not_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thingc.batch.plans.searches.SEARCHES", (search.__name__,))
     tape = Tape()
     memo = SearchMemo(tape)

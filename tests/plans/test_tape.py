@@ -1,4 +1,4 @@
-"""What is written down of an operation gives what the operation gives, with any numbers, or nothing."""
+"""A recorded operation gives the same results as the operation itself for any numbers, or else its guards reject the numbers."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from thingc.base.inertia import MassProperties, physical_fault, principal_moments, total
-from thingc.base.numeric import dist, hypot, isfinite, maximum, minimum, rounded
-from thingc.base.pose import placed, quarter_exact, turned_about
+from thingc.base.numeric import dist, hypot, isfinite, maximum, minimum, round_significant
+from thingc.base.pose import make_pose, quarter_exact, turned_about
 from thingc.base.safe_text import format_cell
 from thingc.batch.plans.program import program_of
 from thingc.batch.plans.tape import SLOT, Tape, variables_of
@@ -19,19 +19,19 @@ from thingc.targets.xml_writer import Element, write
 
 
 def moved(mass: Any, x: Any, angle: Any) -> tuple[Any, ...]:
-    """Much of what passes do."""
-    pose = placed((x, 0.1, 0.2), (angle, 0.3, 0.0))
+    """Apply many of the operations that compiler passes use."""
+    pose = make_pose((x, 0.1, 0.2), (angle, 0.3, 0.0))
     body = MassProperties(mass=mass, centre=(0.1, x, 0.0), inertia=((0.01, 0.0, 0.001), (0.0, 0.02, 0.0), (0.001, 0.0, 0.015)))
     whole = total([body.seen_from(pose), body.with_mass(mass * 2.0)])
     turn = turned_about((0.0, 0.6, 0.8), angle)
     return (
         whole.mass, *whole.centre, *(one for row in whole.inertia for one in row), *principal_moments(whole.inertia), *pose.quaternion(),
         *turn[1], dist((x, 0.0), (0.0, mass)), hypot(angle), maximum(x, 0.05), minimum([mass, x, 0.2]), x if x > 0.05 else 0.05,
-        abs(-x) ** 2, x % 0.07, rounded(mass * x, 3), round(x, 2),
+        abs(-x) ** 2, x % 0.07, round_significant(mass * x, 3), round(x, 2),
     )
 
 
-def test_a_tape_gives_the_same_to_the_last_bit() -> None:
+def test_tape_gives_the_same_bits() -> None:
     tape = Tape()
     variables = [tape.variable(value) for value in (1.2, 0.3, 0.4)]
     outputs = moved(*variables)
@@ -47,7 +47,7 @@ def test_a_tape_gives_the_same_to_the_last_bit() -> None:
     assert math.sin is not None and quarter_exact(math.pi) == (-1.0, 0.0) and physical_fault(((1, 0, 0), (0, 1, 0), (0, 0, 1))) is None
 
 
-def test_whoever_wants_to_know_the_value_holds_it() -> None:
+def test_reading_a_value_makes_it_constant() -> None:
     tape = Tape()
     a, b = tape.variable(2.5), tape.variable(7.0)
     assert [10.0, 20.0, 30.0][int(a)] == 30.0 and isfinite(b)
@@ -58,7 +58,7 @@ def test_whoever_wants_to_know_the_value_holds_it() -> None:
     assert run(2.6, 7.0) is None and run(2.5, 8.0) is None
 
 
-def test_decisions_are_guards() -> None:
+def test_decisions_become_guards() -> None:
     tape = Tape()
     a = tape.variable(2.0)
     answer = a * 3.0 if a > 1.0 and a else a
@@ -68,7 +68,7 @@ def test_decisions_are_guards() -> None:
         range(a)  # type: ignore[call-overload]
 
 
-def test_which_is_the_greatest_is_not_decided() -> None:
+def test_maximum_is_not_a_decision() -> None:
     tape = Tape()
     a, b = tape.variable(2.0), tape.variable(3.0)
     answers = (maximum(a, b, 1.0), minimum([a, b]), maximum((a,)), minimum(4, 5), maximum([], default=7))
@@ -76,7 +76,7 @@ def test_which_is_the_greatest_is_not_decided() -> None:
     assert program_of(tape, answers).run(5.0, 4.0) == (5.0, 4.0, 5.0, 4, 7)
 
 
-def test_a_number_of_a_text_has_a_slot_that_every_format_leaves_as_it_is() -> None:
+def test_slots_survive_every_format() -> None:
     number = Tape().variable(0.25)
     root = Element(tag="body", attributes={"pos": (number, 1.0), "mass": number})
     number.tape.writing = True

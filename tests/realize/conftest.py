@@ -1,4 +1,4 @@
-"""Small workspaces with parts of their own, one worker for all tests of a process, and definitions by hand."""
+"""Small workspaces with parts, one worker pool for all tests of a process, and helpers that create part definitions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TIMEOUT = 60.0
 
 @dataclass
 class Place:
-    """A workspace in a folder of its own, with a store beside it."""
+    """A workspace in its own folder, with a store next to it."""
 
     root: Path
     store: Store
@@ -37,27 +37,27 @@ class Place:
 
     @property
     def workspace(self) -> Workspace:
-        """With 0.1 mm and 10 deg."""
+        """Return the workspace, with a tessellation of 0.1 mm and 10 deg."""
         return Workspace(
             root=str(self.root), parts=(str(self.parts),), packages=("thingc_stock", "bd_warehouse"),
             build=str(self.root / "build"), part_timeout=TIMEOUT, mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
         )
 
     def write(self, name: str, text: str) -> Path:
-        """A file of the workspace, indentation taken off."""
+        """Write a dedented file into the workspace."""
         path = self.root / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(textwrap.dedent(text))
         return path
 
     def service(self, timeout: float = TIMEOUT, **options: object) -> GeometryService:
-        """A service as a new process would have it: it knows nothing but what is in the store."""
+        """Return a service as in a new process: its only state is the store."""
         options.setdefault("workers", self.workers)
         return GeometryService(self.workspace, self.store, 2, timeout, **options)  # type: ignore[arg-type]
 
 
 def part(reference: str, **parameters: Value) -> PartDefinition:
-    """A definition by hand: parameters in SI."""
+    """Return the definition of a code part; the parameters are in SI units."""
     return PartDefinition(
         reference=reference, kind="code", parameters=tuple(sorted(parameters.items())),
         text=definition_text(reference, parameters, {}), label=reference,
@@ -65,36 +65,36 @@ def part(reference: str, **parameters: Value) -> PartDefinition:
 
 
 def file_part(path: str) -> PartDefinition:
-    """A `file:` part."""
+    """Return the definition of a `file:` part."""
     return PartDefinition(reference=path, kind="file", parameters=(), text=path, label=path)
 
 
 @pytest.fixture(scope="session")
 def workers() -> Workers:
-    """One forking worker for all tests of this process."""
+    """Return the forking worker pool that all tests of this process share."""
     return client.Workers(2)
 
 
 @pytest.fixture
 def place(tmp_path: Path, workers: Workers) -> Place:
-    """An empty workspace with an empty store."""
+    """Return an empty workspace with an empty store."""
     return Place(root=tmp_path / "ws", store=Store(str(tmp_path / "store")), workers=workers)
 
 
 @pytest.fixture(scope="module")
 def module_place(tmp_path_factory: pytest.TempPathFactory, workers: Workers) -> Place:
-    """A workspace and a store for all tests of a module."""
+    """Return a workspace and a store that all tests of a module share."""
     base = tmp_path_factory.mktemp("realize")
     return Place(root=base / "ws", store=Store(str(base / "store")), workers=workers)
 
 
 @pytest.fixture(scope="session")
 def define() -> Callable[..., PartDefinition]:
-    """See `part`."""
+    """Return the function `part`."""
     return part
 
 
 @pytest.fixture(scope="session")
 def define_file() -> Callable[[str], PartDefinition]:
-    """See `file_part`."""
+    """Return the function `file_part`."""
     return file_part

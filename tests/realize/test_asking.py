@@ -1,4 +1,4 @@
-"""What a part asks besides its inputs is noted with its line, and what only looks like it is not."""
+"""Impure inputs of parts (environment, time, randomness and so on) are reported with their line; harmless calls are not."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ ASKS = {
     "socket.getaddrinfo('localhost', 9)": ImpureInputs.NETWORK,
     "logging.getLogger('x').warning('%s', now())": ImpureInputs.CLOCK,
 }
-"""An expression of a part, and what it asks."""
+"""An expression of a part, and the kind of impure input that it reads."""
 
 SILENT = (
     "os.environ['PATH'] + os.environ['HOME'] + tempfile.gettempdir()",
@@ -79,17 +79,17 @@ SILENT = (
     "__import__('asyncio'), __import__('multiprocessing')",
     "extrude(Text('a', 10), 1)",
 )
-"""What asks nothing, or nothing that could have another answer."""
+"""Expressions without impure inputs, or whose result is always the same."""
 
 
 def module(expressions: Any) -> str:
-    """Functions `part_0`, `part_1`, ... that evaluate one expression each, on a line of its own."""
+    """Return a module with functions `part_0`, `part_1`, ... that each evaluate one expression on its own line."""
     return HEAD + "".join(f"def part_{k}():\n    {text}\n    return Box(1, 1, 1)\n" for k, text in enumerate(expressions))
 
 
 @pytest.fixture(scope="module")
 def records(module_place: Any, define: Callable[..., Any]) -> dict[str, PartRecord]:
-    """All of them, made once."""
+    """Return the records of all parts, modelled once."""
     module_place.write("parts/asks.py", module(ASKS))
     module_place.write("parts/silent.py", module(SILENT))
     module_place.write("parts/helper.py", HELPER)
@@ -102,7 +102,7 @@ def records(module_place: Any, define: Callable[..., Any]) -> dict[str, PartReco
 
 
 @pytest.mark.parametrize("number", range(len(ASKS)), ids=list(ASKS))
-def test_a_question_is_noted_at_its_line(records: dict[str, PartRecord], module_place: Any, number: int) -> None:
+def test_impure_input_is_reported_at_its_line(records: dict[str, PartRecord], module_place: Any, number: int) -> None:
     text = list(ASKS)[number]
     (warning,) = (one for one in records[f"asks:part_{number}"].warnings if one.asked)  # Python itself warns of some
     assert warning.asked is ASKS[text]
@@ -111,11 +111,12 @@ def test_a_question_is_noted_at_its_line(records: dict[str, PartRecord], module_
 
 
 @pytest.mark.parametrize("number", range(len(SILENT)), ids=SILENT)
-def test_what_is_no_question(records: dict[str, PartRecord], number: int) -> None:
+def test_pure_expressions_are_not_reported(records: dict[str, PartRecord], number: int) -> None:
     assert records[f"silent:part_{number}"].warnings == ()
 
 
-def test_a_helper_is_the_authors_code_too(place: Any, define: Callable[..., Any]) -> None:
+def test_impure_input_in_helper_module_is_reported_there(place: Any, define: Callable[..., Any]) -> None:
+    """A helper module in the part folder is code of the author, so the warning points into the helper."""
     place.write("parts/helper.py", HELPER)
     place.write("parts/arm.py", HEAD + "def part():\n    shuffled([1, 2])\n    return Box(1, 1, 1)\n")
     with place.service() as service:
@@ -123,7 +124,8 @@ def test_a_helper_is_the_authors_code_too(place: Any, define: Callable[..., Any]
     assert (warning.file, warning.line) == (str(place.parts / "helper.py"), 5)
 
 
-def test_a_library_asks_for_the_part_that_calls_it(place: Any, define: Callable[..., Any]) -> None:
+def test_impure_input_in_library_is_reported_at_the_caller(place: Any, define: Callable[..., Any]) -> None:
+    """`networkx.random_layout` uses randomness; the warning points to the line of the part that calls it."""
     text = """
         from build123d import Box
         def part():
@@ -163,7 +165,8 @@ class Other(Thing):
 
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any]]:
-    """Runs a command on a robot whose parts ask for a variable; its exit code, and its diagnostics as JSON."""
+    """Return a function that runs a command on a robot whose parts read a variable, and returns the exit code and the diagnostics as
+    JSON."""
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/arm.py").write_text(ARM)
     (tmp_path / "robot.yaml").write_text(ROBOT)
@@ -181,7 +184,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tupl
     return run
 
 
-def test_it_is_said_by_every_build_that_takes_the_part_from_the_store(robot: Callable[..., tuple[int, Any]]) -> None:
+def test_impure_input_is_reported_when_part_is_cached(robot: Callable[..., tuple[int, Any]]) -> None:
     said = []
     for words in (("check",), ("build",), ("build", "--emit", "bom")):
         code, answer = robot(*words)
@@ -195,7 +198,7 @@ def test_it_is_said_by_every_build_that_takes_the_part_from_the_store(robot: Cal
     assert robot("build", "--strict")[0] == 1
 
 
-def test_the_lock_says_it_too(robot: Callable[..., tuple[int, Any]]) -> None:
+def test_lock_file_reports_impure_inputs(robot: Callable[..., tuple[int, Any]]) -> None:
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         assert main(["lock"]) == 0
         assert main(["lock", "--check"]) == 0
@@ -207,7 +210,7 @@ def test_the_lock_says_it_too(robot: Callable[..., tuple[int, Any]]) -> None:
     assert {one["code"] for one in robot("check", "--no-code")[1]["diagnostics"]} == {"TC342"}
 
 
-def test_a_variable_that_is_missed_is_named(place: Any, define: Callable[..., Any]) -> None:
+def test_missing_environment_variable_is_named(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/arm.py", textwrap.dedent("""
         import os
         from build123d import Box

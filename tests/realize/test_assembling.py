@@ -1,4 +1,4 @@
-"""STEP files of assemblies, read back with the kernel: names, colours, poses, and shapes that are shared."""
+"""STEP files of assemblies, read back with the CAD kernel: names, colours, poses and shared shapes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from thingc.base.pose import Pose, shifted, turned_z
+from thingc.base.pose import Pose, make_translation, turned_z
 from thingc.geometry.client import Workers
 from thingc.geometry.record import Placed
 from thingc.geometry.service import AssemblyFailed
-from thingc.geometry.worker.kernel.step_order import settled, without_noise
+from thingc.geometry.worker.kernel.step_order import sort_styles, without_noise
 
 PARTS = """
     from build123d import *
@@ -38,23 +38,23 @@ PARTS = """
 
 @pytest.fixture(scope="module")
 def instances(module_place: Any, define: Callable[..., Any]) -> list[Placed]:
-    """Two blocks and a rod in nested groups."""
+    """Return two blocks and a rod in nested groups."""
     module_place.write("parts/parts_.py", PARTS)
     with module_place.service() as service:
         found = service.realize([define("parts_:Block"), define("parts_:Rod"), define("parts_:Pair")])
     block, rod, pair = (found[f"parts_:{name}"] for name in ("Block", "Rod", "Pair"))
     return [
         Placed(path="plate", definition="parts_:Block", brep=block.brep, pose=Pose(), color="#ff8000"),
-        Placed(path="hand/cap", definition="parts_:Block", brep=block.brep, pose=shifted(0.1, 0, 0.05) @ turned_z(math.pi / 2),
+        Placed(path="hand/cap", definition="parts_:Block", brep=block.brep, pose=make_translation(0.1, 0, 0.05) @ turned_z(math.pi / 2),
                color="#0040ff"),
-        Placed(path="hand/inner/rod", definition="Gehäuse Ø5 it's 𝒳.step", brep=rod.brep, pose=shifted(0, 0, 0.2), color=None),
-        Placed(path="two", definition="parts_:Pair", brep=pair.brep, pose=shifted(0, 0, 0.3), color="#102030"),
-        Placed(path="other", definition="parts_:Pair", brep=pair.brep, pose=shifted(0, 0, 0.4), color="#102030"),
+        Placed(path="hand/inner/rod", definition="Gehäuse Ø5 it's 𝒳.step", brep=rod.brep, pose=make_translation(0, 0, 0.2), color=None),
+        Placed(path="two", definition="parts_:Pair", brep=pair.brep, pose=make_translation(0, 0, 0.3), color="#102030"),
+        Placed(path="other", definition="parts_:Pair", brep=pair.brep, pose=make_translation(0, 0, 0.4), color="#102030"),
     ]
 
 
 def leaves(path: Path) -> tuple[dict[str, tuple[Any, str | None]], set[str]]:
-    """Leaf instances by path with their placed shape and colour, and the names of definitions."""
+    """Return the leaf instances by path with their placed shape and colour, and the names of the definitions."""
     from OCP.collections import Sequence_TDF_Label
     from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
     from OCP.STEPCAFControl import STEPCAFControl_Reader
@@ -134,7 +134,7 @@ def centre_of(shape: Any) -> tuple[float, float, float]:
     return point.X(), point.Y(), point.Z()
 
 
-def test_read_back(module_place: Any, instances: list[Placed], tmp_path: Path) -> None:
+def test_step_file_round_trip(module_place: Any, instances: list[Placed], tmp_path: Path) -> None:
     with module_place.service() as service:
         made = service.assemble("robot", instances)
     data = module_place.store.read(made.sha256)
@@ -163,14 +163,14 @@ def test_read_back(module_place: Any, instances: list[Placed], tmp_path: Path) -
         assert word.encode() not in data
 
 
-def test_the_same_bytes_from_a_worker_and_from_a_process_of_its_own(
+def test_step_bytes_are_equal_across_processes(
     module_place: Any, instances: list[Placed], tmp_path: Path
 ) -> None:
-    """The kernel writes styles in the order of addresses, which are others in every process."""
+    """The kernel writes styles in the order of memory addresses, which differ between processes."""
     from thingc.geometry.store.local import Store
 
     many = [
-        replace(instance, path=f"row_{k}/{instance.path}", pose=shifted(0, k / 10, 0) @ instance.pose, color=f"#{k:02x}80{j:02x}")
+        replace(instance, path=f"row_{k}/{instance.path}", pose=make_translation(0, k / 10, 0) @ instance.pose, color=f"#{k:02x}80{j:02x}")
         for k in range(6) for j, instance in enumerate(instances)
     ]
     with module_place.service() as service:
@@ -188,7 +188,7 @@ def test_the_same_bytes_from_a_worker_and_from_a_process_of_its_own(
     assert len(set(found)) == 1
 
 
-def test_the_order_of_styles_does_not_matter() -> None:
+def test_step_bytes_do_not_depend_on_style_order() -> None:
     styles = b"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION"
     head, tail = b"HEADER;\nENDSEC;\nDATA;\n#1 = A('#3;',#2);\n#2 = B();\n", b"ENDSEC;\nEND-ISO-10303-21;\n"
     one = (
@@ -199,21 +199,21 @@ def test_the_order_of_styles_does_not_matter() -> None:
         b"#3 = " + styles + b"('',(#4),#2);\n#4 = STYLE('',#5);\n#5 = RED();\n"
         b"#6 = " + styles + b"('',(#8,#7),#1);\n#7 = STYLE('it''s #6;',#5);\n#8 = STYLE('',#9);\n#9 = BLUE(1.,2.);\n"
     )
-    first = settled(head + one + tail)
-    assert first == settled(head + other + tail) == settled(first)
+    first = sort_styles(head + one + tail)
+    assert first == sort_styles(head + other + tail) == sort_styles(first)
     assert first.startswith(head)
     assert first.endswith(tail)
     assert first.count(styles) == 2
     assert b"STYLE('it''s #6;'," in first
-    assert settled(head + tail) == head + tail
+    assert sort_styles(head + tail) == head + tail
 
 
-def test_noise_is_no_coordinate() -> None:
+def test_coordinate_noise_is_rounded_to_zero() -> None:
     line = b"#9=CARTESIAN_POINT('1.5E-17 it''s',(0.25,1.97215226305253E-31,-9.6E-17,2.E-15,1.E-07,-3.E-14,1.5E+20));"
     assert without_noise(line) == b"#9=CARTESIAN_POINT('1.5E-17 it''s',(0.25,0.,0.,0.,1.E-07,-3.E-14,1.5E+20));"
 
 
-def test_unchanged_placements_run_nothing(module_place: Any, instances: list[Placed], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unchanged_assembly_starts_no_process(module_place: Any, instances: list[Placed], monkeypatch: pytest.MonkeyPatch) -> None:
     with module_place.service() as service:
         first = service.assemble("robot", instances)
     untouched = Workers(1)
@@ -225,7 +225,7 @@ def test_unchanged_placements_run_nothing(module_place: Any, instances: list[Pla
     assert not untouched.running
 
 
-def test_a_blob_that_is_gone(module_place: Any, instances: list[Placed]) -> None:
+def test_missing_blob_fails_the_assembly(module_place: Any, instances: list[Placed]) -> None:
     broken = [Placed(path="a", definition="d", brep="0" * 64, pose=Pose(), color=None)]
     with module_place.service() as service, pytest.raises(AssemblyFailed) as caught:
         service.assemble("robot", broken)

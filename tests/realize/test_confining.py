@@ -1,4 +1,4 @@
-"""What a part may not do: change files that are not its own, leave processes behind, start more and more of them."""
+"""Restrictions on parts: they cannot change files outside their folder, leave processes running or start too many processes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ REFUSED = {
     "export_stl": "export_stl(Box(1, 1, 1), BESIDE)",
     "export_step": "export_step(Box(1, 1, 1), BESIDE)",
 }
-"""Ways to change a file that Python's audit events tell of: each is one diagnostic at its line."""
+"""Ways to change a file that raise a Python audit event: each is one diagnostic at its line."""
 
 PAST_PYTHON = {
     "process": "subprocess.run(['sh', '-c', 'echo x >> ' + VICTIM + '; rm ' + VICTIM])",
@@ -48,7 +48,7 @@ PAST_PYTHON = {
     "kernel": "__import__('OCP.BRepTools').BRepTools.BRepTools.Write_s(Box(1, 1, 1).wrapped, VICTIM)",
     "server": "ctypes.CDLL(None).kill(os.getppid(), signal.SIGKILL)",
 }
-"""Ways past Python: the system refuses, and the part is made."""
+"""Ways that bypass Python: the operating system denies them, and the part is modelled."""
 
 OWN = {
     "temporary": "Path(tempfile.mkstemp()[1]).write_text('x')",
@@ -60,12 +60,12 @@ OWN = {
     "exported": "export_stl(Box(1, 1, 1), os.path.join(tempfile.gettempdir(), 'x.stl')) or 1 / 0",
     "process": "subprocess.run(['sh', '-c', 'echo x > $HOME/y && cat $HOME/y'], check=True)",
 }
-"""What a part may do with its own folder."""
+"""Operations that a part may do in its own folder."""
 
 
 @pytest.fixture(scope="module")
 def answers(module_place: Any, define: Callable[..., Any]) -> dict[str, Any]:
-    """The answers to parts that do these things, all made in one workspace, and the file that they are about: a blob of the store."""
+    """Return the answers of all parts, modelled in one workspace, and the path of the file that they try to change: a blob of the store."""
     victim = module_place.store.path(module_place.store.put(b"what another part needs"))
     head = HEAD.format(victim=victim, beside=str(module_place.root / "beside"))
     groups = {"refused": REFUSED, "past": PAST_PYTHON if sys.platform == "linux" else {}, "own": OWN}
@@ -78,7 +78,7 @@ def answers(module_place: Any, define: Callable[..., Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_written_elsewhere_is_refused_at_its_line(answers: dict[str, Any], module_place: Any, name: str) -> None:
+def test_writing_outside_the_folder_is_refused_at_its_line(answers: dict[str, Any], module_place: Any, name: str) -> None:
     failure = answers[f"refused:do_{name}"]
     assert isinstance(failure, PartFailure) and failure.kind == "trespassed", failure
     beside = "beside.folder" if name == "mkdir" else "beside" if name.startswith("export") else None
@@ -88,23 +88,23 @@ def test_what_is_written_elsewhere_is_refused_at_its_line(answers: dict[str, Any
 
 
 @pytest.mark.parametrize("name", OWN)
-def test_its_own_folder_is_its_own(answers: dict[str, Any], name: str) -> None:
+def test_writing_in_own_folder_is_allowed(answers: dict[str, Any], name: str) -> None:
     assert isinstance(answers[f"own:do_{name}"], PartRecord), answers[f"own:do_{name}"]
 
 
 @linux
 @pytest.mark.parametrize("name", PAST_PYTHON)
-def test_what_python_does_not_see_the_system_refuses(answers: dict[str, Any], name: str) -> None:
+def test_system_denies_writes_that_bypass_python(answers: dict[str, Any], name: str) -> None:
     assert isinstance(answers[f"past:do_{name}"], PartRecord), answers[f"past:do_{name}"]
 
 
-def test_nothing_has_changed(answers: dict[str, Any], module_place: Any) -> None:
+def test_refused_writes_change_nothing(answers: dict[str, Any], module_place: Any) -> None:
     assert Path(answers["victim"]).read_bytes() == b"what another part needs"
     assert sorted(path.name for path in module_place.root.iterdir()) == ["parts"]
 
 
-def test_refused_by_workers_that_cannot_fork(place: Any, define: Callable[..., Any]) -> None:
-    """They have no Landlock either: what they lay down comes into the store all the same."""
+def test_writes_are_refused_without_fork(place: Any, define: Callable[..., Any]) -> None:
+    """Workers that cannot fork have no Landlock either. Their own results are still written to the store."""
     victim = place.store.path(place.store.put(b"what another part needs"))
     bad = "def bad():\n    Path(VICTIM).write_bytes(b'')\n    return made()\n"
     place.write("parts/bad.py", HEAD.format(victim=victim, beside="") + bad)
@@ -158,7 +158,7 @@ def hanging():
 
 
 LONE = f"sleep 600.{os.getpid()}"
-"""Of this process: tests of other copies of the house may run on the machine."""
+"""A command line unique to this process: other copies of these tests may run on the same machine."""
 
 
 def marked(place: Any) -> list[str]:
@@ -167,7 +167,7 @@ def marked(place: Any) -> list[str]:
 
 
 @linux
-def test_what_a_part_leaves_behind_is_ended_and_named(place: Any, define: Callable[..., Any]) -> None:
+def test_leftover_processes_are_stopped_and_named(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/leaving.py", LEAVING.format(victim="", beside="", lone=LONE))
     names = ("child", "daemon", "copy", "polite", "crashing")
     workers = Workers(2)
@@ -202,7 +202,7 @@ def sessions():
 
 @linux
 @pytest.mark.parametrize("name", ["shell", "sessions"])
-def test_a_fork_bomb_is_one_diagnostic(place: Any, define: Callable[..., Any], name: str) -> None:
+def test_fork_bomb_is_one_diagnostic(place: Any, define: Callable[..., Any], name: str) -> None:
     place.write("parts/bombs.py", BOMBS.format(victim="", beside=""))
     with place.service(timeout=60.0) as service:
         bomb, good = service.realize([define(f"bombs:{name}"), define("bombs:made")]).values()

@@ -1,4 +1,5 @@
-"""Damaged mesh files, and files that declare more than is read: each is refused in words, before its content takes memory."""
+"""Damaged mesh files, and files that declare more data than the limits allow, are rejected with a message before their content uses
+memory."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ import pytest
 import trimesh
 from build123d import Box, export_brep, export_step
 
-from thingc.geometry.mesh_bounds import INSTANCES, LARGEST, BadMesh, bounded
+from thingc.geometry.mesh_bounds import INSTANCES, LARGEST, BadMesh, check_mesh_file
 from thingc.geometry.meshes.files import mesh_file
 from thingc.geometry.meshes.mesh_reader import read_mesh as read_shape
 from thingc.geometry.record import PartFailure
@@ -27,7 +28,7 @@ SPACE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 BOX = trimesh.creation.box((2.0, 3.0, 4.0))
 FORMATS = ("binary.stl", "words.stl", "box.obj", "binary.ply", "words.ply", "box.off", "box.glb", "box.3mf", "box.dae")
 SHAPES = (".stl", ".obj", ".ply", ".glb", ".dae")
-"""What links list; all but COLLADA may be parts."""
+"""Formats that links can use; all except COLLADA can also be parts."""
 
 
 def model_3mf(objects: str, item: str) -> bytes:
@@ -57,7 +58,7 @@ def content(name: str) -> bytes:
 
 
 def damaged(data: bytes, chance: random.Random) -> bytes:
-    """Cut off, with some bits turned, with bytes put in or taken out, or with other words for some bytes."""
+    """Return the data truncated, with some bits flipped, with bytes inserted or removed, or with some bytes replaced by other values."""
     way, at, some = chance.randrange(5), chance.randrange(len(data)), chance.choice((1, 4, 100))
     if way == 0:
         return data[:at]
@@ -73,7 +74,7 @@ def damaged(data: bytes, chance: random.Random) -> bytes:
 
 
 def words_of(path: Path, store: Store) -> list[str]:
-    """Why a file cannot be read, as a part and as a mesh of a link; none where it can."""
+    """Return the error messages for a file read as a part and as a mesh of a link; empty if it can be read."""
     words = []
     if path.suffix != ".dae":
         try:
@@ -89,8 +90,8 @@ def words_of(path: Path, store: Store) -> list[str]:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_damaged_files_are_refused_in_words(name: str, tmp_path: Path) -> None:
-    """Whatever a reader raises otherwise ends this test."""
+def test_damaged_files_are_rejected_with_a_message(name: str, tmp_path: Path) -> None:
+    """An exception that a reader does not convert to an error message fails this test."""
     chance, store, found = random.Random(name), Store(str(tmp_path / "store")), list[str]()
     whole, path = content(name), tmp_path / name
     path.write_bytes(whole)
@@ -119,7 +120,7 @@ def nested_dae() -> bytes:
 
 
 def glb(count: int, *, accessors: int = 1, nodes: int = 1, primitives: int = 1, kind: str = "VEC3") -> bytes:
-    """Accessors without bytes stand for zeros."""
+    """Return a glTF file whose accessors have no bytes; such accessors contain zeros."""
     text = json.dumps({
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes * [{"mesh": 0}],
         "meshes": [{"primitives": primitives * [{"attributes": {"POSITION": 0}}]}],
@@ -152,7 +153,7 @@ CYCLE = '<object id="1"><components><component objectid="1"/></components></obje
     ("empty.glb", b"", "is empty"),
     ("inflating.3mf", inflating_3mf, "bytes of XML, but at most 200000000 are supported"),
 ])
-def test_what_is_declared_is_bounded_before_it_is_read(
+def test_declared_sizes_are_limited_before_reading(
     name: str, data: bytes | Callable[[], bytes], words: str, tmp_path: Path,
 ) -> None:
     path = tmp_path / name
@@ -165,13 +166,13 @@ def test_what_is_declared_is_bounded_before_it_is_read(
     (".obj", b"v 0 0 0\n" + b" f 1 1 1\n" * 11), (".stl", b"solid x\n" + b"facet\nEndFacet\n" * 11 + b"endsolid x\n"),
     (".stl", bytes(80) + struct.pack("<I", 11) + bytes(550)), (".ply", b"ply\nelement face 11\nend_header\n"),
 ])
-def test_triangles_are_counted_before_they_are_read(suffix: str, data: bytes) -> None:
-    bounded(suffix, data, 11)
+def test_triangles_are_counted_before_reading(suffix: str, data: bytes) -> None:
+    check_mesh_file(suffix, data, 11)
     with pytest.raises(BadMesh, match="has 11 triangles, but at most 10 are supported"):
-        bounded(suffix, data, 10)
+        check_mesh_file(suffix, data, 10)
 
 
-def test_a_sparse_file_is_too_large(tmp_path: Path) -> None:
+def test_sparse_file_is_too_large(tmp_path: Path) -> None:
     path = tmp_path / "sparse.stl"
     with path.open("wb") as stream:
         stream.truncate(50_000_000_000)
@@ -179,8 +180,8 @@ def test_a_sparse_file_is_too_large(tmp_path: Path) -> None:
         read_mesh(str(path), ".stl", 1.0)
 
 
-def test_a_mesh_placed_often_counts_as_often(tmp_path: Path) -> None:
-    """The product is not in any one place of the file."""
+def test_triangles_of_instanced_meshes_are_multiplied(tmp_path: Path) -> None:
+    """The product of triangles and placements does not appear anywhere in the file."""
     scene = trimesh.Scene()
     ball = trimesh.creation.icosphere(5)
     scene.add_geometry(ball, geom_name="ball")
@@ -192,8 +193,9 @@ def test_a_mesh_placed_often_counts_as_often(tmp_path: Path) -> None:
         read_mesh(str(path), ".glb", 1.0)
 
 
-def test_files_that_the_kernel_cannot_use_are_not_valid(place: Any, define_file: Any) -> None:
-    """Neither the exceptions of the kernel nor its crashes are reported as those of a part; and it reads what is cut off for ever."""
+def test_files_the_kernel_cannot_read_are_invalid(place: Any, define_file: Any) -> None:
+    """Exceptions and crashes of the kernel are not reported as failures of part code. The kernel would read some truncated files
+    forever."""
     export_brep(Box(1, 2, 3), place.root / "whole.brep")
     export_step(Box(1, 2, 3), place.root / "whole.step")
     brep, step = ((place.root / f"whole.{kind}").read_bytes() for kind in ("brep", "step"))

@@ -1,4 +1,4 @@
-"""Digests of large files are not worked out again while the files are as they were, and always are those of the content."""
+"""Digests of large files are cached while the files are unchanged, and always match the content."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def kept(store: Store, path: Path) -> list[object] | None:
     return found
 
 
-def test_a_large_file_is_read_once(store: Store, tmp_path: Path) -> None:
+def test_large_file_is_hashed_once(store: Store, tmp_path: Path) -> None:
     path = tmp_path / "trunk.stl"
     path.write_bytes(b"a" * LARGE)
     assert digest_of(str(path), store) == sha256(path)
@@ -38,7 +38,7 @@ def test_a_large_file_is_read_once(store: Store, tmp_path: Path) -> None:
     assert digest_of(str(path), store) == "what is kept" and digest_of(str(path)) == sha256(path)
 
 
-def test_another_content_has_another_digest_also_of_one_size_and_time(store: Store, tmp_path: Path) -> None:
+def test_changed_content_with_equal_size_and_time_is_noticed(store: Store, tmp_path: Path) -> None:
     path = tmp_path / "trunk.stl"
     path.write_bytes(b"a" * LARGE)
     os.utime(path, ns=(0, 1_000_000_000))
@@ -48,7 +48,7 @@ def test_another_content_has_another_digest_also_of_one_size_and_time(store: Sto
     assert digest_of(str(path), store) == sha256(path) != before
 
 
-def test_small_files_and_those_that_have_just_changed_are_not_kept(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_digests_of_small_or_recent_files_are_not_cached(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small, young = tmp_path / "small.stl", tmp_path / "young.stl"
     small.write_bytes(b"a")
     assert digest_of(str(small), store) == sha256(small) and kept(store, small) is None

@@ -1,4 +1,4 @@
-"""Parts that are begun before what they take is described: found under way where that is what is wanted, and ended where it is not."""
+"""Speculative modelling: parts that start before their parameters are confirmed are used if they match, and stopped otherwise."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BLOCK = """
 
 @pytest.fixture
 def sent(place: Any, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What the workers of a place are asked, in order."""
+    """Return the requests that the workers of a place receive, in order."""
     found: list[str] = []
     send = place.workers._send
     monkeypatch.setattr(place.workers, "_send", lambda worker, request: (found.append(request["op"]), send(worker, request))[1])
@@ -35,7 +35,7 @@ def sent(place: Any, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def made(service: GeometryService, *, like: PartDefinition | None = None) -> PartRecord | PartFailure:
-    """What a service says of the block with its defaults, or of a definition."""
+    """Return the service's answer for the block with its defaults, or for a given definition."""
     schema = service.describe(["blocks:Block"])["blocks:Block"]
     assert isinstance(schema, PartSchema), schema
     definition = like or schema.default
@@ -44,7 +44,7 @@ def made(service: GeometryService, *, like: PartDefinition | None = None) -> Par
 
 
 @pytest.mark.parametrize(("old", "new"), [("width: Length = 30", "width: Length = 31.7"), ("Box(width, 10", "Box(width, 11.3")])
-def test_what_is_expected_is_modelled_once_and_is_what_it_would_be(place: Any, sent: list[str], old: str, new: str) -> None:
+def test_matching_speculative_part_is_modelled_once(place: Any, sent: list[str], old: str, new: str) -> None:
     place.write("parts/blocks.py", BLOCK)
     before = place.service()
     made(before)
@@ -59,7 +59,7 @@ def test_what_is_expected_is_modelled_once_and_is_what_it_would_be(place: Any, s
     assert isinstance(found, PartRecord) and found == made(place.service())
 
 
-def test_what_is_as_it_was_is_not_begun(place: Any, sent: list[str]) -> None:
+def test_unchanged_parts_are_not_started(place: Any, sent: list[str]) -> None:
     place.write("parts/blocks.py", BLOCK)
     before = place.service()
     made(before)
@@ -70,8 +70,8 @@ def test_what_is_as_it_was_is_not_begun(place: Any, sent: list[str]) -> None:
     assert isinstance(made(service), PartRecord) and sent == ["describe"]
 
 
-def test_what_nobody_asks_for_in_the_end_is_ended(place: Any, define: Any, sent: list[str]) -> None:
-    """It may hang, and it may be what takes a parameter that does not exist any more."""
+def test_unneeded_speculative_part_is_stopped(place: Any, define: Any, sent: list[str]) -> None:
+    """The part may hang, or it may take a parameter that no longer exists."""
     place.write("parts/blocks.py", BLOCK)
     before = place.service()
     made(before, like=define("blocks:Block", width=0.02, height=0.005))
@@ -90,7 +90,7 @@ def test_what_nobody_asks_for_in_the_end_is_ended(place: Any, define: Any, sent:
     assert left == [] and worker.asked == {} and place.workers._begun == {}
 
 
-def test_what_fails_is_said_as_ever(place: Any, sent: list[str]) -> None:
+def test_speculative_failure_is_reported_as_usual(place: Any, sent: list[str]) -> None:
     place.write("parts/blocks.py", BLOCK)
     before = place.service()
     made(before)
@@ -105,7 +105,8 @@ def test_what_fails_is_said_as_ever(place: Any, sent: list[str]) -> None:
     assert sent == ["model", "describe"]
 
 
-def test_an_answer_that_has_come_before_it_is_asked_for_is_given(place: Any, sent: list[str]) -> None:
+def test_early_answer_is_used(place: Any, sent: list[str]) -> None:
+    """The answer arrives before it is requested, while the service waits for another one."""
     place.write("parts/blocks.py", BLOCK)
     before = place.service()
     made(before)
@@ -124,8 +125,8 @@ def test_an_answer_that_has_come_before_it_is_asked_for_is_given(place: Any, sen
 
 
 @pytest.mark.parametrize("saved_again", [False, True])
-def test_a_child_is_ready_before_it_is_asked(place: Any, sent: list[str], saved_again: bool) -> None:
-    """It has the code that was there by then; of what was saved afterwards it is not asked."""
+def test_prepared_child_is_used_unless_the_file_changed(place: Any, sent: list[str], saved_again: bool) -> None:
+    """The child loaded the code as it was when it started. If the file was saved again later, the child is not used."""
     place.write("parts/blocks.py", BLOCK)
     made(place.service())
     path = place.write("parts/blocks.py", BLOCK.replace("30", "33"))
@@ -145,8 +146,8 @@ def test_a_child_is_ready_before_it_is_asked(place: Any, sent: list[str], saved_
     assert left == [] and not child.is_running()
 
 
-def test_the_workers_are_asked_before_what_is_done_meanwhile(place: Any, sent: list[str]) -> None:
-    """More than they take at once, too."""
+def test_workers_get_requests_before_the_callback_runs(place: Any, sent: list[str]) -> None:
+    """This also holds for more requests than the workers process at the same time."""
     references = [f"blocks_{number}:Block" for number in range(6)]
     for reference in references:
         place.write(f"parts/{reference.partition(':')[0]}.py", BLOCK)
@@ -158,8 +159,8 @@ def test_the_workers_are_asked_before_what_is_done_meanwhile(place: Any, sent: l
     assert meanwhile[1:] == [[]], "it is done where nothing has to be asked, too"
 
 
-def test_nothing_waits_for_the_end_of_what_has_answered(place: Any, define: Any) -> None:
-    """What a part leaves behind has a second to end."""
+def test_cleanup_of_finished_parts_does_not_delay_others(place: Any, define: Any) -> None:
+    """Processes that a part leaves running have one second to end."""
     place.write("parts/leaving.py", """
         import subprocess, time
         from build123d import Box

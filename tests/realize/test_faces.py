@@ -1,4 +1,4 @@
-"""A bound on the triangles that simulators have of a file: what they get, how far it is off, and that all else is of the whole file."""
+"""The `faces` limit on the triangles of simulation meshes: the result, its deviation, and that all other properties use the whole file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from graph import builder
 from thingc.geometry.key import versions
 from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord, definition_text
 from thingc.geometry.worker.kernel.meshing import Triangles
-from thingc.geometry.worker.kernel.simplifying import deviation, simplified
+from thingc.geometry.worker.kernel.simplifying import deviation, simplify
 from thingc.geometry.worker.part_session import NoPart
 from thingc.model.resolve.types import Overrides
 
@@ -33,14 +33,14 @@ def filed(name: str, faces: int | None) -> PartDefinition:
 
 
 def bumpy() -> Any:
-    """A sphere of 50 mm with bumps, 1280 triangles."""
+    """Return a sphere of 50 mm with bumps, 1280 triangles."""
     sphere = trimesh.creation.icosphere(subdivisions=3, radius=50.0)
     x, y, z = (sphere.vertices / 50.0).T
     return trimesh.Trimesh(sphere.vertices * (1.0 + 0.1 * np.sin(5 * x) * np.cos(4 * y) + 0.05 * np.sin(7 * z))[:, None], sphere.faces)
 
 
 def plate() -> Any:
-    """A box of 100 mm by 60 mm by 20 mm whose sides are cut into 12 288 triangles."""
+    """Return a box of 100 mm by 60 mm by 20 mm whose sides are divided into 12 288 triangles."""
     found = trimesh.creation.box((100.0, 60.0, 20.0))
     for _ in range(5):
         found = found.subdivide()
@@ -48,7 +48,7 @@ def plate() -> Any:
 
 
 def ring() -> Any:
-    """Of an outer radius of 40 mm: 1600 triangles, many of them long and thin."""
+    """Return a ring with an outer radius of 40 mm: 1600 triangles, many of them long and thin."""
     return trimesh.creation.annulus(20.0, 40.0, 10.0, sections=200)
 
 
@@ -57,7 +57,7 @@ def of(mesh: Any) -> Triangles:
 
 
 def read(store: Any, mesh: Mesh) -> Any:
-    """A file of the store as trimesh reads it."""
+    """Read a mesh of the store with trimesh."""
     return trimesh.load_mesh(io.BytesIO(store.read(mesh.sha256)), file_type="obj")
 
 
@@ -67,7 +67,7 @@ def records(module_place: Any) -> dict[str, PartRecord | PartFailure]:
     export_step(Cylinder(10.0, 40.0), module_place.root / "rod.step")
     wanted = [
         filed("scan.stl", None), filed("scan.stl", 500), filed("scan.stl", 60), filed("scan.stl", 1500), filed("rod.step", 60),
-        filed("scan.stl", 500).mirrored("x"),
+        filed("scan.stl", 500).mirror_image("x"),
     ]
     with module_place.service() as service:
         found: dict[str, PartRecord | PartFailure] = service.realize(wanted, convex={"scan.stl(faces=60)": (0,)})
@@ -80,7 +80,7 @@ def record(records: dict[str, PartRecord | PartFailure], text: str) -> PartRecor
     return found
 
 
-def test_what_simulators_have_is_bounded_and_closed(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+def test_simulation_meshes_are_limited_and_closed(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
     scan = record(records, "scan.stl(faces=500)")
     assert scan.warnings == ()
     for name in ("visual", "simulation", "hull"):
@@ -94,7 +94,7 @@ def test_what_simulators_have_is_bounded_and_closed(records: dict[str, PartRecor
     assert max(apart) < 0.01 * 0.11
 
 
-def test_all_else_is_of_the_whole_file(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+def test_other_properties_use_the_whole_file(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
     whole, fewer = record(records, "scan.stl"), record(records, "scan.stl(faces=500)")
     assert fewer.volume == pytest.approx(bumpy().volume * 1e-9, rel=1e-6)
     for name in ("print", "mesh"):
@@ -103,13 +103,13 @@ def test_all_else_is_of_the_whole_file(records: dict[str, PartRecord | PartFailu
     assert "simulation" not in whole.meshes and whole.meshes["visual"].faces == 1280
 
 
-def test_a_bound_that_is_kept_anyway_changes_no_mesh(records: dict[str, PartRecord | PartFailure]) -> None:
+def test_limit_above_the_face_count_changes_no_mesh(records: dict[str, PartRecord | PartFailure]) -> None:
     whole, same = record(records, "scan.stl"), record(records, "scan.stl(faces=1500)")
     assert same.meshes == {**whole.meshes, "simulation": whole.meshes["mesh"]}
 
 
-def test_contacts_are_made_with_it(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
-    """`collision: mesh`, and the convex pieces, which are made of it: their corners are within it. MuJoCo takes all of it."""
+def test_contact_geometry_uses_the_limited_mesh(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+    """`collision: mesh` and the convex pieces use the limited mesh: the corners of the pieces are inside it. MuJoCo loads all triangles."""
     scan, coarsest = record(records, "scan.stl(faces=500)"), record(records, "scan.stl(faces=60)")
     chosen = Overrides(collision="mesh")
     occurrence = builder.occurrence(0, "scan", filed("scan.stl", 500), scan, overrides=chosen, origin=builder.where(1))
@@ -127,21 +127,21 @@ def test_contacts_are_made_with_it(records: dict[str, PartRecord | PartFailure],
     assert model.body_mass[1] / 2000.0 == pytest.approx(bumpy().volume * 1e-9, rel=0.02)
 
 
-def test_curved_surfaces_of_exact_files_are_bounded_too(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+def test_curved_surfaces_of_step_files_are_limited(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
     rod = record(records, "rod.step(faces=60)")
     coarse = read(module_place.store, rod.meshes["simulation"])
     assert len(coarse.faces) <= 60 and coarse.is_watertight
     assert rod.volume == pytest.approx(np.pi * 0.01**2 * 0.04, rel=1e-9)
 
 
-def test_a_mirror_image_is_bounded_as_well(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+def test_mirror_image_is_limited(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
     image = record(records, "scan.stl(faces=500, mirror=x)")
     mesh = read(module_place.store, image.meshes["simulation"])
     assert len(mesh.faces) <= 500 and mesh.is_watertight and mesh.volume > 0.0
 
 
-def test_a_mesh_that_is_far_off_is_told(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
-    """Compared with all distances from all corners of either to all triangles of the other."""
+def test_large_deviation_is_reported(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+    """The reported deviation is compared with the distances from all corners of each mesh to all triangles of the other."""
     scan = record(records, "scan.stl(faces=60)")
     coarse = read(module_place.store, scan.meshes["simulation"])
     (warning,) = scan.warnings
@@ -163,34 +163,34 @@ def test_a_mesh_that_is_far_off_is_told(records: dict[str, PartRecord | PartFail
 
 
 @pytest.mark.parametrize(("made", "faces", "off"), [(plate(), 500, 0.0), (ring(), 300, 0.6), (bumpy(), 300, 2.5)])
-def test_flat_thin_and_round_surfaces_stay_closed(made: Any, faces: int, off: float) -> None:
-    found = simplified(of(made), faces)
+def test_simplified_surfaces_stay_closed(made: Any, faces: int, off: float) -> None:
+    found = simplify(of(made), faces)
     mesh = trimesh.Trimesh(found.vertices, found.faces, process=False)
     assert len(mesh.faces) <= faces and mesh.is_watertight and mesh.is_winding_consistent
     assert mesh.volume == pytest.approx(made.volume, rel=0.03)
     assert deviation(of(made), found) <= off + 1e-9
 
 
-def test_bodies_that_touch_stay_closed() -> None:
-    """Two boxes with an edge in common, which then has four triangles."""
+def test_touching_bodies_stay_closed() -> None:
+    """Two boxes share an edge, which then has four triangles."""
     one, other = trimesh.creation.box((1, 1, 1)).subdivide().subdivide(), trimesh.creation.box((1, 1, 1)).subdivide().subdivide()
     other.apply_translation((1, 1, 0))
     both = trimesh.util.concatenate([one, other])
     both.merge_vertices()
-    found = simplified(of(both), 200)
+    found = simplify(of(both), 200)
     assert found.closed and len(found.faces) <= 200 and found.volume == pytest.approx(2.0, rel=1e-6)
 
 
-def test_what_cannot_have_so_few_is_refused() -> None:
-    """A ring needs some triangles to have a hole."""
+def test_limit_that_cannot_be_reached_is_an_error() -> None:
+    """A torus needs more triangles to keep its hole."""
     torus = of(trimesh.creation.torus(10.0, 3.0))
     with pytest.raises(NoPart, match=r"its surface cannot be simplified to 8 triangles without gaps") as refused:
-        simplified(torus, 8)
+        simplify(torus, 8)
     assert refused.value.kind == "unbounded"
 
 
-def test_how_far_two_surfaces_are_apart() -> None:
-    """A cube in a larger one: corners are sqrt(3) apart, faces 1."""
+def test_deviation_between_two_cubes() -> None:
+    """One cube is inside a larger one: the corners are sqrt(3) apart, the faces 1."""
     small, large = trimesh.creation.box((10, 10, 10)), trimesh.creation.box((12, 12, 12))
     assert deviation(of(small), of(large)) == pytest.approx(np.sqrt(3.0), abs=1e-9)
     assert deviation(of(small), of(small)) == pytest.approx(0.0, abs=1e-9)
@@ -200,31 +200,31 @@ SIMPLIFIED = """
 import hashlib, sys
 import numpy as np
 from thingc.geometry.worker.kernel.meshing import Triangles
-from thingc.geometry.worker.kernel.simplifying import simplified
+from thingc.geometry.worker.kernel.simplifying import simplify
 mesh = np.load(sys.argv[1])
-found = simplified(Triangles(mesh["vertices"], mesh["faces"]), 700)
+found = simplify(Triangles(mesh["vertices"], mesh["faces"]), 700)
 print(hashlib.sha256(found.vertices.tobytes() + found.faces.tobytes()).hexdigest())
 """
 
 
-def test_the_same_triangles_every_time(tmp_path: Path) -> None:
-    """In another process, with a hash seed of its own."""
+def test_simplification_is_deterministic(tmp_path: Path) -> None:
+    """The mesh is also simplified in another process with a different hash seed."""
     mesh = of(bumpy())
     np.savez(tmp_path / "mesh.npz", vertices=mesh.vertices, faces=mesh.faces)
-    here = simplified(mesh, 700)
+    here = simplify(mesh, 700)
     digest = hashlib.sha256(here.vertices.tobytes() + here.faces.tobytes()).hexdigest()
     command = [sys.executable, "-c", SIMPLIFIED, str(tmp_path / "mesh.npz")]
     done = subprocess.run(command, env={"PYTHONHASHSEED": "1"}, check=True, capture_output=True, text=True)
     assert done.stdout.strip() == digest
 
 
-def test_another_version_of_what_reads_meshes_models_a_file_again(module_place: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_new_trimesh_version_rebuilds_file_parts(module_place: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     (module_place.root / "crumb.stl").write_bytes(trimesh.creation.box((4, 5, 6)).export(file_type="stl"))
     with module_place.service() as service:
         service.realize([filed("crumb.stl", None)])
         assert service.in_store(filed("crumb.stl", None))
-    there = {**versions._installed(), "trimesh": "99"}
-    monkeypatch.setattr(versions, "_installed", lambda: there)
+    there = {**versions._installed_versions(), "trimesh": "99"}
+    monkeypatch.setattr(versions, "_installed_versions", lambda: there)
     with module_place.service() as service:
         service.realize([filed("crumb.stl", None)])
         assert service.decisions["crumb.stl"].reason == f"trimesh changed from {trimesh.__version__} to 99"

@@ -1,4 +1,4 @@
-"""Parts that fail, each in its own way: the others are made, and the failure names a line of the part file."""
+"""Parts that fail in different ways: the other parts are modelled, and the failure points to a line of the part file."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ EXPECTED = {
 
 @pytest.fixture(scope="module")
 def failures(module_place: Any, define: Callable[..., Any]) -> dict[str, Any]:
-    """All of them, in one run."""
+    """Return the answers of all parts, modelled in one run."""
     module_place.write("parts/bad.py", BAD)
     module_place.write("parts/helper.py", HELPER)
     with module_place.service() as service:
@@ -132,7 +132,7 @@ def failures(module_place: Any, define: Callable[..., Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", sorted(EXPECTED))
-def test_each_in_its_own_way(failures: dict[str, Any], module_place: Any, name: str) -> None:
+def test_failure_kind_message_and_line(failures: dict[str, Any], module_place: Any, name: str) -> None:
     kind, message, file, line = EXPECTED[name]
     failure = failures[name]
     assert isinstance(failure, PartFailure)
@@ -147,24 +147,24 @@ def test_each_in_its_own_way(failures: dict[str, Any], module_place: Any, name: 
         assert "Traceback" in failure.detail
 
 
-def test_the_others_are_made(failures: dict[str, Any]) -> None:
+def test_other_parts_are_modelled(failures: dict[str, Any]) -> None:
     assert isinstance(failures["Good"], PartRecord)
     assert failures["Good"].volume == pytest.approx(6e-9, rel=1e-12)
     assert failures["Good"].warnings == ()
 
 
-def test_warnings_name_their_line(failures: dict[str, Any], module_place: Any) -> None:
+def test_warnings_point_to_their_line(failures: dict[str, Any], module_place: Any) -> None:
     (warning,) = failures["Warns"].warnings
     assert (warning.message, warning.file, warning.line) == ("too thin to print", str(module_place.parts / "bad.py"), 60)
 
 
-def test_failures_that_do_not_depend_on_the_day_are_kept(failures: dict[str, Any], module_place: Any, define: Any) -> None:
+def test_deterministic_failures_are_cached(failures: dict[str, Any], module_place: Any, define: Any) -> None:
     with module_place.service() as service:
         service.realize([define(f"bad:{name}") for name in NAMES])
         assert sorted(service.modelled) == ["bad:Leaves", "bad:Segfaults"]
 
 
-def test_a_kept_failure_follows_its_line(failures: dict[str, Any], module_place: Any, define: Any) -> None:
+def test_line_of_cached_failure_follows_edits(failures: dict[str, Any], module_place: Any, define: Any) -> None:
     module_place.write("parts/bad.py", "# moved\n" + BAD)
     try:
         with module_place.service() as service:
@@ -175,7 +175,7 @@ def test_a_kept_failure_follows_its_line(failures: dict[str, Any], module_place:
     assert failure.line == 17
 
 
-def test_a_hang_ends_one_child_only(module_place: Any, define: Callable[..., Any]) -> None:
+def test_timeout_stops_only_the_hanging_part(module_place: Any, define: Callable[..., Any]) -> None:
     module_place.write("parts/bad.py", BAD)
     module_place.write("parts/helper.py", HELPER)
     with module_place.service(timeout=4.0) as service:
@@ -188,7 +188,7 @@ def test_a_hang_ends_one_child_only(module_place: Any, define: Callable[..., Any
     assert isinstance(found["bad:Good"], PartRecord)
 
 
-def test_descriptions(failures: dict[str, Any], module_place: Any) -> None:
+def test_description_failures(failures: dict[str, Any], module_place: Any) -> None:
     module_place.write("parts/broken.py", "class A:\n    x = (\n")
     text = "import os\nfrom thingc import Thing\nclass A(Thing): pass\nclass B(Thing): pass\nos._exit(1)\n"
     module_place.write("parts/dies.py", text)
@@ -218,7 +218,7 @@ def test_descriptions(failures: dict[str, Any], module_place: Any) -> None:
     assert "bad" in nowhere.candidates
 
 
-def test_refused_before_anything_is_imported(place: Any, define: Callable[..., Any], tmp_path: Any) -> None:
+def test_invalid_references_are_refused_before_import(place: Any, define: Callable[..., Any], tmp_path: Any) -> None:
     place.write("elsewhere/evil.py", f"open({str(tmp_path / 'ran')!r}, 'w')\nclass A: pass\n")
     untouched = Workers(1)
     with place.service(workers=untouched) as service:
@@ -229,7 +229,7 @@ def test_refused_before_anything_is_imported(place: Any, define: Callable[..., A
     assert not (tmp_path / "ran").exists()
 
 
-def test_a_kernel_that_does_not_load(
+def test_kernel_that_does_not_load_is_reported(
     place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Any
 ) -> None:
     import thingc.geometry.client as client
@@ -247,7 +247,7 @@ def test_a_kernel_that_does_not_load(
     )
 
 
-def test_without_fork(place: Any, define: Callable[..., Any]) -> None:
+def test_failures_without_fork(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/bad.py", BAD)
     place.write("parts/helper.py", HELPER)
     inline = Workers(1, forking=False)
@@ -267,10 +267,10 @@ def test_without_fork(place: Any, define: Callable[..., Any]) -> None:
         inline.close()
 
 
-def test_where_no_process_can_be_started_it_is_said(
+def test_worker_that_cannot_start_is_reported(
     place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Any
 ) -> None:
-    """As where the system has none left: here the interpreter is gone."""
+    """The Python interpreter is missing here, as if the system could not start another process."""
     place.write("parts/arm.py", "from thingc import Thing\nclass A(Thing): pass\n")
     monkeypatch.setattr(sys, "executable", str(tmp_path / "gone"))
     with closing(Workers(1)) as own, place.service(workers=own) as service:
@@ -279,7 +279,7 @@ def test_where_no_process_can_be_started_it_is_said(
     assert (failure.kind, failure.message) == ("crashed", "cannot start a worker process: No such file or directory")
 
 
-def test_a_fault_without_a_line_of_its_own_is_at_the_class(place: Any, define: Callable[..., Any]) -> None:
+def test_failure_without_line_points_to_the_class(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/weighs.py", """\
         from build123d import Box
         from thingc import Thing

@@ -1,4 +1,4 @@
-"""The smallest ball of points: where they are almost in a plane."""
+"""The smallest enclosing ball of points that are almost coplanar."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from thingc.geometry.worker.kernel.bounding_primitives import smallest_ball
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-12, 1e-10, 1e-8])
-def test_the_rim_of_a_disc_that_is_a_little_uneven(off: float) -> None:
-    """Four points of a turned circle, each a little off it, have no ball of their own in double precision: the smallest ball of all is
-    still the circle's, within that."""
+def test_smallest_ball_of_nearly_planar_circle(off: float) -> None:
+    """Four points of a rotated circle, each slightly off it, have no well-defined ball in double precision. The smallest ball of all
+    points is still that of the circle, within that tolerance."""
     rng = np.random.default_rng(5)
     angles = np.linspace(0.0, 2.0 * math.pi, 96, endpoint=False)
     circle = np.stack([np.cos(angles), np.sin(angles), np.zeros(96)], axis=1)

@@ -1,8 +1,7 @@
-"""Packages that lie elsewhere, on the import path: how they count, and that their code is not followed.
+"""Packages elsewhere on the import path: how they count as dependencies, and that their code is not followed.
 
-The environment is a real one: a virtual environment whose `.pth` file leads to the packages of this one, to thingc, and to folders of
-a test's own.
-"""
+The environment is a real virtual environment whose `.pth` file adds the packages of the current environment, thingc, and folders of the
+test."""
 
 from __future__ import annotations
 
@@ -51,8 +50,7 @@ MANY = 1000
 
 
 class Elsewhere:
-    """A workspace, and beside it an environment with a package of `MANY` modules and a module in site-packages that nobody
-    has installed."""
+    """A workspace, and next to it an environment with a package of `MANY` modules and an uninstalled module in site-packages."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -77,7 +75,7 @@ class Elsewhere:
         self.packages.joinpath("elsewhere.pth").write_text("\n".join([*here, str(folder / "src"), ""]))
 
     def write(self, name: str, text: str) -> None:
-        """A file below the folder, indentation taken off."""
+        """Write a dedented file below the folder."""
         path = self.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(textwrap.dedent(text))
@@ -90,31 +88,31 @@ class Elsewhere:
         return subprocess.run(command, cwd=self.root, env=env, capture_output=True, text=True, timeout=300)
 
     def reason(self, name: str) -> str:
-        """Why a part was last modelled: now, if need be."""
+        """Return why a part was last modelled; model it first if necessary."""
         said = self.thingc("why", "robot.yaml", name)
         assert said.returncode == 0, said
         line = said.stdout.splitlines()[1]
         return line.partition("modelled (")[2].rstrip(")") if line.startswith("reused") else line.removeprefix("modelled: ")
 
     def facts(self) -> int:
-        """How many source files have been read as code of parts."""
+        """Return how many source files have been parsed as code of parts."""
         return len(list((self.folder / "store" / "facts").glob("*/*")))
 
 
 @pytest.fixture(scope="module")
 def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Elsewhere:
-    """Made once; its parts have been modelled."""
+    """Return the workspace, whose parts have been modelled once."""
     made = Elsewhere(tmp_path_factory.mktemp("elsewhere"))
     py_compile.compile(str(made.company / "sizes.py"), doraise=True)  # as Python does when somebody imports it
     assert (made.thingc("check", "robot.yaml")).stdout == "robot.yaml: ok\n"
     return made
 
 
-def test_they_are_not_read_as_code(elsewhere: Elsewhere) -> None:
+def test_external_packages_are_not_parsed(elsewhere: Elsewhere) -> None:
     assert elsewhere.facts() == 1  # that of `arm`
 
 
-def test_a_module_that_was_loaded_counts_by_its_source(elsewhere: Elsewhere) -> None:
+def test_loaded_module_counts_by_its_source(elsewhere: Elsewhere) -> None:
     sizes = elsewhere.company / "sizes.py"  # modelled with what had been compiled of it
     elsewhere.company.joinpath("module_500.py").write_text("value = 'of no part'\n")
     assert elsewhere.reason("shaped") == "first time"
@@ -123,12 +121,12 @@ def test_a_module_that_was_loaded_counts_by_its_source(elsewhere: Elsewhere) -> 
     assert elsewhere.reason("plain") == "first time"
 
 
-def test_a_module_that_nobody_has_installed_counts_by_its_file(elsewhere: Elsewhere) -> None:
+def test_uninstalled_module_counts_by_its_file(elsewhere: Elsewhere) -> None:
     elsewhere.packages.joinpath("tables.py").write_text("WIDTH = 30\n")
     assert elsewhere.reason("loose").startswith("tables changed from file:")
 
 
-def test_a_listed_package_is_followed(elsewhere: Elsewhere) -> None:
+def test_listed_package_is_followed(elsewhere: Elsewhere) -> None:
     elsewhere.write("ws/thingc.toml", 'thingc = "workspace/1"\npackages = ["thingc_stock", "company"]\n')
     elsewhere.company.joinpath("module_0.py").write_text("")  # its nine followers are loaded no more
     new = "module `company` is new; module `company.module_0` is new; module `company.shapes` is new and 2 more"
@@ -140,8 +138,8 @@ def test_a_listed_package_is_followed(elsewhere: Elsewhere) -> None:
     assert elsewhere.reason("shaped") == "module `company.sizes` changed"
 
 
-def test_the_init_of_a_listed_package_is_an_input_of_a_finished_run(elsewhere: Elsewhere) -> None:
-    """No folder of parts leads to it: the package itself is found on the import path."""
+def test_init_of_listed_package_is_an_input(elsewhere: Elsewhere) -> None:
+    """The package is on the import path, outside the part folders, so a cached run must check its `__init__.py`."""
     elsewhere.write("ws/thingc.toml", 'thingc = "workspace/1"\npackages = ["thingc_stock", "company"]\n')
     assert elsewhere.thingc("check", "robot.yaml").stdout == "robot.yaml: ok\n"
     elsewhere.company.joinpath("__init__.py").write_text("raise ValueError('not today')\n")

@@ -1,4 +1,4 @@
-"""What parts depend on is known without running any of their code."""
+"""The inputs of parts are determined without running their code."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from thingc.tools.affected.dependents import part_inputs
 
 
 @pytest.mark.parametrize("trusted", [True, False])
-def test_code_its_imports_and_what_is_not_there(place: Any, trusted: bool) -> None:
+def test_inputs_include_imports_and_missing_modules(place: Any, trusted: bool) -> None:
     arm = place.write("parts/arm.py", "import sizes\nfrom thingc import Thing\nraise SystemExit('run')\nclass Arm(Thing): ...\n")
     sizes = place.write("parts/sizes.py", "A = 1\n")
     other = place.write("parts/other.py", "B = 1\n")
@@ -26,7 +26,7 @@ def test_code_its_imports_and_what_is_not_there(place: Any, trusted: bool) -> No
     assert folders_of_missing == folders
 
 
-def test_parts_of_packages_read_no_folder_of_the_workspace(place: Any) -> None:
+def test_library_parts_read_no_workspace_folder(place: Any) -> None:
     _, folders = part_inputs(["thingc_stock.fasteners:Screw"], place.workspace, place.store)
     assert folders == ()
     assert part_inputs([], place.workspace, None)[0] == {os.path.join(place.workspace.root, "parts.lock.json")}

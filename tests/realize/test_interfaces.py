@@ -1,4 +1,4 @@
-"""What parts declare, against what their solids have: parts of known dimensions, turned, mirrored, and wrong by some micrometres."""
+"""Interface declarations against the geometry of the solids: parts of known dimensions, rotated, mirrored and off by a few micrometres."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PLATE = """
 def built(place: Place, mirror: str | None = None, **parameters: object) -> PartRecord:
     place.write("parts/plates.py", PLATE)
     wanted = part("plates:Plate", **parameters)  # type: ignore[arg-type]
-    wanted = wanted if mirror is None else wanted.mirrored(mirror)
+    wanted = wanted if mirror is None else wanted.mirror_image(mirror)
     with place.service() as service:
         record = service.realize([wanted])[wanted.text]
     assert not isinstance(record, PartFailure), record.message
@@ -53,7 +53,7 @@ def contradictions(record: PartRecord) -> list[str]:
 
 @pytest.mark.parametrize("mirror", [None, "x", "y", "z"])
 @pytest.mark.parametrize("tilt", [False, True])
-def test_a_true_declaration(place: Place, tilt: bool, mirror: str | None) -> None:
+def test_correct_declaration_is_accepted(place: Place, tilt: bool, mirror: str | None) -> None:
     record = built(place, mirror, tilt=tilt)
     assert contradictions(record) == []
     bolts, bore = record.mounts["face"].features
@@ -73,7 +73,7 @@ def test_a_true_declaration(place: Place, tilt: bool, mirror: str | None) -> Non
     ("boss", 8.002, "boss 8.002 mm, but its diameter is 8 mm"),
     ("length", 12.002, "boss 8 mm, but it is 12 mm long, not 12.002 mm"),
 ])
-def test_a_difference_of_two_micrometres(place: Place, parameter: str, value: float, words: str, tilt: bool) -> None:
+def test_difference_of_two_micrometres_is_reported(place: Place, parameter: str, value: float, words: str, tilt: bool) -> None:
     (found,) = contradictions(built(place, tilt=tilt, **{parameter: value}))
     assert words in found
 
@@ -81,11 +81,11 @@ def test_a_difference_of_two_micrometres(place: Place, parameter: str, value: fl
 @pytest.mark.parametrize(("parameter", "value"), [
     ("circle", 20.0009), ("depth", 5.0009), ("depth", 3.0), ("hole", 3.2009), ("bore", 6.1009), ("boss", 7.9991), ("length", 11.9991),
 ])
-def test_a_difference_below_a_micrometre(place: Place, parameter: str, value: float) -> None:
+def test_difference_below_one_micrometre_is_accepted(place: Place, parameter: str, value: float) -> None:
     assert contradictions(built(place, **{parameter: value})) == []
 
 
-def test_the_lock_file_keeps_features(place: Place) -> None:
+def test_lock_file_contains_features(place: Place) -> None:
     record = built(place, bore=6.2)
     read = read_record("plates:Plate", record_values(record), "parts", None)
     assert {name: (mount.features, mount.contradictions) for name, mount in read.mounts.items()} == {
@@ -102,7 +102,7 @@ def test_the_lock_file_keeps_features(place: Place) -> None:
     ("['a', 'b']", "must be a string, a feature such as"),
     ("3", "must be a string, a feature such as"),
 ])
-def test_a_wrong_declaration_is_an_error_of_the_part(place: Place, declared: str, words: str) -> None:
+def test_invalid_declaration_fails_the_part(place: Place, declared: str, words: str) -> None:
     place.write("parts/wrong.py", f"""
         from build123d import Box, Location
         from thingc import Bolts, Bore, Connector, MountPoint, Thing

@@ -1,4 +1,4 @@
-"""Mirror images against the same part written by hand with its coordinates negated, and against signs that no turn can change."""
+"""Mirror images against the same part modelled with negated coordinates, and against signs that no rotation can change."""
 
 from __future__ import annotations
 
@@ -103,11 +103,11 @@ SIGNS = {"x": (-1, 1, 1), "y": (1, -1, 1), "z": (1, 1, -1)}
 
 @pytest.fixture(scope="module")
 def records(module_place: Place) -> dict[str, PartRecord]:
-    """All that these tests look at, modelled in one go, by text."""
+    """Return the records of all parts of these tests, modelled together, by definition text."""
     module_place.write("parts/leg.py", LEG)
     plain = part("leg:Leg")
-    wanted = [plain, *(plain.mirrored(axis) for axis in "xyz"), *(part("leg:Leg", **{axis: -1}) for axis in "xyz")]
-    wanted += [part(f"leg:{name}").mirrored(axis) for name in ("Spring", "Screw", "Sided") for axis in "xz"]
+    wanted = [plain, *(plain.mirror_image(axis) for axis in "xyz"), *(part("leg:Leg", **{axis: -1}) for axis in "xyz")]
+    wanted += [part(f"leg:{name}").mirror_image(axis) for name in ("Spring", "Screw", "Sided") for axis in "xz"]
     answers = module_place.service().realize(wanted)
     assert [answer for answer in answers.values() if isinstance(answer, PartFailure)] == []
     return {text: answer for text, answer in answers.items() if isinstance(answer, PartRecord)}
@@ -119,11 +119,11 @@ def triangles(place: Place, record: PartRecord, name: str) -> Triangles:
 
 
 def handedness(mesh: Triangles) -> float:
-    """The integral of x y z over the solid, about its centre [mm^6]. Another sign in a mirror image along x, y or z; the same after
-    half a turn about any of them, which is all that could be mistaken for one.
+    """Return the integral of x y z over the solid, about its centre [mm^6]. A mirror image along x, y or z changes its sign; half a turn
+    about one of these axes, the only rotation that could be mistaken for a mirror image, does not.
 
-    Over a tetrahedron of volume V the integral of a product of three barycentric coordinates is 6 V p! q! r! / 6!, where p, q, r are
-    how often each stands in it."""
+    Over a tetrahedron of volume V the integral of a product of three barycentric coordinates is 6 V p! q! r! / 6!, where p, q, r are the
+    powers of the coordinates."""
     corners = mesh.vertices[mesh.faces]
     volumes = np.linalg.det(corners) / 6.0
     corners = corners - (volumes[:, None] * corners.sum(axis=1) / 4.0).sum(axis=0) / volumes.sum()
@@ -136,7 +136,7 @@ def handedness(mesh: Triangles) -> float:
 
 
 @pytest.mark.parametrize("axis", "xyz")
-def test_it_is_the_part_that_is_written_by_hand(records: dict[str, PartRecord], axis: str) -> None:
+def test_image_equals_part_with_negated_coordinates(records: dict[str, PartRecord], axis: str) -> None:
     image, written = records[f"leg:Leg(mirror={axis})"], records[f"leg:Leg({axis}=-1)"]
     assert image.volume == pytest.approx(written.volume, rel=1e-9)
     assert image.area == pytest.approx(written.area, rel=1e-9)
@@ -161,7 +161,7 @@ def test_it_is_the_part_that_is_written_by_hand(records: dict[str, PartRecord], 
 
 
 @pytest.mark.parametrize("axis", "xyz")
-def test_what_is_drawn_touched_and_fitted_is_mirrored(records: dict[str, PartRecord], module_place: Place, axis: str) -> None:
+def test_meshes_pieces_and_fits_are_mirrored(records: dict[str, PartRecord], module_place: Place, axis: str) -> None:
     image, written = records[f"leg:Leg(mirror={axis})"], records[f"leg:Leg({axis}=-1)"]
     drawn = [module_place.store.read(record.meshes["visual"].sha256).decode().splitlines() for record in (image, written)]
     one, other = (sorted(line for line in lines if line.startswith("v ")) for lines in drawn)
@@ -194,7 +194,7 @@ def _inside(fit: Primitive, points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("axis", "xyz")
-def test_meshes_for_slicing_have_the_other_hand(records: dict[str, PartRecord], module_place: Place, axis: str) -> None:
+def test_slicing_meshes_are_mirrored(records: dict[str, PartRecord], module_place: Place, axis: str) -> None:
     plain = triangles(module_place, records["leg:Leg"], "slicing")
     image = triangles(module_place, records[f"leg:Leg(mirror={axis})"], "slicing")
     assert abs(handedness(plain)) > 100.0  # mm^6: far from a part that is symmetrical
@@ -208,34 +208,34 @@ def _box(mesh: Triangles) -> tuple[np.ndarray, np.ndarray]:
     return mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
 
 
-def test_it_has_no_order_number_of_what_it_mirrors(records: dict[str, PartRecord]) -> None:
+def test_image_does_not_inherit_the_order_number(records: dict[str, PartRecord]) -> None:
     assert records["leg:Leg"].bom == {"make": "print", "number": "L-1", "supplier": "us"}
     assert records["leg:Leg(mirror=y)"].bom == {"make": "print", "supplier": "us"}
 
 
-def test_parts_that_are_their_own_mirror_images(records: dict[str, PartRecord]) -> None:
+def test_symmetric_parts_are_their_own_images(records: dict[str, PartRecord]) -> None:
     own = {text for text, record in records.items() if record.own_image}
     # the head of a screw makes its ends differ; a mount at one side is somewhere else in the image
     assert own == {"leg:Screw(mirror=x)"}
 
 
-def test_texts_labels_and_file_names_tell_images_apart() -> None:
+def test_texts_and_file_names_of_images_are_distinct() -> None:
     longer = replace(part("leg:Leg", length=0.1), label="leg:Leg(length=100 mm)")
-    assert longer.mirrored("y").text == "leg:Leg(length=0.1, mirror=y)"
-    assert longer.mirrored("y").label == "leg:Leg(length=100 mm, mirror=y)"
-    assert part("leg:Leg").mirrored("y").text == part("leg:Leg").mirrored("y").label == "leg:Leg(mirror=y)"
-    assert part("leg:Leg").mirrored("y").stem == "leg.Leg-mirror_y"
-    assert longer.mirrored("y").stem == f"{longer.stem}-mirror_y"
+    assert longer.mirror_image("y").text == "leg:Leg(length=0.1, mirror=y)"
+    assert longer.mirror_image("y").label == "leg:Leg(length=100 mm, mirror=y)"
+    assert part("leg:Leg").mirror_image("y").text == part("leg:Leg").mirror_image("y").label == "leg:Leg(mirror=y)"
+    assert part("leg:Leg").mirror_image("y").stem == "leg.Leg-mirror_y"
+    assert longer.mirror_image("y").stem == f"{longer.stem}-mirror_y"
     file = replace(file_part("parts/foot.stl"), label="parts/foot.stl in m")
-    assert (file.mirrored("x").text, file.mirrored("x").label) == ("parts/foot.stl(mirror=x)", "parts/foot.stl in m, mirror=x")
+    assert (file.mirror_image("x").text, file.mirror_image("x").label) == ("parts/foot.stl(mirror=x)", "parts/foot.stl in m, mirror=x")
     # a parameter of the name is no mirror: its texts are quoted
     given = part("leg:Leg", mirror="y")
-    named = [given, part("leg:Leg", mirror=0.1), part("leg:Leg").mirrored("y"), given.mirrored("y")]
+    named = [given, part("leg:Leg", mirror=0.1), part("leg:Leg").mirror_image("y"), given.mirror_image("y")]
     assert len({one.text for one in named}) == len({one.stem for one in named}) == 4
 
 
-def test_records_of_images_are_kept(records: dict[str, PartRecord], module_place: Place) -> None:
-    image = part("leg:Screw").mirrored("x")
+def test_records_of_images_are_cached(records: dict[str, PartRecord], module_place: Place) -> None:
+    image = part("leg:Screw").mirror_image("x")
     service = module_place.service()
     assert service.realize([image]) == {image.text: records[image.text]}
     assert service.decisions[image.text].reused
@@ -244,12 +244,12 @@ def test_records_of_images_are_kept(records: dict[str, PartRecord], module_place
     assert read_record(image.text, record_values(records[image.text]), "", None).own_image
 
 
-def test_files_are_mirrored(module_place: Place, records: dict[str, PartRecord]) -> None:
+def test_file_parts_are_mirrored(module_place: Place, records: dict[str, PartRecord]) -> None:
     record = records["leg:Leg"]
     (module_place.root / "leg.stl").write_bytes(module_place.store.read(record.meshes["print"].sha256))
     plain = replace(file_part("leg.stl"), parameters=())
-    found = module_place.service().realize([plain, plain.mirrored("y")])
-    one, image = found[plain.text], found[plain.mirrored("y").text]
+    found = module_place.service().realize([plain, plain.mirror_image("y")])
+    one, image = found[plain.text], found[plain.mirror_image("y").text]
     assert isinstance(one, PartRecord) and isinstance(image, PartRecord)
     x, y, z = one.centre
     assert image.centre == pytest.approx((x, -y, z), rel=1e-9)

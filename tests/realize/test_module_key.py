@@ -1,4 +1,4 @@
-"""What the code of a part depends on, found by reading: all of its module and of every module in reach, and nothing else."""
+"""The code dependencies of a part, found by parsing: all of its module and of every reachable module, and nothing else."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def code(folder: Path, reference: str) -> CodeIngredients:
 
 
 def changed(folder: Path, before: dict[str, str], after: dict[str, str], *references: str) -> set[str]:
-    """The references whose code differs between two states of the files."""
+    """Return the references whose code differs between two states of the files."""
     write(folder, before)
     first = {reference: code(folder, reference).ingredients for reference in references}
     write(folder, after)
@@ -94,7 +94,7 @@ EVERY = ARM | {"legs:Leg", "alone:Alone"}
         ("unused.py", "", "import arm\narm.Base.width = 3\n", set()),
     ],
 )
-def test_one_edit(tmp_path: Path, file: str, old: str, new: str, expected: set[str]) -> None:
+def test_edit_changes_only_dependent_parts(tmp_path: Path, file: str, old: str, new: str, expected: set[str]) -> None:
     text = FILES.get(file, "")
     assert old in text
     assert changed(tmp_path, FILES, {file: text.replace(old, new)}, *EVERY) == expected
@@ -107,7 +107,7 @@ def test_one_edit(tmp_path: Path, file: str, old: str, new: str, expected: set[s
     ("if a:\n    b\n    c", "if a:\n    b\nc"), ("if a:\n    b\n    c", "while a:\n    b\n    c"), ("b\n    c", "c\n    b"),
     ("'xy'", "b'xy'"), ("async def", "def"), ("import a.b", "import a.b as a"),
 ])
-def test_trees_that_are_nearly_the_same(tmp_path: Path, old: str, new: str) -> None:
+def test_similar_syntax_trees_have_different_keys(tmp_path: Path, old: str, new: str) -> None:
     text = (
         "x = (1, 23)\nf(a, b)\na < b\ndel a\nx = a + 1.0\nx: a\ny = 'xy'\nif a:\n    b\n    c\n"
         "async def g():\n    return ...\nimport a.b\n"
@@ -116,7 +116,7 @@ def test_trees_that_are_nearly_the_same(tmp_path: Path, old: str, new: str) -> N
     assert changed(tmp_path, {"arm.py": text}, {"arm.py": text.replace(old, new)}, "arm:A") == {"arm:A"}
 
 
-def test_documentation_counts_for_the_description_only(tmp_path: Path) -> None:
+def test_docstrings_change_only_the_description_key(tmp_path: Path) -> None:
     write(tmp_path, FILES)
     before = code(tmp_path, "legs:Leg")
     for text in (PART.replace("'''The base.'''", "'''Another.'''"), PART.replace("'''The base.'''", "").replace(
@@ -139,7 +139,7 @@ def test_documentation_counts_for_the_description_only(tmp_path: Path) -> None:
         "if typing.TYPE_CHECKING:\n    import pkg",
     ],
 )
-def test_every_form_of_import(tmp_path: Path, imports: str) -> None:
+def test_every_import_form_is_followed(tmp_path: Path, imports: str) -> None:
     files = {
         "arm.py": f"{imports}\n\nclass A:\n    pass\n",
         "pkg/__init__.py": "def exported():\n    from .leg import foot\n",
@@ -155,20 +155,20 @@ def test_every_form_of_import(tmp_path: Path, imports: str) -> None:
     assert code(tmp_path, "arm:A").plain == {"pkg.deep"}
 
 
-def test_the_packages_of_a_module_count(tmp_path: Path) -> None:
+def test_init_files_of_parent_packages_are_dependencies(tmp_path: Path) -> None:
     files = {"pkg/__init__.py": "A = 1\n", "pkg/sub/__init__.py": "B = 1\n", "pkg/sub/leg.py": "class A: pass\n"}
     for file in ("pkg/__init__.py", "pkg/sub/__init__.py"):
         assert changed(tmp_path, files, {file: "C = 2\n"}, "pkg.sub.leg:A") == {"pkg.sub.leg:A"}
 
 
-def test_modules_that_import_one_another_have_one_key(tmp_path: Path) -> None:
+def test_modules_in_an_import_cycle_share_a_key(tmp_path: Path) -> None:
     write(tmp_path, {"a.py": "import b\nclass A: pass\n", "b.py": "import c\nclass B: pass\n", "c.py": "import a\nclass C: pass\n"})
     first = code(tmp_path, "a:A").ingredients
     assert list(first) == ["module a", "module b", "module c"]
     assert code(tmp_path, "b:B").ingredients == first == code(tmp_path, "c:C").ingredients
 
 
-def test_a_long_chain_of_modules(tmp_path: Path) -> None:
+def test_long_import_chain(tmp_path: Path) -> None:
     write(tmp_path, {f"m{n}.py": f"import m{n + 1}\n" for n in range(3000)})
     before = code(tmp_path, "m0:A").ingredients
     write(tmp_path, {"m2999.py": "A = 1\n"})
@@ -191,7 +191,7 @@ def test_a_long_chain_of_modules(tmp_path: Path) -> None:
         ("X = 1\nclass A:\n    size = X\nX = 2\n", "X = 1\nX = 2\nclass A:\n    size = X\n"),
     ],
 )
-def test_however_statements_of_a_module_reach_a_class(tmp_path: Path, before: str, after: str) -> None:
+def test_module_statements_that_affect_a_class_count(tmp_path: Path, before: str, after: str) -> None:
     write(tmp_path, {"shapes.py": SHAPES})
     assert changed(tmp_path, {"arm.py": before}, {"arm.py": after}, "arm:A") == {"arm:A"}
 
@@ -211,7 +211,7 @@ def test_however_statements_of_a_module_reach_a_class(tmp_path: Path, before: st
         "import lines; return lines.line()",
     ],
 )
-def test_code_that_may_look_at_docstrings_or_lines_depends_on_every_text(tmp_path: Path, body: str) -> None:
+def test_code_that_inspects_source_depends_on_all_text(tmp_path: Path, body: str) -> None:
     files = {
         "arm.py": f"'A file of parts.'\nfrom shapes import helper\nclass A:\n    def result(self):\n        {body}\n",
         "shapes.py": "def helper():\n    'Helps.'\n",
@@ -224,7 +224,7 @@ def test_code_that_may_look_at_docstrings_or_lines_depends_on_every_text(tmp_pat
         assert changed(tmp_path, files, {file: files[file].replace(old, new)}, "arm:A", "leg:Leg") == {"arm:A"}, (file, new)
 
 
-def test_a_module_that_appears_or_shadows_another(tmp_path: Path) -> None:
+def test_new_and_shadowing_modules_change_the_key(tmp_path: Path) -> None:
     text = "try:\n    import fancy\nexcept ImportError:\n    fancy = None\nclass A: pass\n"
     write(tmp_path, {"arm.py": text, "first/unrelated.py": "", "second/fancy.py": "X = 1\n"})
 
@@ -244,12 +244,12 @@ def test_a_module_that_appears_or_shadows_another(tmp_path: Path) -> None:
     assert list(of()[0]) == ["module arm", "module hypothesis", "module hypothesis.errors"] and not of()[1]
 
 
-def test_a_part_folder_cannot_take_names_of_the_standard_library(tmp_path: Path) -> None:
+def test_part_folder_cannot_shadow_the_standard_library(tmp_path: Path) -> None:
     write(tmp_path, {"arm.py": "import random\nclass A: pass\n", "random.py": "def random(): return 4\n"})
     assert list(code(tmp_path, "arm:A").files) == [str(tmp_path / "arm.py")]
 
 
-def test_nothing_is_imported_or_run(tmp_path: Path) -> None:
+def test_parsing_does_not_import_or_run_code(tmp_path: Path) -> None:
     trap = "raise SystemExit('it was run')\n"
     write(tmp_path, {"helper.py": trap, "pkg/__init__.py": trap, "pkg/leg.py": trap})
     write(tmp_path, {"arm.py": "from pkg.leg import *\nimport helper\n" + trap})
@@ -260,7 +260,7 @@ def test_nothing_is_imported_or_run(tmp_path: Path) -> None:
     b"class A:\n  x = (\n", b"x = " + b"-" * 50_000 + b"1\n", b"x = " + b"(" * 100_000 + b"\n", b"x = 1\0\n", b"x = '\xff'\n",
     b"x = 0x" + b"f" * 9000 + b"\n",
 ])
-def test_a_file_that_cannot_be_read_as_python_counts_by_its_bytes(tmp_path: Path, text: bytes) -> None:
+def test_unparsable_file_counts_by_its_bytes(tmp_path: Path, text: bytes) -> None:
     write(tmp_path, {"leg.py": "import arm\nclass Leg: pass\n"})
     (tmp_path / "arm.py").write_bytes(text)
     before = code(tmp_path, "leg:Leg").ingredients
@@ -269,20 +269,20 @@ def test_a_file_that_cannot_be_read_as_python_counts_by_its_bytes(tmp_path: Path
     assert code(tmp_path, "leg:Leg").ingredients["module arm"] != before["module arm"]
 
 
-def test_deep_trees_and_names_are_read(tmp_path: Path) -> None:
+def test_deep_trees_and_long_names_are_parsed(tmp_path: Path) -> None:
     text = "x = " + "1 + " * 900 + "1\nimport shapes\n" + f"import {'a.' * MAX_NAME}a, {'.'.join('b' * 240)}\n" + "class A: pass\n"
     files = {"arm.py": text, "shapes.py": SHAPES}
     assert changed(tmp_path, files, {"arm.py": text.replace("1 + 1\n", "1 + 2\n")}, "arm:A") == {"arm:A"}
     assert changed(tmp_path, files, {"shapes.py": "\n"}, "arm:A") == {"arm:A"}
 
 
-def test_names_that_no_module_can_have(tmp_path: Path) -> None:
+def test_impossible_module_names_are_absent(tmp_path: Path) -> None:
     for name in ("a." * 3000 + "a", "a" * (MAX_NAME + 1)):
         assert Finder([str(tmp_path)]).find(name).kind == "absent"
 
 
-def test_where_a_file_lies_in_the_workspace_counts(tmp_path: Path) -> None:
-    """It may read what lies beside it."""
+def test_location_in_the_workspace_is_part_of_the_key(tmp_path: Path) -> None:
+    """A module may read files next to it. The workspace as a whole may move."""
     write(tmp_path, {"ws/parts/arm.py": "class A: pass\n", "ws/more/leg.py": "class L: pass\n"})
 
     def of(root: str, *folders: str) -> list[dict[str, str]]:
@@ -299,20 +299,20 @@ def test_where_a_file_lies_in_the_workspace_counts(tmp_path: Path) -> None:
     assert moved[0] != arm and moved[1] != leg and difference(arm, moved[0]) == "module `arm` changed"
 
 
-def test_links_that_lead_round(tmp_path: Path) -> None:
+def test_symlink_cycles_are_handled(tmp_path: Path) -> None:
     write(tmp_path, {"arm.py": "import loop, ring.ring.leg\nclass A: pass\n", "ring/leg.py": "A = 1\n"})
     (tmp_path / "loop.py").symlink_to(tmp_path / "loop.py")
     (tmp_path / "ring" / "ring").symlink_to(tmp_path / "ring")
     assert list(code(tmp_path, "arm:A").ingredients) == ["module arm", "module ring.ring.leg"]
 
 
-def test_what_is_not_trusted_is_read_within_bounds(tmp_path: Path) -> None:
+def test_untrusted_code_is_read_within_limits(tmp_path: Path) -> None:
     write(tmp_path, {"arm.py": "import far, large, small\n", "far.py": "A = 1\n", "large.py": "#" * 1_000_000, "small.py": "A = 1\n"})
     sources = ModuleSources(Finder([str(tmp_path)]), str(tmp_path), within=lambda file: not file.endswith("far.py"))
     assert list(code_of("arm:A", sources).ingredients) == ["module arm", "module small"]
 
 
-def test_the_place_of_a_class_follows_imports(tmp_path: Path) -> None:
+def test_class_location_follows_imports(tmp_path: Path) -> None:
     write(tmp_path, {
         "arm.py": "from pkg.leg import Foot as F\nfrom pkg import *\nif True:\n    class Inner: pass\n",
         "pkg/__init__.py": "from .leg import Foot\n", "pkg/leg.py": "\n\n@final\nclass Foot: pass\n",
@@ -324,7 +324,7 @@ def test_the_place_of_a_class_follows_imports(tmp_path: Path) -> None:
     assert code(tmp_path, "arm:Gone").place is None and code(tmp_path, "ring:A").place is None
 
 
-def test_what_a_module_defines(tmp_path: Path) -> None:
+def test_names_defined_by_a_module(tmp_path: Path) -> None:
     write(tmp_path, {
         "arm.py": "from shapes import *\nimport os.path as p\nfrom pkg import leg\n"
                   "class A: pass\ndef make(): n = 1\n_x = 1\nclass _B: pass\n"
@@ -343,7 +343,7 @@ def test_what_a_module_defines(tmp_path: Path) -> None:
     assert may_have("late", "X", sources)
 
 
-def test_facts_kept_in_a_store_give_the_same_key(tmp_path: Path) -> None:
+def test_stored_facts_give_the_same_key(tmp_path: Path) -> None:
     write(tmp_path / "parts", FILES)
     store = Store(str(tmp_path / "store"))
     fresh = code(tmp_path / "parts", "arm:Derived")
@@ -363,14 +363,14 @@ def test_facts_kept_in_a_store_give_the_same_key(tmp_path: Path) -> None:
         ("alone.py", "class", "class", "no dependency changed"),
     ],
 )
-def test_what_changed_in_words(tmp_path: Path, file: str, old: str, new: str, words: str) -> None:
+def test_difference_names_the_changed_module(tmp_path: Path, file: str, old: str, new: str, words: str) -> None:
     write(tmp_path, FILES)
     before = code(tmp_path, "arm:Derived").ingredients
     write(tmp_path, {file: textwrap.dedent(FILES[file]).replace(old, new)})
     assert difference(before, code(tmp_path, "arm:Derived").ingredients) == words
 
 
-def test_modules_are_named_before_versions_and_at_most_three_things() -> None:
+def test_difference_lists_modules_first_and_three_at_most() -> None:
     before = {"version numpy": "1", "parameter size": "1", "module b": "1", "module a": "1", "machine": "x"}
     after = {**dict.fromkeys(before, "2"), "module c": "1"}
     assert difference(before, after) == "module `a` changed; module `b` changed; machine changed and 2 more"

@@ -1,4 +1,4 @@
-"""Parts that are files: in the unit that the document says where the file does not say its own."""
+"""File parts: if the format has no unit, the unit of the document applies."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from build123d import Box, Color, Compound, Pos, export_brep, export_step, expor
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, definition_text
 
 SIDES = (2.0, 3.0, 4.0)
-"""Of the box in every file, in the file's own numbers."""
+"""The sides of the box in every file, in the unit of the file."""
 
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
-"""The international units [m]."""
+"""The units in metres."""
 
 
 def filed(name: str, unit: str | None) -> PartDefinition:
@@ -30,7 +30,7 @@ def filed(name: str, unit: str | None) -> PartDefinition:
 
 
 def write_gltf(path: Path, corners: list[tuple[float, float, float]], indices: list[int]) -> None:
-    """One mesh as the specification of glTF 2.0 has it, its bytes in the file: in a node that is 10 higher (its y)."""
+    """Write a mesh as glTF 2.0 with embedded bytes, in a node translated by 10 along y."""
     numbers = b"".join(struct.pack("<3f", *corner) for corner in corners) + b"".join(struct.pack("<H", index) for index in indices)
     views = [{"buffer": 0, "byteOffset": 0, "byteLength": 12 * len(corners)},
              {"buffer": 0, "byteOffset": 12 * len(corners), "byteLength": 2 * len(indices)}]
@@ -46,7 +46,7 @@ def write_gltf(path: Path, corners: list[tuple[float, float, float]], indices: l
 
 @pytest.fixture(scope="module")
 def folder(module_place: Any) -> Path:
-    """A box in every format."""
+    """Return the folder with a box in every format."""
     root: Path = module_place.root
     box = Box(*SIDES)
     export_step(box, root / "box.step")
@@ -79,7 +79,7 @@ def folder(module_place: Any) -> Path:
 
 
 @pytest.mark.parametrize("name", ["box.stl", "box.obj", "box.ply", "box.off", "box.brep"])
-def test_numbers_without_a_unit_have_that_of_the_document(name: str, folder: Path, module_place: Any) -> None:
+def test_document_unit_applies_to_formats_without_unit(name: str, folder: Path, module_place: Any) -> None:
     wanted = {unit: filed(name, unit) for unit in (None, *METRES)}
     with module_place.service() as service:
         found = service.realize(list(wanted.values()))
@@ -95,14 +95,14 @@ def test_numbers_without_a_unit_have_that_of_the_document(name: str, folder: Pat
 
 
 @pytest.mark.parametrize(("name", "unit"), [("box.step", "mm"), ("box.3mf", "in")])
-def test_files_that_say_their_unit_are_believed(name: str, unit: str, folder: Path, module_place: Any) -> None:
+def test_unit_in_the_file_is_used(name: str, unit: str, folder: Path, module_place: Any) -> None:
     with module_place.service() as service:
         record = service.realize([filed(name, None)])[name]
     assert isinstance(record, PartRecord), record
     np.testing.assert_allclose(np.subtract(*reversed(record.box or ())), np.array(SIDES) * METRES[unit], rtol=1e-6)
 
 
-def test_gltf_is_in_metres_and_its_y_is_up(folder: Path, module_place: Any) -> None:
+def test_gltf_is_in_metres_and_y_up(folder: Path, module_place: Any) -> None:
     with module_place.service() as service:
         record = service.realize([filed("box.gltf", None)])["box.gltf"]
     assert isinstance(record, PartRecord), record
@@ -113,7 +113,7 @@ def test_gltf_is_in_metres_and_its_y_is_up(folder: Path, module_place: Any) -> N
 
 
 def triangles() -> list[list[tuple[float, ...]]]:
-    """The faces of a box of 20 x 30 x 40 mm at the origin, two a side, counter-clockwise seen from outside."""
+    """Return the faces of a box of 20 x 30 x 40 mm at the origin: two per side, counter-clockwise seen from outside."""
     found = []
     for axis in range(3):
         one, other = (axis + 1) % 3, (axis + 2) % 3
@@ -147,7 +147,7 @@ def written(path: Path, faces: list[list[tuple[float, ...]]]) -> None:
         ("inside_out", lambda faces: [face[::-1] for face in faces], None),
     ],
 )
-def test_an_open_surface_is_mended_and_that_is_told(name: str, change: Any, words: str | None, module_place: Any) -> None:
+def test_open_surface_is_repaired_with_a_warning(name: str, change: Any, words: str | None, module_place: Any) -> None:
     written(module_place.root / f"{name}.stl", change(triangles()))
     with module_place.service() as service:
         record = service.realize([filed(f"{name}.stl", None)])[f"{name}.stl"]
@@ -158,8 +158,8 @@ def test_an_open_surface_is_mended_and_that_is_told(name: str, change: Any, word
     )
 
 
-def test_several_colours_are_reported(module_place: Any) -> None:
-    """A part has one colour. A file of one colour gives it."""
+def test_multiple_colours_are_reported(module_place: Any) -> None:
+    """A part has one colour. A file with a single colour sets it."""
     red, blue = Box(10, 10, 10), Pos(20, 0, 0) * Box(10, 10, 10)
     for name, colors in (("one", ("red", "red")), ("two", ("red", "blue"))):
         for box, color in zip((red, blue), colors, strict=True):
@@ -182,7 +182,7 @@ def test_several_colours_are_reported(module_place: Any) -> None:
         ("one", lambda faces: [*faces, faces[3]], 1),
     ],
 )
-def test_a_triangle_that_stands_there_twice_counts_once(name: str, change: Any, count: int, module_place: Any) -> None:
+def test_duplicate_triangles_count_once(name: str, change: Any, count: int, module_place: Any) -> None:
     written(module_place.root / f"{name}.stl", change(triangles()))
     with module_place.service() as service:
         record = service.realize([filed(f"{name}.stl", None)])[f"{name}.stl"]
@@ -195,7 +195,7 @@ def test_a_triangle_that_stands_there_twice_counts_once(name: str, change: Any, 
     lambda faces: [*faces, *(face[::-1] for face in faces)],
     lambda faces: [one for face in faces for one in (face[::-1], face)],
 ])
-def test_a_surface_with_two_sides_is_one(change: Any, module_place: Any) -> None:
+def test_opposite_duplicate_triangles_are_removed(change: Any, module_place: Any) -> None:
     written(module_place.root / "sides.stl", change(triangles()))
     with module_place.service() as service:
         record = service.realize([filed("sides.stl", None)])["sides.stl"]
@@ -204,7 +204,8 @@ def test_a_surface_with_two_sides_is_one(change: Any, module_place: Any) -> None
     assert [warning.message for warning in record.warnings] == ["removed triangles that are equal but face the other way: 12"]
 
 
-def test_solids_of_a_file_that_overlap_are_united_where_it_is_made(module_place: Any) -> None:
+def test_overlapping_solids_of_a_file_are_reported(module_place: Any) -> None:
+    """The warning suggests to unite the solids in the CAD program."""
     written(module_place.root / "two.stl", [*triangles(), *([(x + 5, y + 5, z + 5) for x, y, z in face] for face in triangles())])
     with module_place.service() as service:
         record = service.realize([filed("two.stl", None)])["two.stl"]
@@ -218,7 +219,7 @@ BOX = triangles()
 
 
 def binary(faces: list[list[tuple[float, ...]]], count: int) -> bytes:
-    """A binary STL file that says that it has `count` triangles."""
+    """Return a binary STL file whose header declares `count` triangles."""
     return bytes(80) + struct.pack("<I", count) + b"".join(struct.pack("<12fH", 0, 0, 0, *sum(face, ()), 0) for face in faces)
 
 
@@ -242,7 +243,7 @@ def binary(faces: list[list[tuple[float, ...]]], count: int) -> bytes:
         ("endless.off", b"OFF\n3 1 0\n0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n", "a coordinate is not finite"),
     ],
 )
-def test_what_makes_no_solid_is_said_in_words(name: str, content: bytes | None, words: str, module_place: Any) -> None:
+def test_file_without_a_solid_is_rejected_with_a_message(name: str, content: bytes | None, words: str, module_place: Any) -> None:
     if content is None:
         faces = triangles()
         written(module_place.root / name, [*faces[2:4], *faces[6:]])  # a hole of six edges

@@ -1,5 +1,5 @@
-"""Solids that are exactly a primitive, and solids that nearly are; the oracles are the numbers that they were made with, the
-kernel's own answer to what is inside, and MuJoCo's rays against the kernel's."""
+"""Solids that are exactly a primitive, and solids that are only close to one. The oracles are the dimensions that they were built with,
+the kernel's inside/outside test, and rays of MuJoCo against rays of the kernel."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ ANYWHERE = [
 
 
 def solid(shape: Any) -> Any:
-    """The kernel's only solid of a shape."""
+    """Return the only solid of a shape."""
     (found,) = solids_of(shape.wrapped)
     return found
 
@@ -64,7 +64,7 @@ def found(shape: Any) -> Primitive | None:
 
 
 def uncleaned(one: Any, other: Any) -> Shape[Any]:
-    """Two solids in one, with all edges between them left where they were."""
+    """Fuse two solids without removing the edges between them."""
     return Compound(BRepAlgoAPI_Fuse(solid(one), solid(other)).Shape())
 
 
@@ -79,7 +79,7 @@ def two_arcs(height: float) -> Solid:
 
 
 def half() -> Any:
-    """Of a cylinder, in its middle."""
+    """Return half a cylinder, centred."""
     return Cylinder(5, 6, arc_size=180, align=None)
 
 
@@ -130,13 +130,13 @@ def box_edged(size: float) -> Any:
 
 
 def skew(degrees: float) -> Any:
-    """A prism over a parallelogram."""
+    """Return a prism over a parallelogram."""
     x = 40 * math.tan(math.radians(degrees))
     return Solid.extrude(Face(Wire.make_polygon([(0, 0, 0), (50, 0, 0), (50 + x, 40, 0), (x, 40, 0)])), (0, 0, 9))
 
 
 def waist() -> Any:
-    """A cylinder and two spheres of its radius on its axis, but what is left of the cylinder when they are taken out."""
+    """Return a cylinder minus two spheres of its radius on its axis."""
     return Cylinder(3, 10) - Pos(0, 0, 5) * Sphere(3) - Pos(0, 0, -5) * Sphere(3)
 
 
@@ -181,7 +181,7 @@ NOT: dict[str, Callable[[], Any]] = {
 
 @pytest.mark.parametrize("where", range(len(ANYWHERE)))
 @pytest.mark.parametrize("name", EXACTLY)
-def test_what_is_exactly_a_primitive(name: str, where: int) -> None:
+def test_exact_primitives_are_recognized(name: str, where: int) -> None:
     make, shape, size = EXACTLY[name]
     primitive = found(ANYWHERE[where] * make())
     assert primitive is not None and primitive.shape == shape
@@ -193,7 +193,7 @@ def test_what_is_exactly_a_primitive(name: str, where: int) -> None:
 
 
 @pytest.mark.parametrize("name", NOT)
-def test_what_is_nearly_one_is_none(name: str) -> None:
+def test_near_primitives_are_not_recognized(name: str) -> None:
     for where in ANYWHERE[:2]:
         assert found(where * make_not(name)) is None
 
@@ -205,7 +205,7 @@ def make_not(name: str) -> Any:
 
 
 def on(primitive: Primitive, factor: float, source: np.random.Generator, count: int) -> np.ndarray:
-    """Points (count, 3) [mm] on the surface of a primitive that is `factor` times as large, in the part's frame."""
+    """Return points (count, 3) [mm] on the surface of a primitive scaled by `factor`, in the part's frame."""
     size = np.array(primitive.size) * factor
     if primitive.shape == "box":
         local = source.uniform(-1, 1, (count, 3))
@@ -229,7 +229,8 @@ def on(primitive: Primitive, factor: float, source: np.random.Generator, count: 
 
 
 @pytest.mark.parametrize("name", EXACTLY)
-def test_the_kernel_finds_a_smaller_one_inside_and_a_larger_one_outside(name: str) -> None:
+def test_scaled_primitive_is_inside_or_outside_the_solid(name: str) -> None:
+    """The kernel classifies points of a smaller primitive as inside the solid, and points of a larger one as outside."""
     source = np.random.default_rng(5)
     for where in ANYWHERE[1:3]:
         exact = solid(where * EXACTLY[name][0]())
@@ -242,8 +243,8 @@ def test_the_kernel_finds_a_smaller_one_inside_and_a_larger_one_outside(name: st
                 assert classifier.State() == expected
 
 
-def test_a_box_along_the_axes_is_never_turned() -> None:
-    """However it was made, and of whatever lengths; to the last bit."""
+def test_axis_aligned_box_has_identity_rotation() -> None:
+    """This holds exactly, for every construction and all side lengths."""
     seen = set()
     for angles in itertools.product((0, 90, 180, 270), repeat=3):
         primitive = found(Pos(1, 2, 3) * Rot(*angles) * Box(10, 20, 30))
@@ -253,7 +254,7 @@ def test_a_box_along_the_axes_is_never_turned() -> None:
     assert seen == set(itertools.permutations((0.005, 0.01, 0.015)))
 
 
-def test_a_box_is_turned_as_little_as_can_be() -> None:
+def test_box_rotation_is_the_smallest_possible() -> None:
     for angles in itertools.product((0, 90, 180, 270), repeat=3):
         primitive = found(Rot(0, 0, 20) * Rot(*angles) * Box(10, 20, 30))
         assert primitive is not None
@@ -262,8 +263,8 @@ def test_a_box_is_turned_as_little_as_can_be() -> None:
         assert primitive.pose.rotation[2] == (0.0, 0.0, 1.0)
 
 
-def test_a_cylinder_has_one_direction() -> None:
-    """Up, across it to +y, across both to +x, by the shortest turn: the same whichever end was the first."""
+def test_cylinder_direction_is_canonical() -> None:
+    """The axis points up; if horizontal, to +y; if along x, to +x. The rotation is the shortest one, whichever end comes first."""
     expected = {
         (0, 0, 1): STRAIGHT,
         (0, 1, 0): ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
@@ -281,21 +282,21 @@ def test_a_cylinder_has_one_direction() -> None:
     np.testing.assert_allclose(one.pose.rotation, other.pose.rotation, atol=1e-15)
 
 
-def test_lengths_are_those_that_were_written() -> None:
-    """2.5 mm are 0.0025 m, not 0.002499999999999999, where the kernel has added and taken away."""
+def test_lengths_are_exact_decimals() -> None:
+    """2.5 mm is 0.0025 m, not 0.002499999999999999, even if the kernel has added and subtracted."""
     primitive = found(Pos(0, 0, 14.35) * Box(38.7, 5, 34, align=(Align.CENTER, Align.MIN, Align.CENTER)))
     assert primitive is not None
     assert primitive.size == (19.35 / 1000, 0.0025, 0.017)
     assert primitive.pose.translation == (0.0, 0.0025, 14.35 / 1000)
 
 
-def test_a_solid_turned_inside_out_is_the_same_primitive() -> None:
+def test_reversed_solid_is_the_same_primitive() -> None:
     for name in ("box", "cylinder", "sphere", "capsule"):
         exact = solid(EXACTLY[name][0]())
         assert primitive_of(exact.Reversed()) == primitive_of(exact) is not None
 
 
-def test_volume_and_area_of_primitives() -> None:
+def test_volume_and_area_match_the_kernel() -> None:
     for make, shape, _ in EXACTLY.values():
         primitive = found(make())
         assert primitive is not None and primitive.shape == shape
@@ -343,7 +344,7 @@ DOCUMENT = """
 
 
 def emitted(place: Any) -> tuple[str, dict[str, bytes]]:
-    """The model's XML and its assets."""
+    """Return the XML of the model and its assets."""
     with Environment(str(place.root / "room.yaml"), Options(store=str(place.root.parent / "store"))) as environment:
         compilation = pipeline.compile(environment)
         assert not compilation.report.failed, compilation.report.diagnostics
@@ -355,8 +356,8 @@ def emitted(place: Any) -> tuple[str, dict[str, bytes]]:
     return read["mjcf/room_standing.xml"].decode(), assets
 
 
-def test_rays_meet_geoms_where_they_meet_the_solids(place: Any) -> None:
-    """MuJoCo's rays on its primitives against the kernel's on the B-rep of `collision()`, over random lines."""
+def test_rays_hit_geoms_where_they_hit_the_solids(place: Any) -> None:
+    """MuJoCo's rays against its primitives are compared with the kernel's rays against the B-rep of `collision()`, over random lines."""
     place.write("parts/benches.py", PARTS)
     place.write("thingc.toml", 'thingc = "workspace/1"\nparts = ["parts"]\n')
     place.write("room.yaml", DOCUMENT)
@@ -409,7 +410,7 @@ def test_rays_meet_geoms_where_they_meet_the_solids(place: Any) -> None:
 
 
 def frame_of_mesh(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> np.ndarray:
-    """The frame (4, 4) in the world in which a mesh was written, that is its part's."""
+    """Return the frame (4, 4) in the world in which a mesh was written: that of its part."""
     geom, mesh = model.geom(name), model.mesh(int(model.geom(name).dataid[0]))
     turned = np.empty(9)
     mujoco.mju_quat2Mat(turned, model.mesh_quat[mesh.id])

@@ -1,4 +1,4 @@
-"""What parts print is heard of when they are modelled, whatever becomes of them, and never again."""
+"""Output of parts is reported when they are modelled, whether or not they succeed, and not when they come from the cache."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def heard() -> list[tuple[str, Sequence[str]]]:
     return []
 
 
-def test_what_a_part_prints_is_heard_of_once(place: Any, define: Callable[..., Any], heard: list[Any]) -> None:
+def test_part_output_is_reported_once(place: Any, define: Callable[..., Any], heard: list[Any]) -> None:
     place.write("parts/talking.py", TALKING)
     definitions = [define("talking:Talks", width=0.004), define("talking:Quiet")]
     for again in (False, True):
@@ -83,7 +83,7 @@ def test_what_a_part_prints_is_heard_of_once(place: Any, define: Callable[..., A
     assert heard == [("talking:Talks", ["width 4.0", "on standard error", "bytes \ufffd", "never ended"])]
 
 
-def test_a_part_that_fails_is_heard_of_too(place: Any, define: Callable[..., Any], heard: list[Any]) -> None:
+def test_output_of_failing_parts_is_reported(place: Any, define: Callable[..., Any], heard: list[Any]) -> None:
     place.write("parts/talking.py", TALKING)
     with place.service(timeout=3.0, on_printed=lambda *said: heard.append(said)) as service:
         found = service.realize([define("talking:Raises"), define("talking:Hangs"), define("talking:Puts")])
@@ -92,7 +92,7 @@ def test_a_part_that_fails_is_heard_of_too(place: Any, define: Callable[..., Any
     assert sorted(heard) == [("talking:Hangs", ["before it hangs"]), ("talking:Raises", ["before it raises"])]
 
 
-def test_a_module_that_does_not_load_is_heard_of_when_it_is_asked_for(place: Any, heard: list[Any]) -> None:
+def test_output_of_a_module_that_fails_to_load_is_reported(place: Any, heard: list[Any]) -> None:
     place.write("parts/broken.py", "from thingc import Thing\nprint('this far')\nclass A(Thing): ...\nnothing\n")
     with place.service(on_printed=lambda *said: heard.append(said)) as service:
         found = service.describe(["broken:A"])
@@ -100,14 +100,14 @@ def test_a_module_that_does_not_load_is_heard_of_when_it_is_asked_for(place: Any
     assert heard == [("broken:A", ["this far"])]
 
 
-def test_what_a_part_prints_is_heard_of_from_python(place: Any, heard: list[Any]) -> None:
+def test_python_api_reports_part_output(place: Any, heard: list[Any]) -> None:
     place.write("parts/talking.py", TALKING)
     place.write("robot.yaml", "thingc: assembly/1\nname: one\ncomponents:\n  it: {part: talking:Talks, mass: 1 kg}\n")
     thingc.compile(str(place.root / "robot.yaml"), store=str(place.root / "store"), printed=lambda *said: heard.append(said))
     assert heard == [("talking:Talks", ["width 3.0", "on standard error", "bytes \ufffd", "never ended"])]
 
 
-def test_a_flood_is_bounded(place: Any, define: Callable[..., Any], heard: list[Any]) -> None:
+def test_long_output_is_truncated(place: Any, define: Callable[..., Any], heard: list[Any]) -> None:
     place.write("parts/talking.py", TALKING)
     with place.service(on_printed=lambda *said: heard.append(said)) as service:
         service.realize([define("talking:Floods")])
@@ -117,7 +117,7 @@ def test_a_flood_is_bounded(place: Any, define: Callable[..., Any], heard: list[
     assert lines[SHOWN // 2] == f"... ({kept - SHOWN} lines)"
 
 
-def test_long_lines_and_no_lines(tmp_path: Path) -> None:
+def test_long_lines_are_truncated_and_links_ignored(tmp_path: Path) -> None:
     with keep(str(tmp_path)):
         print("x" * (WIDTH + 1))
     assert lines_of(str(tmp_path)) == ["x" * WIDTH]
@@ -127,7 +127,7 @@ def test_long_lines_and_no_lines(tmp_path: Path) -> None:
     assert lines_of(str(tmp_path)) == []
 
 
-def test_workers_without_fork_hear_it_too(place: Any, define: Callable[..., Any], heard: list[Any]) -> None:
+def test_output_is_reported_without_fork(place: Any, define: Callable[..., Any], heard: list[Any]) -> None:
     place.write("parts/talking.py", TALKING)
     workers = Workers(1, forking=False)
     try:
@@ -139,7 +139,7 @@ def test_workers_without_fork_hear_it_too(place: Any, define: Callable[..., Any]
 
 
 @pytest.mark.parametrize("form", ["text", "json"])
-def test_the_command_line_shows_it_to_people(
+def test_command_line_shows_output_in_text_format_only(
     place: Any, form: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
     place.write("parts/talking.py", TALKING)
@@ -164,7 +164,7 @@ def test_the_command_line_shows_it_to_people(
     assert " | " not in capsys.readouterr().err, "it was modelled already"
 
 
-def test_a_terminal_obeys_nothing_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_control_characters_of_output_are_escaped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     show_printed("arm:\x1b[2JPen", ["\x1b]0;title\x07", "a\rb"])
     assert sys.stderr.getvalue() == "arm:\\x1b[2JPen | \\x1b]0;title\\x07\narm:\\x1b[2JPen | a\\rb\n"  # type: ignore[attr-defined]

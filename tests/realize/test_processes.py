@@ -1,4 +1,4 @@
-"""Processes: nothing heavy in the client, nothing alive afterwards, many on one store, and blobs that get damaged."""
+"""Processes: the client imports nothing heavy, no process survives it, several clients share a store, and damaged blobs are repaired."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ print(json.dumps({
 
 @pytest.fixture
 def client(place: Any) -> Callable[..., subprocess.Popen[str]]:
-    """Starts a process that uses the service on this place's workspace and store."""
+    """Return a function that starts a process that uses the service on this workspace and store."""
     place.write("parts/parts_.py", PARTS)
 
     def start(command: str = "all") -> subprocess.Popen[str]:
@@ -100,8 +100,8 @@ def answer(process: subprocess.Popen[str]) -> dict[str, Any]:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
-def test_after_a_fork_workers_stay_the_parent_s(tmp_path: Path, workers: Workers) -> None:
-    """A child that asks has one of its own, and ends no other: two that read from one pipe would wait for each other."""
+def test_forked_child_uses_its_own_workers(tmp_path: Path, workers: Workers) -> None:
+    """A child that sends requests starts its own worker and stops no other: two processes that read one pipe would wait for each other."""
     request = {"op": "decompose", "mesh": "0" * 64, "most": 0, "store": str(tmp_path), "timeout": 60.0}
     ((_, said),) = workers.run([request])
     (worker,) = workers._processes
@@ -131,7 +131,7 @@ def gone(processes: list[psutil.Process], within: float) -> list[psutil.Process]
     return [process for process in psutil.wait_procs(processes, timeout=within)[1] if process.status() != psutil.STATUS_ZOMBIE]
 
 
-def test_two_clients_at_once_share_a_store_and_nothing_is_alive_after_their_end(client: Callable[..., Any]) -> None:
+def test_two_clients_share_a_store_and_leave_no_process(client: Callable[..., Any]) -> None:
     both = [client(), client()]
     seen: dict[int, psutil.Process] = {}
     while running := [process for process in both if process.poll() is None]:
@@ -151,7 +151,7 @@ def test_two_clients_at_once_share_a_store_and_nothing_is_alive_after_their_end(
 
 
 @pytest.mark.parametrize("moment", ["loading", "modelling"])
-def test_nothing_is_alive_after_the_client_is_killed(client: Callable[..., Any], moment: str) -> None:
+def test_no_process_survives_a_killed_client(client: Callable[..., Any], moment: str) -> None:
     process = client("hang")
     assert process.stdout is not None
     process.stdout.readline()
@@ -167,7 +167,7 @@ def test_nothing_is_alive_after_the_client_is_killed(client: Callable[..., Any],
     assert gone(children, 60) == []
 
 
-def test_what_a_part_has_started_ends_with_it(place: Any, define: Callable[..., Any]) -> None:
+def test_processes_of_a_part_end_with_it(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/parts_.py", PARTS)
     with place.service(timeout=1.5) as service:
         failure = service.realize([define("parts_:Slow")])["parts_:Slow"]
@@ -176,7 +176,7 @@ def test_what_a_part_has_started_ends_with_it(place: Any, define: Callable[..., 
     assert [line for line in lines if f"time.sleep(600)  # {place.root}" in line] == []
 
 
-def test_a_server_that_dies_is_started_again(place: Any, define: Callable[..., Any]) -> None:
+def test_dead_server_is_restarted(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/parts_.py", PARTS)
     workers = Workers(1)
     try:
@@ -190,8 +190,8 @@ def test_a_server_that_dies_is_started_again(place: Any, define: Callable[..., A
         workers.close()
 
 
-def test_workers_that_are_closed_meanwhile_are_not_started_again(place: Any, define: Callable[..., Any]) -> None:
-    """Whoever waits for them in another thread, as for a STEP file, hears of it."""
+def test_closed_workers_are_not_restarted(place: Any, define: Callable[..., Any]) -> None:
+    """Another thread that waits for them, as for a STEP file, gets an error."""
     place.write("parts/parts_.py", PARTS)
     workers = Workers(1)
     with place.service(workers=workers, timeout=30.0) as service:
@@ -205,7 +205,7 @@ def test_workers_that_are_closed_meanwhile_are_not_started_again(place: Any, def
 
 
 @pytest.mark.parametrize("damage", ["gone", "truncated", "overwritten", "document"])
-def test_damage_is_mended_by_the_next_run(place: Any, define: Callable[..., Any], damage: str) -> None:
+def test_next_run_repairs_damaged_entries(place: Any, define: Callable[..., Any], damage: str) -> None:
     place.write("parts/parts_.py", PARTS)
     definitions = [define("parts_:Block", width=width) for width in (0.03, 0.04)]
     with place.service() as service:
@@ -230,7 +230,7 @@ def test_damage_is_mended_by_the_next_run(place: Any, define: Callable[..., Any]
     assert place.store.has(record.meshes["print"].sha256, record.meshes["print"].size)
 
 
-def test_records_that_were_exchanged_are_made_anew(place: Any, define: Callable[..., Any]) -> None:
+def test_swapped_records_are_modelled_again(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/parts_.py", PARTS)
     definitions = [define("parts_:Block", width=width) for width in (0.03, 0.04)]
     with place.service() as service:
@@ -244,7 +244,7 @@ def test_records_that_were_exchanged_are_made_anew(place: Any, define: Callable[
         assert sorted(service.modelled) == sorted(before)
 
 
-def test_a_store_that_cannot_be_written(place: Any, define: Callable[..., Any]) -> None:
+def test_unwritable_store_is_an_error(place: Any, define: Callable[..., Any]) -> None:
     from thingc.geometry.store.local import Store, StoreUnusable
 
     place.write("parts/parts_.py", PARTS)
@@ -255,7 +255,7 @@ def test_a_store_that_cannot_be_written(place: Any, define: Callable[..., Any]) 
         service.realize([define("parts_:Block", width=0.03)])
 
 
-def test_the_worker_is_started_early_only_when_there_is_something_new(place: Any, define: Callable[..., Any]) -> None:
+def test_worker_starts_early_only_for_new_work(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/parts_.py", PARTS)
     first, second, third = Workers(1), Workers(1), Workers(1)
     try:
@@ -272,7 +272,7 @@ def test_the_worker_is_started_early_only_when_there_is_something_new(place: Any
             workers.close()
 
 
-def test_the_worker_is_started_before_anything_else_is_imported(place: Any) -> None:
+def test_worker_starts_before_heavy_imports(place: Any) -> None:
     place.write("thingc.toml", 'thingc = "workspace/1"\nparts = ["parts"]\n')
     document = place.write("robot.yaml", "thingc: assembly/1\nname: robot\ncomponents: {block: {part: parts_:Block}}\n")
     program = (
@@ -289,7 +289,7 @@ def test_the_worker_is_started_before_anything_else_is_imported(place: Any) -> N
 
 
 @pytest.mark.parametrize(("foot", "needed"), [("frame: true", False), ("part: 'parts_:Block'", True)])
-def test_a_worker_is_started_early_for_parts_of_nested_documents(
+def test_worker_starts_early_for_parts_of_nested_documents(
     place: Any, monkeypatch: pytest.MonkeyPatch, foot: str, needed: bool,
 ) -> None:
     place.write("thingc.toml", 'thingc = "workspace/1"\nparts = ["parts"]\n')
@@ -309,7 +309,7 @@ def test_a_worker_is_started_early_for_parts_of_nested_documents(
             assert read(environment, modelling=True) is not None
 
 
-def test_progress(place: Any, define: Callable[..., Any]) -> None:
+def test_progress_is_reported(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/parts_.py", PARTS)
     heard: list[tuple[str, int, int]] = []
     with place.service(on_progress=lambda *said: heard.append(said)) as service:
@@ -317,7 +317,7 @@ def test_progress(place: Any, define: Callable[..., Any]) -> None:
     assert heard == [("modelling", done, 3) for done in range(4)]
 
 
-def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
+def test_deferred_imports_happen_when_needed(tmp_path: Path) -> None:
     script = f"""
         import sys
         from thingc.geometry.worker.lazy_build123d import import_cheaply
@@ -357,7 +357,7 @@ def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", textwrap.dedent(script)], check=True)
 
 
-def test_an_import_that_goes_wrong_is_made_plainly(tmp_path: Path) -> None:
+def test_failed_deferred_import_falls_back_to_eager_import(tmp_path: Path) -> None:
     (tmp_path / "slow_library.py").write_text("VALUE = 3\n")
     (tmp_path / "user.py").write_text("import slow_library\nTABLE = [0] * slow_library.VALUE\n")  # uses it while it loads
     script = """

@@ -1,4 +1,4 @@
-"""After an edit those parts are modelled again for which something ran that has changed, however they got there, and no others."""
+"""After an edit, exactly the parts that executed changed code are modelled again, whatever the call path."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def parts(define: Callable[..., Any]) -> dict[str, Any]:
 
 
 def modelled(place: Any, parts: dict[str, Any], files: dict[str, str]) -> set[str]:
-    """Which parts are modelled with these files, by a process that knows nothing but the store."""
+    """Return the parts that are modelled with these files by a process whose only state is the store."""
     place.write("data.txt", "2")
     for name, text in files.items():
         place.write(f"parts/{name}.py", text)
@@ -132,7 +132,7 @@ def modelled(place: Any, parts: dict[str, Any], files: dict[str, str]) -> set[st
     ("things", "def high", "# high\n    def high", set()),
     ("things", "TABLE = table()", "TABLE = table()\n    size = len(table.__code__.co_names)", ALL),
 ])
-def test_what_ran_is_modelled_again(
+def test_parts_that_ran_changed_code_are_modelled_again(
     module_place: Any, parts: dict[str, Any], file: str, old: str, new: str, expected: set[str],
 ) -> None:
     modelled(module_place, parts, FILES)
@@ -143,13 +143,13 @@ def test_what_ran_is_modelled_again(
     assert modelled(module_place, parts, edited) == set(), "what was reused is kept as it is"
 
 
-def test_code_that_looks_at_functions_counts_as_a_whole(place: Any, parts: dict[str, Any]) -> None:
+def test_code_that_inspects_functions_depends_on_everything(place: Any, parts: dict[str, Any]) -> None:
     looking = {**FILES, "sizes": SIZES + "def size(function):\n    return len(function.__code__.co_code)\n"}
     assert modelled(place, parts, looking) == ALL
     assert modelled(place, parts, {**looking, "things": looking["things"].replace("deep(width) + 2", "deep(width) + 3")}) == ALL
 
 
-def test_what_other_processes_run_counts(place: Any, define: Callable[..., Any]) -> None:
+def test_code_run_in_child_processes_counts(place: Any, define: Callable[..., Any]) -> None:
     text = """
         import os
         from build123d import Box
@@ -172,8 +172,8 @@ def test_what_other_processes_run_counts(place: Any, define: Callable[..., Any])
     assert modelled(place, parts, {"split": text.replace("return 1\n", "return 2\n")}) == {"split"}
 
 
-def test_what_ran_with_other_files_is_no_evidence(place: Any, parts: dict[str, Any]) -> None:
-    """With another file something else ran; the edit of what ran with the first one must not be missed."""
+def test_trace_of_other_input_files_is_not_used(place: Any, parts: dict[str, Any]) -> None:
+    """With another data file other code ran. An edit of the code that ran with the first file must still be noticed."""
     one = {READER: parts[READER]}
     place.write("parts/things.py", FILES["things"])
 
@@ -192,8 +192,8 @@ def test_what_ran_with_other_files_is_no_evidence(place: Any, parts: dict[str, A
     assert made("2", edited)[0] == pytest.approx(6 * 6 * 2e-9)
 
 
-def test_defaults_that_were_read_and_nothing_run(place: Any, define: Callable[..., Any]) -> None:
-    """A part that says which part it expects is told of by its parameters, and no member of it is made."""
+def test_reading_defaults_depends_only_on_the_parameters(place: Any, define: Callable[..., Any]) -> None:
+    """A part that reads the parameters of another class depends on them, but not on other members of that class."""
     text = textwrap.dedent("""
         from build123d import Box
         from thingc import Length, Thing

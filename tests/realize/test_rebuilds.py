@@ -1,4 +1,4 @@
-"""What is modelled again after an edit, and what is not: counted through `modelled`, never timed."""
+"""Which parts an edit rebuilds: counted with `modelled`, never by timing."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ TEXTS = ("arm:Base", "arm:Derived", "lonely:Lonely")
 
 
 def realize(place: Any, definitions: list[Any]) -> tuple[list[str], dict[str, Any], dict[str, str]]:
-    """What was modelled, the records, and the reasons, as a new process would have it."""
+    """Return which parts were modelled, the records and the reasons, as in a new process."""
     with place.service() as service:
         found = service.realize(definitions)
         assert sorted(service.modelled + service.reused) == sorted(found)
@@ -74,7 +74,7 @@ def realize(place: Any, definitions: list[Any]) -> tuple[list[str], dict[str, An
         ("shapes", "return 1", "return 2", [], []),
     ],
 )
-def test_edits_of_code(
+def test_code_edits_rebuild_only_affected_parts(
     place: Any, define: Callable[..., Any], file: str, old: str, new: str, modelled: list[str], different: list[str],
 ) -> None:
     for name, text in FILES.items():
@@ -97,7 +97,7 @@ def test_edits_of_code(
     assert realize(place, definitions)[0] == []  # the records of before are still there
 
 
-def test_the_line_of_a_class_follows_comments(place: Any, define: Callable[..., Any]) -> None:
+def test_class_line_follows_comments(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/lonely.py", LONELY)
     _, before, _ = realize(place, [define("lonely:Lonely")])
     place.write("parts/lonely.py", "\n\n\n" + LONELY)
@@ -106,7 +106,7 @@ def test_the_line_of_a_class_follows_comments(place: Any, define: Callable[..., 
     assert after["lonely:Lonely"].code[1] == before["lonely:Lonely"].code[1] + 3
 
 
-def test_new_parameters_are_a_new_part(place: Any, define: Callable[..., Any]) -> None:
+def test_new_parameters_make_a_new_part(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/shapes.py", SHAPES)
     place.write("parts/arm.py", ARM)
     realize(place, [define("arm:Base", width=0.03)])
@@ -207,7 +207,7 @@ ALL = (
 
 @pytest.fixture(scope="module")
 def geometry(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Bodies of two heights in every format, written by build123d in a process of its own."""
+    """Return a folder with bodies of two heights in every format, written by build123d in another process."""
     import subprocess
     import sys
 
@@ -226,7 +226,7 @@ def geometry(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def readers(module_place: Any, geometry: Path, define: Callable[..., Any]) -> dict[str, Any]:
-    """The readers modelled once; every file of theirs in its first state."""
+    """Return the reader parts, modelled once with every file in its initial state."""
     module_place.write("parts/readers.py", READERS)
     module_place.write("parts/hidden.py", "SIZE = 4\n")
     files = {"size.json": "[1, 2, 3]", "asset.json": "[1, 2, 3]", "which.txt": "a.txt", "a.txt": "7", "layers/one": ""}
@@ -242,7 +242,7 @@ def readers(module_place: Any, geometry: Path, define: Callable[..., Any]) -> di
     return found
 
 
-def test_nothing_changed(readers: dict[str, Any], module_place: Any, define: Callable[..., Any]) -> None:
+def test_no_change_rebuilds_nothing(readers: dict[str, Any], module_place: Any, define: Callable[..., Any]) -> None:
     assert realize(module_place, [define(f"readers:{name}") for name in ALL])[0] == []
 
 
@@ -263,7 +263,7 @@ def test_nothing_changed(readers: dict[str, Any], module_place: Any, define: Cal
         ("Itself", "readers.py", f"{textwrap.dedent(READERS)}# a remark for Itself\n".encode(), 2e-9, "file parts/readers.py changed"),
     ],
 )
-def test_a_file_rebuilds_its_readers_and_nothing_else(
+def test_changed_file_rebuilds_only_its_readers(
     readers: dict[str, Any], module_place: Any, geometry: Path, define: Callable[..., Any],
     name: str, file: str, content: str | bytes, volume: float, reason: str,
 ) -> None:
@@ -282,7 +282,7 @@ def test_a_file_rebuilds_its_readers_and_nothing_else(
     assert realize(module_place, definitions)[0] == []  # the earlier answer is kept beside the later one
 
 
-def test_a_chain_of_files_may_lead_elsewhere(readers: dict[str, Any], module_place: Any, define: Callable[..., Any]) -> None:
+def test_chained_file_reads_are_tracked(readers: dict[str, Any], module_place: Any, define: Callable[..., Any]) -> None:
     which = module_place.write("parts/which.txt", "b.txt")
     try:
         modelled, found, _ = realize(module_place, [define("readers:Chain")])
@@ -297,7 +297,7 @@ def test_a_chain_of_files_may_lead_elsewhere(readers: dict[str, Any], module_pla
 
 
 @pytest.mark.parametrize("suffix", ["step", "brep", "stl", "3mf", "obj"])
-def test_file_parts(place: Any, geometry: Path, define_file: Callable[[str], Any], suffix: str) -> None:
+def test_file_parts_are_rebuilt_when_the_file_changes(place: Any, geometry: Path, define_file: Callable[[str], Any], suffix: str) -> None:
     def put(height: int) -> None:
         target = place.root / f"body.{suffix}"
         if suffix == "obj":
@@ -325,7 +325,7 @@ def test_file_parts(place: Any, geometry: Path, define_file: Callable[[str], Any
     assert found[definition.text].volume == pytest.approx(6e-7, rel=1e-6)
 
 
-def test_a_hollow_mesh_keeps_its_void(place: Any, define_file: Callable[[str], Any]) -> None:
+def test_hollow_mesh_keeps_its_cavity(place: Any, define_file: Callable[[str], Any]) -> None:
     def cube(half: float, inwards: bool, first: int) -> tuple[list[str], list[str]]:
         corners = [(x * half, y * half, z * half) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]
         faces = [(1, 3, 4, 2), (5, 6, 8, 7), (1, 2, 6, 5), (3, 7, 8, 4), (1, 5, 7, 3), (2, 4, 8, 6)]
@@ -339,7 +339,7 @@ def test_a_hollow_mesh_keeps_its_void(place: Any, define_file: Callable[[str], A
     assert found["hollow.obj"].inertia[0][0] == pytest.approx((10**5 - 4**5) / 6 * 1e-15, rel=1e-9)
 
 
-def test_a_file_part_that_is_none(place: Any, define_file: Callable[[str], Any]) -> None:
+def test_invalid_file_parts(place: Any, define_file: Callable[[str], Any]) -> None:
     (place.root / "open.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (place.root / "text.step").write_text("no step")
     definitions = [define_file(name) for name in ("open.obj", "text.step", "gone.step", "../outside.step")]
@@ -352,7 +352,7 @@ def test_a_file_part_that_is_none(place: Any, define_file: Callable[[str], Any])
     assert found["gone.step"].candidates == ("open.obj", "text.step")
 
 
-def test_sources_of_other_folders_do_not_get_in_the_way(place: Any, define: Callable[..., Any], monkeypatch: Any) -> None:
+def test_unrelated_sources_do_not_shadow_libraries(place: Any, define: Callable[..., Any], monkeypatch: Any) -> None:
     place.write("parts/dask/readme.txt", "no package")
     place.write("parts/scipy.py", "raise RuntimeError('not the library')")
     place.write("build123d.py", "raise RuntimeError('the working folder is no place for imports')")
@@ -364,7 +364,7 @@ def test_sources_of_other_folders_do_not_get_in_the_way(place: Any, define: Call
     assert isinstance(found["arm:A"], PartRecord), found["arm:A"]
 
 
-def test_packages_of_parts(place: Any, define: Callable[..., Any]) -> None:
+def test_packages_as_part_modules(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/robot/__init__.py", "from .leg import Leg\n")
     place.write("parts/robot/leg.py", "from . import sizes\nfrom thingc import Thing\nfrom build123d import Box\n"
                 "class Leg(Thing):\n    def result(self):\n        return Box(sizes.A, 1, 1)\n")
@@ -378,7 +378,8 @@ def test_packages_of_parts(place: Any, define: Callable[..., Any]) -> None:
     assert realize(place, definitions)[0] == ["plain.foot:Foot", "robot.leg:Leg", "robot:Leg"]
 
 
-def test_a_module_that_becomes_a_package_finds_other_files(place: Any, define: Callable[..., Any]) -> None:
+def test_module_that_becomes_a_package_is_rebuilt(place: Any, define: Callable[..., Any]) -> None:
+    """`Path(__file__).parent` changes, so the part reads another file."""
     place.write("parts/arm.py", "from pathlib import Path\nfrom build123d import Box\nfrom thingc import Thing\nclass A(Thing):\n"
                 "    def result(self):\n        return Box(1, 1, float((Path(__file__).parent / 'size.txt').read_text()))\n")
     place.write("parts/size.txt", "2")
@@ -390,7 +391,7 @@ def test_a_module_that_becomes_a_package_finds_other_files(place: Any, define: C
     assert found["arm:A"].volume == pytest.approx(3e-9)
 
 
-def test_schemas_are_kept_by_code(place: Any, tmp_path: Path) -> None:
+def test_schemas_are_cached_by_code(place: Any, tmp_path: Path) -> None:
     place.write("parts/shapes.py", SHAPES)
     place.write("parts/arm.py", ARM)
     untouched = Workers(1)
@@ -410,7 +411,7 @@ def test_schemas_are_kept_by_code(place: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("changed", ["geometry/worker/kernel/integrals.py", "base/inertia.py"])
-def test_another_compiler_is_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
+def test_changed_compiler_source_changes_the_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str) -> None:
     monkeypatch.setattr(versions, "OWN_FOLDER", str(tmp_path))
     for room in ("base", "geometry"):
         shutil.copytree(Path(thingc.__file__).parent / room, tmp_path / room)

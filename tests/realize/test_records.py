@@ -1,4 +1,4 @@
-"""Part records against analysis: volumes, areas, centres and inertias of bodies whose integrals have a formula."""
+"""Part records against analytic results: volumes, areas, centres and inertias of bodies with closed-form integrals."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ TOGETHER = ("edge", "joined", "list", "compound", "children")
 
 @pytest.fixture(scope="module")
 def records(module_place: Any, define: Any) -> dict[str, Any]:
-    """All parts of this module, modelled once."""
+    """Return the records of all parts of this module, modelled once."""
     module_place.write("parts/shapes.py", PARTS)
     wanted = {
         "block": define("shapes:Block", width=0.03, depth=0.02, height=0.01, tilt=0.0),
@@ -206,17 +206,17 @@ def close(found: Any, expected: Any, scale: float, precision: float = 1e-12) -> 
 
 
 @pytest.mark.parametrize("how", (*APART, "posts"))
-def test_solids_that_do_not_touch_are_noticed(records: dict[str, PartRecord], how: str) -> None:
+def test_disjoint_solids_are_detected(records: dict[str, PartRecord], how: str) -> None:
     expected = {"cut": (3.6e-6, 3.6e-6), "three": (9e-6, 1e-6)}.get(how, (8e-6, 1e-6))
     assert records[how].apart == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("how", (*TOGETHER, "block", "drilled", "hollow", "library"))
-def test_what_touches_or_is_meant_to_be_several_is_not(records: dict[str, PartRecord], how: str) -> None:
+def test_touching_or_intended_solids_are_not_reported(records: dict[str, PartRecord], how: str) -> None:
     assert records[how].apart == ()
 
 
-def test_a_thing_that_never_says_its_geometry_is_no_part(module_place: Any, records: dict[str, PartRecord]) -> None:
+def test_thing_without_result_is_an_error(module_place: Any, records: dict[str, PartRecord]) -> None:
     with module_place.service() as service:
         found = service.describe(["shapes:Base", "shapes:Forgot", "shapes:Without"])
     assert isinstance(found["shapes:Without"], PartSchema)
@@ -230,7 +230,7 @@ def test_a_thing_that_never_says_its_geometry_is_no_part(module_place: Any, reco
         assert Path(failure.file).read_text().splitlines()[failure.line - 1].strip() == line
 
 
-def test_block(records: dict[str, PartRecord]) -> None:
+def test_record_of_a_block(records: dict[str, PartRecord]) -> None:
     a, b, c = 0.03, 0.02, 0.01
     record = records["block"]
     close(record.volume, a * b * c, 0)
@@ -254,23 +254,22 @@ def test_block(records: dict[str, PartRecord]) -> None:
     assert record.code[1] == 1 + PARTS.splitlines()[1:].index("    class Block(Thing):") + 1
 
 
-def test_a_small_block_far_from_its_origin_keeps_its_digits(records: dict[str, PartRecord]) -> None:
+def test_small_block_far_from_origin_keeps_precision(records: dict[str, PartRecord]) -> None:
     record, v = records["far"], 6e-9
     close(record.volume, v, 0)
     close(record.centre, (1.0, 2.0, -3.0), 0, 1e-14)
     close(np.linalg.eigvalsh(record.inertia), (v * 5e-6 / 12, v * 10e-6 / 12, v * 13e-6 / 12), 0)
 
 
-def test_a_turned_block_has_a_turned_inertia(records: dict[str, PartRecord]) -> None:
+def test_rotated_block_has_rotated_inertia(records: dict[str, PartRecord]) -> None:
     c, s = math.cos(math.pi / 6), math.sin(math.pi / 6)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     close(records["tilted"].inertia, turn @ np.array(records["block"].inertia) @ turn.T, 3e-10)
 
 
-def test_a_plate_with_a_slot_and_an_oval_far_away(records: dict[str, PartRecord]) -> None:
-    """Planes within lines, arcs and an ellipse, all in one: area, first and second moments of three figures
-    (along an ellipse the kernel ends when the volume is good to 1e-11: the centre is then
-    good to 1e-8, the inertia to 1e-6)."""
+def test_distant_plate_with_slot_and_ellipse(records: dict[str, PartRecord]) -> None:
+    """Planar faces bounded by lines, arcs and an ellipse: area, first and second moments of three figures. Along an ellipse the kernel
+    stops when the volume is accurate to 1e-11; the centre is then accurate to 1e-8, the inertia to 1e-6."""
     record, r, t = records["slotted"], 3.0, 5.0
     half, arm = math.pi * r * r / 2, 10 + 4 * r / (3 * math.pi)  # of a half disc: its area, and how far its centre is from the slot's
     slot_area = 120 + 2 * half
@@ -302,7 +301,7 @@ def test_a_plate_with_a_slot_and_an_oval_far_away(records: dict[str, PartRecord]
     close(record.area, (2 * area + borders * t) * 1e-6, 0, 1e-5)
 
 
-def test_a_solid_turned_inside_out_has_the_same_matter(records: dict[str, PartRecord]) -> None:
+def test_inverted_solid_has_the_same_mass_properties(records: dict[str, PartRecord]) -> None:
     record, area, h = records["inside out"], math.pi * (49 - 9) * 1e-6, 0.013
     close(record.volume, area * h, 0)
     close(record.centre, (0, 0, 0), h)
@@ -311,7 +310,7 @@ def test_a_solid_turned_inside_out_has_the_same_matter(records: dict[str, PartRe
     assert record.meshes["mesh"].closed
 
 
-def test_rod(records: dict[str, PartRecord]) -> None:
+def test_record_of_a_rod(records: dict[str, PartRecord]) -> None:
     r, h = 0.007, 0.013
     record = records["rod"]
     v = math.pi * r * r * h
@@ -329,7 +328,7 @@ def test_rod(records: dict[str, PartRecord]) -> None:
     np.testing.assert_allclose(record.fits["sphere"].size, [math.hypot(r, h / 2)], rtol=1e-9)
 
 
-def test_hollow_sphere(records: dict[str, PartRecord]) -> None:
+def test_record_of_a_hollow_sphere(records: dict[str, PartRecord]) -> None:
     outer, inner = 0.010, 0.006
     record = records["hollow"]
     close(record.volume, 4 / 3 * math.pi * (outer**3 - inner**3), 0)
@@ -337,8 +336,8 @@ def test_hollow_sphere(records: dict[str, PartRecord]) -> None:
     close(record.inertia, np.eye(3) * 8 / 15 * math.pi * (outer**5 - inner**5), 1e-10)
 
 
-def test_a_rod_with_a_cross_hole(records: dict[str, PartRecord]) -> None:
-    """The hole is an integral over the smaller cylinder's section of the chord through the larger one."""
+def test_volume_of_a_rod_with_a_cross_hole(records: dict[str, PartRecord]) -> None:
+    """The hole is the integral, over the section of the smaller cylinder, of the chord through the larger one."""
     from scipy.integrate import quad
 
     hole, _ = quad(lambda t: 2 * math.sqrt(49 - 9 * math.sin(t) ** 2) * 18 * math.cos(t) ** 2, -math.pi / 2, math.pi / 2)
@@ -346,40 +345,40 @@ def test_a_rod_with_a_cross_hole(records: dict[str, PartRecord]) -> None:
     assert records["crossed"].volume == pytest.approx((math.pi * 49 * 13 - hole) * 1e-9, rel=1e-9)
 
 
-def test_two_solids_that_touch(records: dict[str, PartRecord]) -> None:
+def test_record_of_two_touching_solids(records: dict[str, PartRecord]) -> None:
     record = records["pair"]
     close(record.volume, 2e-6, 0)
     close(record.centre, (0.005, 0.005, 0), 0.01)
     assert record.meshes["print"].closed
 
 
-def test_a_function_and_a_library_class_are_parts(records: dict[str, PartRecord]) -> None:
+def test_functions_and_library_classes_are_parts(records: dict[str, PartRecord]) -> None:
     close(records["washer"].volume, math.pi * (10**2 - 3**2) * 1e-9, 0)
     close(records["library"].volume, 4 / 3 * math.pi * 125e-9, 0)
     assert records["washer"].code is not None
     assert records["washer"].code[0].endswith("parts/shapes.py")
 
 
-def test_a_part_without_geometry(records: dict[str, PartRecord]) -> None:
+def test_record_of_a_part_without_geometry(records: dict[str, PartRecord]) -> None:
     record = records["frame"]
     assert (record.volume, record.area, record.box, record.brep, record.meshes, record.fits) == (0.0, 0.0, None, None, {}, {})
     assert record.mounts["here"].pose.translation == (0.001, 0.002, 0.003)
 
 
-def test_expectations_are_definition_texts(records: dict[str, PartRecord]) -> None:
+def test_expected_parts_are_definition_texts(records: dict[str, PartRecord]) -> None:
     (expected,) = records["seated"].expectations
     assert (expected.mount, expected.text, expected.child_mount) == ("seat", "shapes:Block(width=0.031)", "top")
 
 
 def read_stl(data: bytes) -> np.ndarray[Any, Any]:
-    """Corners of every triangle, read independently of the code under test."""
+    """Return the corners of every triangle of an STL file, without the code under test."""
     (count,) = struct.unpack_from("<I", data, 80)
     assert len(data) == 84 + 50 * count
     return np.array([struct.unpack_from("<12fH", data, 84 + 50 * i)[3:12] for i in range(count)]).reshape(-1, 3, 3)
 
 
 def read_obj(data: bytes) -> np.ndarray[Any, Any]:
-    """The same of a file that holds vertices and then triangles, and nothing else."""
+    """Return the corners of every triangle of an OBJ file that contains only vertices followed by triangles."""
     lines = [line.split() for line in data.decode().splitlines()]
     points = np.array([[float(word) for word in words] for kind, *words in lines if kind == "v"])
     faces = [[int(word) - 1 for word in words] for kind, *words in lines if kind == "f"]
@@ -392,7 +391,7 @@ def enclosed(corners: np.ndarray[Any, Any]) -> float:
 
 
 @pytest.mark.parametrize("name", ["block", "rod", "drilled", "pair", "hollow", "washer"])
-def test_meshes_are_closed_and_look_outwards(name: str, records: dict[str, PartRecord], module_place: Any) -> None:
+def test_meshes_are_closed_and_face_outwards(name: str, records: dict[str, PartRecord], module_place: Any) -> None:
     record = records[name]
     for kind, scale in (("print", 1e-3), ("mesh", 1.0), ("hull", 1.0)):
         mesh = record.meshes[kind]
@@ -416,14 +415,14 @@ def test_meshes_are_closed_and_look_outwards(name: str, records: dict[str, PartR
             assert volume > 0
 
 
-def test_hull_of_a_drilled_block_forgets_the_holes(records: dict[str, PartRecord], module_place: Any) -> None:
+def test_hull_of_a_drilled_block_fills_the_holes(records: dict[str, PartRecord], module_place: Any) -> None:
     record = records["drilled"]
     hull = enclosed(read_obj(module_place.store.read(record.meshes["hull"].sha256)))
     holes = 4 * math.pi * 0.002**2 * 0.012
     assert hull == pytest.approx(record.volume + holes, rel=0.01)
 
 
-def test_visual_and_collision_of_a_thing(records: dict[str, PartRecord], module_place: Any) -> None:
+def test_visual_and_collision_meshes(records: dict[str, PartRecord], module_place: Any) -> None:
     record = records["rod"]
     lines = module_place.store.read(record.meshes["visual"].sha256).decode().splitlines()
     vertices = np.array([[float(word) for word in line.split()[1:]] for line in lines if line.startswith("v ")])
@@ -437,14 +436,15 @@ def test_visual_and_collision_of_a_thing(records: dict[str, PartRecord], module_
     assert enclosed(read_obj(module_place.store.read(cone.sha256))) == pytest.approx(math.pi * 5 / 3 * 13e-9, rel=0.03)
 
 
-def test_a_record_is_kept_while_the_meshes_of_its_pieces_are(records: dict[str, PartRecord]) -> None:
+def test_record_lists_all_blobs_it_needs(records: dict[str, PartRecord]) -> None:
+    """The record is valid only while the meshes of its pieces are in the store."""
     record = records["rod"]
     meshes = [mesh for mesh in (*record.meshes.values(), *record.pieces) if isinstance(mesh, Mesh)]
     assert len(meshes) == 6
     assert set(blobs_of(record_to_json(record, "/ws"))) == {(record.brep, None), *((mesh.sha256, mesh.size) for mesh in meshes)}
 
 
-def test_convex_pieces_only_where_asked(records: dict[str, PartRecord], module_place: Any, define: Any) -> None:
+def test_convex_pieces_are_made_only_on_request(records: dict[str, PartRecord], module_place: Any, define: Any) -> None:
     assert records["block"].convex == {}
     pieces = [enclosed(read_obj(module_place.store.read(piece.sha256))) for piece in records["convex"].convex[0]]
     assert len(pieces) == 2
@@ -457,7 +457,7 @@ def test_convex_pieces_only_where_asked(records: dict[str, PartRecord], module_p
 
 
 @pytest.mark.parametrize("name", ["block", "tilted", "rod", "drilled", "hollow"])
-def test_fits_enclose(name: str, records: dict[str, PartRecord], module_place: Any) -> None:
+def test_fits_enclose_the_mesh(name: str, records: dict[str, PartRecord], module_place: Any) -> None:
     record = records[name]
     points = read_obj(module_place.store.read(record.meshes["mesh"].sha256)).reshape(-1, 3)
     for fit in record.fits.values():
@@ -478,11 +478,11 @@ def test_fits_enclose(name: str, records: dict[str, PartRecord], module_place: A
             assert (reach <= radius + room).all() if fit.shape == "capsule" else (across <= radius + room).all()
 
 
-def test_a_turned_box_is_fitted_along_its_own_axes(records: dict[str, PartRecord]) -> None:
+def test_fitted_box_follows_the_rotation(records: dict[str, PartRecord]) -> None:
     assert sorted(records["tilted"].fits["box"].size) == pytest.approx([0.005, 0.01, 0.015], rel=1e-6)
 
 
-def test_schemas(module_place: Any, records: dict[str, PartRecord]) -> None:
+def test_schemas_of_parts(module_place: Any, records: dict[str, PartRecord]) -> None:
     with module_place.service() as service:
         found = service.describe([f"shapes:{name}" for name in ("Block", "washer", "Typed", "Sphere", "Blocc")])
     block = found["shapes:Block"]
@@ -512,7 +512,7 @@ def test_schemas(module_place: Any, records: dict[str, PartRecord]) -> None:
     assert "shapes:Block" in missing.candidates
 
 
-def test_records_survive_json(records: dict[str, PartRecord]) -> None:
+def test_records_round_trip_through_json(records: dict[str, PartRecord]) -> None:
     import json
 
     from msgspec.structs import replace
@@ -525,7 +525,7 @@ def test_records_survive_json(records: dict[str, PartRecord]) -> None:
     assert from_json(to_json(failure, "/ws"), "/ws", PartFailure) == failure
 
 
-def test_two_runs_give_the_same_bytes(records: dict[str, PartRecord], module_place: Any, tmp_path: Any, define: Any) -> None:
+def test_repeated_runs_give_identical_records(records: dict[str, PartRecord], module_place: Any, tmp_path: Any, define: Any) -> None:
     from thingc.geometry.store.local import Store
 
     store, module_place.store = module_place.store, Store(str(tmp_path / "other"))
@@ -538,8 +538,8 @@ def test_two_runs_give_the_same_bytes(records: dict[str, PartRecord], module_pla
     assert again["shapes:Rod(height=0.013, radius=0.007)"] == records["rod"]
 
 
-def test_corners_have_no_noise(place: Place) -> None:
-    """Of two corners that a boolean makes one the kernel keeps that with the lower address: 0 in one run, 2e-31 in the next."""
+def test_corners_are_free_of_noise(place: Place) -> None:
+    """When a boolean operation merges two corners, the kernel keeps the one with the lower address: 0 in one run, 2e-31 in the next."""
     place.write("parts/noisy.py", """\
         from build123d import Plane, Solid
         from thingc import Thing
@@ -560,7 +560,7 @@ def test_corners_have_no_noise(place: Place) -> None:
     (5.0, ("its 2 solids overlap: 500 of 2000 mm^3 are counted twice in volume and mass; fuse the solids (`a + b`)",)),
     (9.9, ()), (10.0, ()),
 ])
-def test_solids_that_overlap_are_told(place: Place, offset: float, words: tuple[str, ...]) -> None:
+def test_overlapping_solids_are_reported(place: Place, offset: float, words: tuple[str, ...]) -> None:
     place.write("parts/twins.py", f"""\
         from build123d import Box, Pos
         from thingc import Thing

@@ -1,7 +1,6 @@
-"""A store behind a URL: an FTP server in a process of its own, and fsspec's own files and memory.
+"""A store behind a URL: an FTP server in another process, and the `file` and `memory` protocols of fsspec.
 
-A "machine" is a cache folder of its own and a copy of the workspace in a place of its own.
-"""
+A "machine" is a separate cache folder and a separate copy of the workspace."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
-from thingc.geometry.store.shared_store import SharedStore, opened
+from thingc.geometry.store.shared_store import SharedStore, open_store
 from variants.robots import batch_here, thingc, tree, workspace
 
 SERVER = """
@@ -45,7 +44,7 @@ BATCH = ("batch", "stands.yaml", "--jobs", "1", "--pictures", "none")
 
 @pytest.fixture
 def ftp(tmp_path: Path) -> Iterator[tuple[str, Path, subprocess.Popen[str]]]:
-    """The URL of a folder on a server, the folder, and the server."""
+    """Yield the URL of a folder on a server, the folder, and the server process."""
     folder = tmp_path / "served"
     folder.mkdir()
     process = subprocess.Popen([sys.executable, "-c", SERVER, str(folder)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
@@ -59,13 +58,13 @@ def ftp(tmp_path: Path) -> Iterator[tuple[str, Path, subprocess.Popen[str]]]:
 
 
 def machine(folder: Path, url: str) -> tuple[Path, dict[str, str]]:
-    """A workspace and the environment of a machine with an empty cache."""
+    """Return a workspace and the environment of a machine with an empty cache."""
     env = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "THINGC_STORE": url, "NO_COLOR": "1"}
     return workspace(folder / "work", stands=STANDS), env
 
 
 @pytest.mark.slow
-def test_a_second_machine_models_nothing(tmp_path: Path, ftp: tuple[str, Path, subprocess.Popen[str]]) -> None:
+def test_second_machine_models_nothing(tmp_path: Path, ftp: tuple[str, Path, subprocess.Popen[str]]) -> None:
     url, served, process = ftp
     one, env = machine(tmp_path / "one", url)
     first = thingc(*BATCH, cwd=one, env=env)
@@ -96,7 +95,7 @@ def test_a_second_machine_models_nothing(tmp_path: Path, ftp: tuple[str, Path, s
 
 
 @pytest.mark.parametrize("protocol", ["file", "memory"])
-def test_what_one_keeps_the_other_finds(tmp_path: Path, protocol: str) -> None:
+def test_entries_are_visible_to_other_machines(tmp_path: Path, protocol: str) -> None:
     url = (tmp_path / "there").as_uri() if protocol == "file" else f"memory://{tmp_path.name}"
     one, two = SharedStore(url, str(tmp_path / "one")), SharedStore(url, str(tmp_path / "two"))
     sha256 = one.put(b"a mesh")
@@ -113,7 +112,7 @@ def test_what_one_keeps_the_other_finds(tmp_path: Path, protocol: str) -> None:
     assert SharedStore(url, str(tmp_path / "three")).get_json("record", "a part") == {"text": "another box"}
 
 
-def test_what_is_damaged_there_counts_as_absent_and_is_mended(tmp_path: Path) -> None:
+def test_damaged_remote_entries_are_absent_and_replaced(tmp_path: Path) -> None:
     there = tmp_path / "there"
     one = SharedStore(there.as_uri(), str(tmp_path / "one"))
     sha256 = one.put(b"a mesh")
@@ -129,7 +128,7 @@ def test_what_is_damaged_there_counts_as_absent_and_is_mended(tmp_path: Path) ->
     assert three.get_json("record", "a part") == [sha256] and three.read(sha256) == b"a mesh"
 
 
-def test_entries_that_were_exchanged_there_count_as_absent(tmp_path: Path) -> None:
+def test_swapped_remote_entries_are_absent(tmp_path: Path) -> None:
     there = tmp_path / "there"
     one = SharedStore(there.as_uri(), str(tmp_path / "one"))
     one.put_json("record", "a part", "box")
@@ -145,7 +144,7 @@ def test_entries_that_were_exchanged_there_count_as_absent(tmp_path: Path) -> No
     assert SharedStore(there.as_uri(), str(tmp_path / "three")).get_json("record", "a part") == "box"
 
 
-def test_files_are_there_before_the_entry_that_names_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blobs_are_uploaded_before_their_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = SharedStore((tmp_path / "there").as_uri(), str(tmp_path / "one"))
     order: list[str] = []
     send = SharedStore._send
@@ -157,8 +156,9 @@ def test_files_are_there_before_the_entry_that_names_them(tmp_path: Path, monkey
     assert len(order) == 4  # the files are sent once
 
 
-def test_machines_that_make_the_folders_at_the_same_moment(tmp_path: Path, ftp: tuple[str, Path, subprocess.Popen[str]]) -> None:
-    """Six machines send their first entry to an empty server: whoever finds a folder made by another goes on below it."""
+def test_concurrent_folder_creation(tmp_path: Path, ftp: tuple[str, Path, subprocess.Popen[str]]) -> None:
+    """Six machines send their first entry to an empty server at the same time. A folder that another machine has just created is not an
+    error."""
     url, served, _ = ftp
     processes = multiprocessing.get_context("fork")
     start = processes.Barrier(6, timeout=20)
@@ -180,17 +180,17 @@ def test_machines_that_make_the_folders_at_the_same_moment(tmp_path: Path, ftp: 
 
 
 @pytest.mark.parametrize(("url", "words"), [("nosuch://host/parts", "nosuch"), ("ftp://127.0.0.1:9/parts", "refused")])
-def test_urls_that_cannot_be_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, url: str, words: str) -> None:
+def test_unusable_urls_are_errors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, url: str, words: str) -> None:
     monkeypatch.setenv("THINGC_STORE", url)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with pytest.raises(StoreUnusable, match=words):
-        opened(None).check()
+        open_store(None).check()
 
 
-def test_a_folder_stays_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_argument_overrides_the_url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("THINGC_STORE", "memory://elsewhere")
-    found = opened(str(tmp_path))
+    found = open_store(str(tmp_path))
     assert type(found) is Store and found.root == str(tmp_path)
     monkeypatch.setitem(sys.modules, "fsspec", None)
     with pytest.raises(StoreUnusable, match=r"thingc\[cluster\]"):
-        opened(None)
+        open_store(None)

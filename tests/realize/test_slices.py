@@ -1,4 +1,4 @@
-"""What is asked of the geometry service about prints: kept by mesh and slicing, made once, and never modelled again for it."""
+"""Slicing requests to the geometry service: cached by mesh and slicing, computed once, and never a reason to model a part again."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ PARTS = """
 
 
 class Counted(Workers):
-    """Workers that note what they are asked."""
+    """Workers that record their requests."""
 
     def __init__(self) -> None:
         super().__init__(2)
         self.asked: list[str] = []
 
     def run(self, requests: Any) -> Iterator[Any]:
-        """The same."""
+        """Record the requests and run them."""
 
         def noted() -> Iterator[Any]:
             for request in requests:
@@ -87,7 +87,7 @@ def sliced(service: GeometryService, definitions: Sequence[PartDefinition], *sli
     return service.slice(definitions, records, {definition.text: slicings for definition in definitions})
 
 
-def test_a_slicing_is_made_once_and_models_nothing(spot: Place, counted: Counted) -> None:
+def test_slicing_is_cached_and_does_not_model(spot: Place, counted: Counted) -> None:
     block = part("blocks:Block", width=0.02)
     with spot.service() as service:
         first = sliced(service, [block], HOW)[block.text]
@@ -105,8 +105,8 @@ def test_a_slicing_is_made_once_and_models_nothing(spot: Place, counted: Counted
         assert later.decisions[block.text].reused
 
 
-def test_what_was_sliced_last_is_sliced_at_once_when_it_is_modelled_again(spot: Place, counted: Counted) -> None:
-    """And comes to the same."""
+def test_last_slicing_is_repeated_when_modelling(spot: Place, counted: Counted) -> None:
+    """A part that is modelled again is sliced by the same request. The result equals that of a separate request."""
     block, wide = part("blocks:Block", width=0.02), part("blocks:Block", width=0.03)
     with spot.service() as service:
         sliced(service, [block], HOW)
@@ -120,8 +120,8 @@ def test_what_was_sliced_last_is_sliced_at_once_when_it_is_modelled_again(spot: 
         assert sliced(other, [wide], HOW)[wide.text].slices == found.slices and counted.asked[6:] == ["model", "slice"]
 
 
-def test_what_will_likely_be_sliced_is_sliced_where_it_is_modelled(spot: Place, counted: Counted) -> None:
-    """As it knows itself which way up it lies, and to the same."""
+def test_likely_slicings_are_computed_while_modelling(spot: Place, counted: Counted) -> None:
+    """The orientation comes from the part itself. The result equals that of a separate request."""
     block, lying, foil = part("blocks:Block", width=0.02), part("blocks:Lying"), part("blocks:Foil")
     on_its_side, wanted = replace(HOW, up=(1.0, 0.0, 0.0)), {block.text: [HOW], lying.text: [replace(HOW, up=(1.0, 0.0, 0.0))]}
     likely = {block.text: {(HOW, False)}, lying.text: {(HOW, True)}}
@@ -137,7 +137,7 @@ def test_what_will_likely_be_sliced_is_sliced_where_it_is_modelled(spot: Place, 
 
 
 def test_equal_meshes_are_sliced_once(spot: Place, counted: Counted) -> None:
-    """Two definitions of one shape have one mesh."""
+    """Two definitions with the same shape have the same mesh."""
     spot.write("parts/twins.py", PARTS)
     blocks = [part("blocks:Block", width=0.02), part("twins:Block", width=0.02)]
     with spot.service() as service:
@@ -146,7 +146,7 @@ def test_equal_meshes_are_sliced_once(spot: Place, counted: Counted) -> None:
         assert found[blocks[0].text].slices == found[blocks[1].text].slices
 
 
-def test_a_part_that_cannot_be_cut_says_why_and_is_not_asked_again(spot: Place, counted: Counted) -> None:
+def test_slicing_failure_is_cached_with_its_reason(spot: Place, counted: Counted) -> None:
     foil = part("blocks:Foil")
     for _ in range(2):
         with spot.service() as service:
@@ -154,23 +154,23 @@ def test_a_part_that_cannot_be_cut_says_why_and_is_not_asked_again(spot: Place, 
     assert counted.asked.count("slice") == 1
 
 
-def test_parts_of_files_are_printed_too(spot: Place, root: Path) -> None:
+def test_file_parts_are_sliced(spot: Place, root: Path) -> None:
     corners = [(0, 0, 0), (30, 0, 0), (0, 30, 0), (0, 0, 30)]
     faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
     lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
     spot.write("corner.obj", "\n".join(lines))
     with spot.service() as service:
         found = sliced(service, [file_part("corner.obj")], HOW)["corner.obj"]
-    assert 0.5 * 4.5e-6 < found.slices[HOW].printed(0.15).mass < 4.5e-6
+    assert 0.5 * 4.5e-6 < found.slices[HOW].mass_properties(0.15).mass < 4.5e-6
 
 
-def test_failures_and_parts_without_geometry_stay_what_they_are(spot: Place) -> None:
+def test_failed_parts_are_not_sliced(spot: Place) -> None:
     missing = part("blocks:Nothing")
     with spot.service() as service:
         assert isinstance(sliced(service, [missing], HOW)[missing.text], PartFailure)
 
 
-def test_a_thing_says_how_it_lies(spot: Place) -> None:
+def test_print_orientation_of_a_thing(spot: Place) -> None:
     with spot.service() as service:
         block, foil = part("blocks:Block", width=0.02), part("blocks:Foil")
         records = service.realize([block, foil])
@@ -184,7 +184,7 @@ def test_a_thing_says_how_it_lies(spot: Place) -> None:
     ('{"up": (0, 0, 0)}', "must not be zero"), ('{"up": (0, 1)}', "must return three numbers"),
     ('{"down": (0, 0, 1)}', "must have one key, `up`"), ('(0, 0, 1)', "must have one key, `up`"),
 ])
-def test_a_thing_that_says_it_wrongly(spot: Place, said: str, words: str) -> None:
+def test_invalid_print_orientation_is_an_error(spot: Place, said: str, words: str) -> None:
     spot.write("parts/wrong.py", f"""
         from build123d import Box
         from thingc import Thing
@@ -213,8 +213,8 @@ DOCUMENT = """
 """
 
 
-def test_another_percentage_needs_no_worker(spot: Place) -> None:
-    """Not in a session, nor in the next process: the same slicing is asked for, and everything is linear in the percentage."""
+def test_new_infill_percentage_needs_no_worker(spot: Place) -> None:
+    """The same slicing is reused in a session and in the next process, because the mass is linear in the percentage."""
     document = str(spot.write("rig.yaml", DOCUMENT))
     options = Options(store=spot.store.root)
     masses = {}
@@ -233,15 +233,15 @@ def test_another_percentage_needs_no_worker(spot: Place) -> None:
         assert not later.modelled
 
 
-def test_what_a_lock_says_of_prints(spot: Place) -> None:
-    """It is what the service says; what is tampered with is no lock."""
+def test_lock_file_contains_slices(spot: Place) -> None:
+    """The values equal those of the service; a modified lock file is rejected."""
     block = part("blocks:Block", width=0.02)
     with spot.service() as service:
         record = sliced(service, [block], HOW)[block.text]
     values = record_values(record)
     held = read_record(block.text, values, "r", None)
     assert held.up == record.up
-    assert held.slices[HOW].printed(0.15).mass == pytest.approx(record.slices[HOW].printed(0.15).mass, rel=1e-11)
+    assert held.slices[HOW].mass_properties(0.15).mass == pytest.approx(record.slices[HOW].mass_properties(0.15).mass, rel=1e-11)
     (one,) = values["slices"]
     for key, wrong in {
         "solid": [-1.0, *one["solid"][1:]], "sparse": [*one["sparse"][:4], -1e-9, *one["sparse"][5:]], "joins": [1.0], "walls": 2.5,

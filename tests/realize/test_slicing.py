@@ -1,4 +1,4 @@
-"""What is laid into the layers of solids whose regions have a formula. Lengths in mm; the settings are PrusaSlicer's defaults."""
+"""Material in the layers of solids whose regions have a formula. Lengths are in mm; the settings are the defaults of PrusaSlicer."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def box(*size: float, at: Vector = (0.0, 0.0, 0.0)) -> Triangles:
 
 
 def volume(moments: Moments) -> float:
-    """In mm^3."""
+    """Return the volume in mm^3."""
     return moments.volume * 1e9
 
 
-def test_a_box_has_a_wall_lids_and_lines_between() -> None:
-    """100 layers of 40 x 30: 4 below and 4 on top are solid, of these the lowest on top lies on sparse infill."""
+def test_box_has_walls_solid_layers_and_infill() -> None:
+    """100 layers of 40 x 30: the 4 lowest and the 4 highest are solid. The lowest of the top layers lies on sparse infill."""
 
     def area(inset: float) -> float:
         return (40 - 2 * inset) * (30 - 2 * inset)
@@ -49,13 +49,13 @@ def test_a_box_has_a_wall_lids_and_lines_between() -> None:
     assert volume(found.joins) == pytest.approx(92 * 0.2 * JOINED * SPACING * 2 * (40 + 30 - 4 * inset), rel=1e-9)
     solid = 100 * (area(ROUND) - area(walls)) + 7 * filled + BRIDGE * filled
     assert volume(found.solid) == pytest.approx(0.2 * solid, rel=1e-9)
-    centre = found.printed(0.15).centre
+    centre = found.mass_properties(0.15).centre
     assert centre[:2] == pytest.approx((0.0, 0.0), abs=1e-12)
     lift = 0.2 * filled * (BRIDGE - 1) * (10 - 0.7)  # the bridge is the only thing that is not alike above and below
     assert centre[2] == pytest.approx(1e-3 * lift / volume(found.solid.plus(found.joins).plus(found.sparse, 0.15)), rel=1e-6)
 
 
-def test_numbers_of_walls_and_lids() -> None:
+def test_slicing_without_walls_and_solid_layers() -> None:
     block = box(40, 30, 20)
     bare = slice_part(block, replace(HOW, walls=0, top=0, bottom=0))
     # no walls, no lids: only the first and the last layer are laid solid, because they are open
@@ -64,14 +64,14 @@ def test_numbers_of_walls_and_lids() -> None:
 
 
 @pytest.mark.parametrize(("height", "layers"), [(0.79, 4), (0.71, 4), (0.69, 3), (0.9, 4), (0.91, 5)])
-def test_a_layer_is_laid_where_its_middle_is_in_the_part(height: float, layers: int) -> None:
+def test_layer_exists_if_its_middle_is_inside(height: float, layers: int) -> None:
     found = slice_part(box(30, 30, height), HOW)
     one = slice_part(box(30, 30, 0.2), HOW)
     assert volume(found.solid) == pytest.approx(layers * volume(one.solid), rel=1e-9)
 
 
-def test_a_bridge_over_air_is_laid_with_strands() -> None:
-    """A table: its top of four layers lies over air but for the legs."""
+def test_bridge_over_air_uses_strands() -> None:
+    """The top of a table has four layers, which lie over air except above the legs."""
     leg = Manifold.cube((10, 20, 10))
     table = Manifold.cube((60, 20, 0.8)).translate((0, 0, 10)) + leg + leg.translate((50, 0, 0))
     flat = replace(HOW, bridge_flow=0.25)
@@ -91,7 +91,7 @@ SOLIDS: dict[str, Manifold] = {
 
 
 def exact(solid: Manifold) -> tuple[float, Any, Any]:
-    """Volume, centre and the principal moments of a mesh at density 1, by tetrahedra from the origin (Tonon 2004)."""
+    """Return volume, centre and principal moments of a mesh at density 1, by tetrahedra from the origin (Tonon 2004)."""
     found = solid.to_mesh64()
     corners = np.asarray(found.vert_properties)[:, :3][np.asarray(found.tri_verts, dtype=np.int64)]
     size = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
@@ -104,11 +104,11 @@ def exact(solid: Manifold) -> tuple[float, Any, Any]:
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_thin_layers_of_walls_alone_are_the_exact_solid(name: str) -> None:
-    """Nothing but walls of lines that are hardly rounded: volume, centre and moments are those of the solid to 1e-3."""
+def test_thin_layers_converge_to_the_exact_solid(name: str) -> None:
+    """With walls only, of lines with little rounding, volume, centre and moments equal those of the solid to 1e-3."""
     layer = 1.25e-5 if name in ("block", "tube", "two") else 3e-5  # what is prismatic takes no time
     fine = replace(HOW, layer=layer, line_width=2 * layer, walls=4000)
-    found = slice_part(mesh(SOLIDS[name]), fine).printed(0.15)
+    found = slice_part(mesh(SOLIDS[name]), fine).mass_properties(0.15)
     total, centre, moments = exact(SOLIDS[name])
     assert found.mass * 1e9 == pytest.approx(total, rel=1e-3)
     assert np.array(found.centre) * 1e3 == pytest.approx(centre, abs=0.01)
@@ -116,36 +116,38 @@ def test_thin_layers_of_walls_alone_are_the_exact_solid(name: str) -> None:
 
 
 @pytest.mark.parametrize("up", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.6, 0.8), (0.0, 0.0, -1.0)])
-def test_up_turns_the_part(up: Vector) -> None:
-    """Sliced along `up` it is the turned part sliced along z, told in the part's own frame."""
+def test_up_direction_rotates_the_part(up: Vector) -> None:
+    """Slicing along `up` equals slicing the rotated part along z, transformed back to the part's frame."""
     solid = Manifold.cube((30, 20, 10)) - Manifold.cylinder(30, 4, 4, 48).translate((8, 8, -5))
     z = np.array(up)
     y = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     y /= np.linalg.norm(y)
     turn = np.stack([np.cross(y, z), y, z])
     turned = solid.transform(np.hstack([turn, np.zeros((3, 1))]))
-    found = slice_part(mesh(solid), replace(HOW, up=up)).printed(0.2)
-    expected = slice_part(mesh(turned), HOW).printed(0.2)
+    found = slice_part(mesh(solid), replace(HOW, up=up)).mass_properties(0.2)
+    expected = slice_part(mesh(turned), HOW).mass_properties(0.2)
     assert found.mass == pytest.approx(expected.mass, rel=1e-5)
     assert np.array(found.centre) == pytest.approx(turn.T @ np.array(expected.centre), abs=1e-7)
     assert np.array(found.inertia) == pytest.approx(turn.T @ np.array(expected.inertia) @ turn, abs=1e-6 * expected.inertia[0][0])
 
 
-def test_how_it_lies_matters() -> None:
+def test_print_orientation_changes_the_mass() -> None:
     plate = box(60, 60, 3)
     flat, upright = slice_part(plate, HOW), slice_part(plate, replace(HOW, up=(1.0, 0.0, 0.0)))
-    assert upright.printed(0.15).mass > 1.05 * flat.printed(0.15).mass
+    assert upright.mass_properties(0.15).mass > 1.05 * flat.mass_properties(0.15).mass
 
 
-def test_where_it_stands_does_not_matter() -> None:
-    near, far = slice_part(box(30, 20, 10), HOW).printed(0.15), slice_part(box(30, 20, 10, at=(500.0, -300.0, 40.0)), HOW).printed(0.15)
+def test_position_does_not_change_the_result() -> None:
+    near, far = slice_part(box(30, 20, 10), HOW).mass_properties(0.15), slice_part(
+        box(30, 20, 10, at=(500.0, -300.0, 40.0)), HOW,
+    ).mass_properties(0.15)
     assert far.mass == pytest.approx(near.mass, rel=1e-9)
     assert np.array(far.centre) - np.array(near.centre) == pytest.approx([0.5, -0.3, 0.04], abs=1e-9)
     assert np.array(far.inertia) == pytest.approx(np.array(near.inertia), rel=1e-6, abs=1e-15)
 
 
 def test_slices_are_smooth_functions_of_a_length() -> None:
-    """Edges of lids coincide with edges of the layers below; rounding must not decide whether a sliver between them is widened."""
+    """Edges of solid areas coincide with edges of the layers below. Rounding must not decide whether a sliver between them is widened."""
     hole = Manifold.cylinder(30, 3, 3, 36).rotate((90, 0, 0))
     sums = []
     for length in 30.0123 + 1e-3 * np.arange(7):
@@ -157,8 +159,8 @@ def test_slices_are_smooth_functions_of_a_length() -> None:
     assert (np.abs(np.diff(sums, 2, axis=0)) <= 1e-8 * np.array(sums[0])).all()
 
 
-def test_upright_walls_are_cut_once_and_leaning_ones_in_every_layer() -> None:
-    """The short way (equal layers are worked out once) and the long one agree: a part cut by planes that make no layer equal."""
+def test_upright_and_leaning_walls_agree() -> None:
+    """Equal layers are computed once; this is compared with a slightly sheared part that has no equal layers."""
     solid = SOLIDS["tube"] + Manifold.cube((6, 6, 20)).translate((9, 9, 0))
     leaning = solid.warp_batch(lambda points: points + np.outer(points[:, 2], [1e-5, 0, 0]))
     short, long = slice_part(mesh(solid), HOW), slice_part(mesh(leaning), HOW)
@@ -166,7 +168,7 @@ def test_upright_walls_are_cut_once_and_leaning_ones_in_every_layer() -> None:
         assert one.volume == pytest.approx(other.volume, rel=2e-3)
 
 
-def test_what_has_no_layers() -> None:
+def test_parts_that_cannot_be_sliced() -> None:
     with pytest.raises(NotSliced, match="is lower than one layer"):
         slice_part(box(20, 20, 0.09), HOW)
     with pytest.raises(NotSliced, match="is thinner than one printed line"):
@@ -178,19 +180,20 @@ def test_what_has_no_layers() -> None:
         slice_part(Triangles(open_box.vertices, open_box.faces[:-1]), HOW)
 
 
-def test_infill_is_linear_and_none_has_no_joins() -> None:
+def test_mass_is_linear_in_infill() -> None:
+    """Without infill there are no joins."""
     found = slice_part(box(40, 30, 20), HOW)
-    masses = [found.printed(infill).mass for infill in (0.1, 0.2, 0.4)]
+    masses = [found.mass_properties(infill).mass for infill in (0.1, 0.2, 0.4)]
     assert masses[1] - masses[0] == pytest.approx((masses[2] - masses[1]) / 2, rel=1e-12)
-    assert found.printed(0.0).mass == found.solid.volume
+    assert found.mass_properties(0.0).mass == found.solid.volume
 
 
 def test_moments_of_two_bodies_add_up() -> None:
-    """Two points of 1 and 3 at x = 0 and x = 4: centre 3, 1 * 9 + 3 * 1 about it."""
+    """Two points of mass 1 and 3 at x = 0 and x = 4: the centre is 3, the moment about it is 1 * 9 + 3 * 1."""
     one = Moments.of([1.0, *[0.0] * 9])
     other = Moments.of([3.0, 12.0, 0, 0, 48.0, 0, 0, 0, 0, 0])
     twice = Moments.of([2 * value for value in other.numbers])
-    both = SliceResult(solid=one, joins=Moments(), sparse=twice).printed(0.5)
+    both = SliceResult(solid=one, joins=Moments(), sparse=twice).mass_properties(0.5)
     assert (both.mass, both.centre[0]) == (4.0, 3.0)
     assert both.inertia[1][1] == both.inertia[2][2] == pytest.approx(12.0)
     assert Moments.of(other.numbers) == other

@@ -1,4 +1,4 @@
-"""The store: whole or absent, whatever happens to its files; and unusable in words."""
+"""The store: entries are complete or absent, whatever happens to its files, and an unusable store is reported."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable, default_root
 
 
-def test_blobs_by_content(tmp_path: Path) -> None:
+def test_blobs_are_addressed_by_content(tmp_path: Path) -> None:
     store = Store(str(tmp_path))
     sha256 = store.put(b"bytes")
     assert sha256 == hashlib.sha256(b"bytes").hexdigest()
@@ -29,7 +29,7 @@ def test_blobs_by_content(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("damage", [b"", b"byte", b"bytes!", b"BYTES"])
 @pytest.mark.parametrize("question", ["has", "read"])
-def test_a_damaged_blob_is_absent_and_can_be_put_again(tmp_path: Path, damage: bytes, question: str) -> None:
+def test_damaged_blob_is_absent_and_can_be_replaced(tmp_path: Path, damage: bytes, question: str) -> None:
     store = Store(str(tmp_path))
     sha256 = store.put(b"bytes")
     Path(store.path(sha256)).write_bytes(damage)
@@ -42,14 +42,14 @@ def test_a_damaged_blob_is_absent_and_can_be_put_again(tmp_path: Path, damage: b
     assert store.read(sha256) == b"bytes"
 
 
-def test_a_touched_blob_is_hashed_and_believed(tmp_path: Path) -> None:
+def test_touched_blob_is_still_valid(tmp_path: Path) -> None:
     store = Store(str(tmp_path))
     sha256 = store.put(b"bytes")
     os.utime(store.path(sha256))
     assert store.has(sha256, 5)
 
 
-def test_json_documents(tmp_path: Path) -> None:
+def test_json_documents_round_trip(tmp_path: Path) -> None:
     store = Store(str(tmp_path))
     value = {"a": [1, 2.5, None, "é"], "b": {"c": True}}
     assert store.get_json("kind", "key") is None
@@ -61,7 +61,7 @@ def test_json_documents(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("keep", [0, 10, 64, 65, -1])
-def test_a_truncated_document_is_absent(tmp_path: Path, keep: int) -> None:
+def test_truncated_document_is_absent(tmp_path: Path, keep: int) -> None:
     store = Store(str(tmp_path))
     store.put_json("kind", "key", {"a": 1})
     (path,) = (tmp_path / "kind").glob("*/*")
@@ -69,7 +69,7 @@ def test_a_truncated_document_is_absent(tmp_path: Path, keep: int) -> None:
     assert store.get_json("kind", "key") is None
 
 
-def test_a_sound_document_in_the_place_of_another_is_absent(tmp_path: Path) -> None:
+def test_documents_in_the_wrong_place_are_absent(tmp_path: Path) -> None:
     store = Store(str(tmp_path))
     places = [("record", "one"), ("record", "two"), ("schema", "one")]
     for number, (kind, key) in enumerate(places):
@@ -83,7 +83,7 @@ def test_a_sound_document_in_the_place_of_another_is_absent(tmp_path: Path) -> N
     assert store.get_json("record", "one") == "again"
 
 
-def test_an_unusable_store_says_so(tmp_path: Path) -> None:
+def test_unusable_store_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     store = Store(str(tmp_path / "file" / "store"))
     with pytest.raises(StoreUnusable) as caught:
@@ -95,7 +95,7 @@ def test_an_unusable_store_says_so(tmp_path: Path) -> None:
     assert store.get_json("kind", "key") is None
 
 
-def test_where_the_store_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_default_store_location(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("THINGC_STORE", str(tmp_path / "own"))
     assert default_root() == str(tmp_path / "own")
     monkeypatch.delenv("THINGC_STORE")
@@ -122,7 +122,7 @@ while True:
 """
 
 
-def test_writers_killed_at_any_moment_leave_nothing_damaged(tmp_path: Path) -> None:
+def test_killed_writers_leave_nothing_damaged(tmp_path: Path) -> None:
     for delay in range(12):
         writers = [
             subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path)], stdout=subprocess.PIPE) for _ in range(2)
@@ -145,7 +145,7 @@ def test_writers_killed_at_any_moment_leave_nothing_damaged(tmp_path: Path) -> N
     assert len(found) == len([path for path in (tmp_path / "kind").glob("*/*") if "." not in path.name])
 
 
-def test_what_is_only_noted_can_be_read_by_others(tmp_path: Path) -> None:
+def test_notes_can_be_read_by_other_stores(tmp_path: Path) -> None:
     store, other = Store(str(tmp_path)), Store(str(tmp_path))
     store.note_json("facts", "a", [1])
     assert other.get_json("facts", "a") == [1]
@@ -153,7 +153,7 @@ def test_what_is_only_noted_can_be_read_by_others(tmp_path: Path) -> None:
     assert other.get_json("facts", "a") == [3]
 
 
-def test_what_is_only_noted_is_lost_without_a_word(tmp_path: Path) -> None:
+def test_notes_are_dropped_if_the_store_is_unusable(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     store = Store(str(tmp_path / "file" / "store"))
     store.note_json("facts", "a", [1])

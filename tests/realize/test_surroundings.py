@@ -1,4 +1,4 @@
-"""What a part meets around it: a fixed environment, a folder of its own, and what a killed worker has left."""
+"""The environment in which parts run: fixed variables, a private folder, and cleanup after killed workers."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ TELLS = """
 
 
 def told(failure: PartFailure) -> Any:
-    """What the part has said with its last breath."""
+    """Return the data in the error message of the part."""
     assert failure.kind == "raised", failure
     return json.loads(failure.message.removeprefix("ValueError: "))
 
@@ -50,7 +50,7 @@ def own_workers(forking: bool = True) -> Iterator[Workers]:
 
 
 @pytest.mark.parametrize("forking", [True, False])
-def test_nothing_but_what_is_fixed_or_in_the_key(
+def test_parts_see_only_fixed_or_hashed_variables(
     place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, forking: bool
 ) -> None:
     for name in ("SIZE", "HOME", "VIRTUAL_ENV", "PYTHONPATH", "LANG"):
@@ -91,14 +91,14 @@ THREADS = """
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux says which threads a process has")
-def test_one_thread_on_any_processor(place: Any, define: Callable[..., Any]) -> None:
+def test_parts_run_with_one_thread(place: Any, define: Callable[..., Any]) -> None:
     place.write("parts/many.py", THREADS)
     with place.service() as service:
         (answer,) = service.realize([define("many:Many")]).values()
     assert told(answer) == {"more": 0, "processors": sorted(os.sched_getaffinity(0))}
 
 
-def test_a_variable_that_is_passed_is_in_the_key(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_passed_variable_is_part_of_the_key(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     from thingc.driver import up_to_date
 
     place.write("parts/arm.py", "from build123d import Box\ndef plate():\n    return Box(1, 1, 1)\n")
@@ -117,7 +117,7 @@ def test_a_variable_that_is_passed_is_in_the_key(place: Any, define: Callable[..
         assert service.modelled == []
 
 
-def test_folders_go_with_their_parts_and_with_their_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scratch_folders_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     left = subprocess.run(
         [sys.executable, "-c", textwrap.dedent("""
@@ -141,7 +141,7 @@ def test_folders_go_with_their_parts_and_with_their_worker(tmp_path: Path, monke
     assert os.listdir(tmp_path) == [f"{PREFIX}of-nobody"]
 
 
-def test_no_folder_is_left_by_a_hang_a_crash_or_a_worker_that_cannot_start(
+def test_hang_crash_or_failed_start_leaves_no_folder(
     place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     temporary = tmp_path / "temporary"
@@ -175,7 +175,7 @@ def test_no_folder_is_left_by_a_hang_a_crash_or_a_worker_that_cannot_start(
     Scratch().close()
 
 
-def test_workers_start_without_a_home(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_start_without_home(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     place.write("parts/arm.py", "from build123d import Box\ndef plate():\n    return Box(1, 1, 1)\n")
     monkeypatch.delenv("HOME", raising=False)
     with own_workers() as workers, place.service(workers=workers) as service:

@@ -1,4 +1,4 @@
-"""Triangles of shapes: against analytic volumes, and against what the kernel alone makes of the whole shape."""
+"""Triangles of shapes: against analytic volumes, and against the kernel's own mesh of the whole shape."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from thingc.geometry.worker.kernel import tessellation
-from thingc.geometry.worker.kernel.integrals import explored, solids_of
+from thingc.geometry.worker.kernel.integrals import solids_of, subshapes
 from thingc.geometry.worker.kernel.meshing import Triangles
 from thingc.geometry.worker.kernel.tessellation import tessellate
 
@@ -51,14 +51,14 @@ LINEAR, ANGULAR = 0.1, math.radians(15.0)
 
 
 def imprinted(outer: Shape[Any], inner: Shape[Any]) -> Shape[Any]:
-    """Both as one, with what they have in common as faces of its own."""
+    """Fuse both shapes and keep their common faces as separate faces."""
     fused = BRepAlgoAPI_Fuse(outer.solid().wrapped, inner.solid().wrapped)
     fused.Build()
     return Compound(fused.Shape())
 
 
 def placed_mirrored(shape: Shape[Any]) -> Shape[Any]:
-    """Its faces as they are, at a place that turns them inside out: `mirror` makes new ones."""
+    """Return the shape with a mirrored location, so that its faces are turned inside out. `mirror` would create new faces."""
     over = gp_Trsf()
     over.SetMirror(gp_Ax2(gp_Pnt(1, 2, 3), gp_Dir(1, 0, 0)))
     return Solid(shape.solid().wrapped.Located(TopLoc_Location(over), False))
@@ -83,11 +83,11 @@ SHAPES: dict[str, Callable[[], Shape[Any]]] = {
 
 
 def of_the_kernel(shape: Any) -> tuple[int, float, float]:
-    """How many triangles the kernel makes of all faces, their area [mm^2] and the volume [mm^3] within."""
+    """Return the number of triangles that the kernel makes of all faces, their area [mm^2] and the enclosed volume [mm^3]."""
     BRepTools.Clean_s(shape)
     BRepMesh_IncrementalMesh(shape, LINEAR, False, ANGULAR * (1.0 + 1e-6), False)
     count, area, volume = 0, 0.0, 0.0
-    for subshape in explored(shape, TopAbs_FACE):
+    for subshape in subshapes(shape, TopAbs_FACE):
         face, location = TopoDS.Face(subshape), TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
         moved = location.Transformation()
@@ -111,8 +111,9 @@ def area_of(mesh: Triangles) -> float:
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_it_is_the_surface_that_the_kernel_makes(name: str) -> None:
-    """The points on planes are those of their neighbours, so that area and volume are the kernel's, whichever way triangles lie."""
+def test_surface_matches_the_kernel_mesh(name: str) -> None:
+    """Points on planes are those of their neighbours, so area and volume equal those of the kernel, whatever the direction of the
+    triangles."""
     for solid in solids_of(SHAPES[name]().wrapped):
         count, area, volume = of_the_kernel(solid)
         mesh = tessellate(solid, LINEAR, ANGULAR)
@@ -121,8 +122,8 @@ def test_it_is_the_surface_that_the_kernel_makes(name: str) -> None:
         assert area_of_each(mesh).min() > 0.0
 
 
-def test_what_has_only_planes_is_exact_and_not_the_kernel_s(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A prism: its volume is that of a hexagon (3/2 sqrt(3) r^2) times its height, cut by nothing of the kernel."""
+def test_planar_solids_are_exact_without_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A prism: its volume is the area of a hexagon (3/2 sqrt(3) r^2) times its height. The kernel makes no triangles."""
 
     def refused(*_: Any) -> None:
         raise AssertionError("the kernel was asked for triangles")
@@ -136,11 +137,11 @@ def test_what_has_only_planes_is_exact_and_not_the_kernel_s(monkeypatch: pytest.
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many faces the kernel is asked to cut, each time."""
+    """Return the number of faces that the kernel tessellates, per call."""
     counts: list[int] = []
 
     def noted(shape: Any, *arguments: Any) -> Any:
-        counts.append(len([*explored(shape, TopAbs_FACE)]))
+        counts.append(len([*subshapes(shape, TopAbs_FACE)]))
         return BRepMesh_IncrementalMesh(shape, *arguments)
 
     monkeypatch.setattr(tessellation, "BRepMesh_IncrementalMesh", noted)
@@ -148,9 +149,9 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 @pytest.mark.parametrize("turned", [Rot(0, 0, 0), Rot(11, 22, 33)])
-def test_holes_in_rows_are_not_left_to_the_kernel(turned: Location, asked: list[int]) -> None:
-    """Corners of different holes are on a line there, and manifold3d makes triangles of them. The kernel takes six times as long for these
-    hundred holes. Each is a polygon of n corners: n / 2 sin(2 pi / n) r^2."""
+def test_rows_of_holes_are_not_left_to_the_kernel(turned: Location, asked: list[int]) -> None:
+    """Corners of different holes are collinear, and manifold3d handles this case. The kernel takes six times as long for these hundred
+    holes. Each hole is a polygon of n corners with area n / 2 sin(2 pi / n) r^2."""
     holes = [Wire.make_circle(0.35, Plane((x, y, 0))) for x in range(10) for y in range(10)]
     plate = turned * extrude(Face(Wire.make_rect(10, 10, Plane((4.5, 4.5, 0))), holes), 2)
     mesh = tessellate(plate.wrapped, LINEAR, ANGULAR)
@@ -161,28 +162,29 @@ def test_holes_in_rows_are_not_left_to_the_kernel(turned: Location, asked: list[
     assert area_of_each(mesh).min() > 1e-6
 
 
-def test_borders_that_cross_are_left_to_the_kernel(asked: list[int]) -> None:
-    """Where a hole is nearer to the rim than chords are to their arcs, the kernel cuts finer: all of the shape is its own."""
+def test_crossing_borders_are_left_to_the_kernel(asked: list[int]) -> None:
+    """If a hole is nearer to the rim than the chords are to their arcs, the kernel uses finer triangles, and the whole shape is its
+    mesh."""
     disc = SHAPES["a hole by the rim"]().solid().wrapped
     mesh = tessellate(disc, LINEAR, ANGULAR)
     assert mesh.closed and asked == [2, 4]  # the walls, and then everything
     assert mesh.volume == pytest.approx(math.pi * (400.0 - 25.0) * 3.0, rel=0.02)
 
 
-def test_a_face_without_a_solid_is_filled_too() -> None:
-    """What `visual()` returns may be a sheet: a square with a round hole, whose edge has no other face."""
+def test_face_without_a_solid_is_tessellated() -> None:
+    """`visual()` may return a sheet: a square with a round hole, whose edge has no other face."""
     sheet = (Plane.XY * Box(10, 10, 1).cut(Cylinder(2, 3))).faces().sort_by(Axis.Z)[-1]
     mesh = tessellate(sheet.wrapped, 0.01, ANGULAR)
     assert area_of(mesh) == pytest.approx(100.0 - 4.0 * math.pi, rel=2e-3)
     assert (np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))[:, 2] > 0.0).all()
 
 
-def test_a_plane_without_a_border_has_no_triangles() -> None:
-    """It goes on for ever; the kernel makes none of it either."""
+def test_unbounded_plane_has_no_triangles() -> None:
+    """The plane is infinite; the kernel does not tessellate it either."""
     assert len(tessellate(BRepBuilderAPI_MakeFace(gp_Pln()).Face(), LINEAR, ANGULAR).faces) == 0
 
 
-def test_rounding_does_not_change_the_number_of_facets() -> None:
+def test_rounding_does_not_change_the_facet_count() -> None:
     """An arc of 180 deg has 12 facets of 15 deg, for every radius."""
     counts = set()
     for radius in np.linspace(5.0, 8.0, 24):

@@ -1,4 +1,4 @@
-"""Diagnostics of every shape, on files that are there, and a repository to report them from."""
+"""Diagnostics of every form on existing files, and a repository that contains the files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def span(file: Path, line: int, column: int, end_column: int, end_line: int | No
 
 
 def repository(folder: Path) -> Path:
-    """A repository with documents whose names need every kind of escape; thingc is started in its folder `work`."""
+    """Create a repository with documents whose names need every kind of escaping; thingc runs in its folder `work`."""
     (folder / ".git").mkdir()
     (folder / "work").mkdir()
     for name in ("robot.yaml", "a b,c%d#é.yaml", "c:d.yaml"):
@@ -22,7 +22,8 @@ def repository(folder: Path) -> Path:
 
 
 def every_shape(folder: Path) -> list[Diagnostic]:
-    """With a second place and without, of several lines, of a whole line, of no place, of each severity, with odd characters."""
+    """Return diagnostics with and without a second location, on several lines, on a whole line, without a location, of each severity,
+    and with special characters."""
     robot, odd, colon = (folder / "work" / name for name in ("robot.yaml", "a b,c%d#é.yaml", "c:d.yaml"))
     return [
         Diagnostic(code=Code.UNKNOWN_MOUNT, severity=Severity.ERROR, message="`plate` has no mount `topp`", span=span(robot, 4, 3, 8),
@@ -38,5 +39,5 @@ def every_shape(folder: Path) -> list[Diagnostic]:
 
 
 def on_one_line(message: str) -> str:
-    """As people see a message of `every_shape`: the lines that it quotes stay on its line."""
+    """Return a message of `every_shape` as it is printed: quoted line breaks are escaped."""
     return message.replace("\n", "\\n").replace("\r", "\\r")

@@ -1,7 +1,6 @@
-"""Every code has a page with a meaning, and with a wrong and a right example that are what they say; `thingc explain` shows the same.
+"""Every code has a page with its meaning and with a wrong and a right example that are verified; `thingc explain` shows the same.
 
-`REGENERATE=1 pytest tests/reporting/test_codes.py` writes the output of the examples into the pages: read it as a user would.
-"""
+`REGENERATE=1 pytest tests/reporting/test_codes.py` writes the output of the examples into the pages: review it as a user would."""
 
 from __future__ import annotations
 
@@ -21,7 +20,7 @@ from cases.test_cases import said
 from thingc.base.diagnostics import Code
 from thingc.tools.cli.console import USAGE_CODES
 from thingc.tools.cli.main import COMMANDS, main
-from thingc.tools.reporting.explain import find, near, sections
+from thingc.tools.reporting.explain import find, sections, similar_codes
 
 ROOT = Path(__file__).resolve().parents[2]
 CODES = sorted(Code, key=lambda code: code.code)
@@ -59,7 +58,7 @@ ELSEWHERE = {
     "SOURCE_DOUBT": "tests/importing/test_inertias.py",
     "SOURCE_CONFLICT": "tests/importing/test_updates.py",
 }
-"""Codes that no document on a healthy machine causes, and where they are tested. Their pages have no examples."""
+"""Codes that no document on a normal machine causes, and the files that test them. Their pages have no examples."""
 
 _SPOKEN = {"UNREACHED": "is not connected to the root of mode"}
 
@@ -68,7 +67,7 @@ SHOWN = [code for code in CODES if code.name not in ELSEWHERE]
 SIDES = ("wrong", "right")
 
 
-def test_every_code_has_a_page_with_a_meaning_in_sentences() -> None:
+def test_every_code_has_a_page_with_a_meaning() -> None:
     assert [code.code for code in CODES if not path_of(code).exists()] == [], AGAIN
     meanings = {code: read_page(code).meaning for code in CODES}
     assert [code.code for code, meaning in meanings.items() if not (meaning.endswith(".") and len(meaning) > 30)] == []
@@ -76,7 +75,7 @@ def test_every_code_has_a_page_with_a_meaning_in_sentences() -> None:
     assert unsaid == [], "say what the code means"
 
 
-def test_every_code_has_an_example_or_is_tested_elsewhere() -> None:
+def test_every_code_has_an_example_or_another_test() -> None:
     for code in CODES:
         if code.name in ELSEWHERE:
             text = (ROOT / ELSEWHERE[code.name]).read_text()
@@ -86,10 +85,10 @@ def test_every_code_has_an_example_or_is_tested_elsewhere() -> None:
 
 
 @pytest.mark.parametrize("code", SHOWN, ids=lambda code: code.code)
-def test_the_examples_of_a_page_print_what_it_shows(
+def test_page_examples_print_the_shown_output(
     code: Code, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The wrong one shows its code and no other. The right one shows none, also where the wrong one is built."""
+    """The wrong example reports only its code. The right one does not report it, also with the command of the wrong one."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     monkeypatch.setenv("COLUMNS", "100")
     page = read_page(code)
@@ -113,23 +112,23 @@ def test_the_examples_of_a_page_print_what_it_shows(
         assert exit_code == 0 and code.code not in re.findall(r"\[(TC\d+)\]", printed)
 
 
-def test_there_is_no_page_of_a_code_that_is_none() -> None:
+def test_no_page_exists_for_an_unknown_code() -> None:
     assert set((ROOT / "docs" / "codes").glob("TC*.md")) == {path_of(code) for code in CODES}, AGAIN
 
 
-def test_pages_and_what_explain_reads_are_current() -> None:
+def test_generated_pages_are_up_to_date() -> None:
     files = generated()
     stale = [str(path.relative_to(ROOT)) for path, text in files.items() if not path.exists() or path.read_text(encoding="utf-8") != text]
     assert stale == [], AGAIN
 
 
-def test_the_table_leads_to_every_page() -> None:
+def test_table_links_to_every_page() -> None:
     table = (ROOT / "docs" / "diagnostics.md").read_text()
     linked = re.findall(r"^\| \[(TC\d+)\]\(codes/(TC\d+)\.md\) \|", table, re.MULTILINE)
     assert linked == [(code.code, code.code) for code in CODES]
 
 
-def test_links_of_pages_lead_somewhere() -> None:
+def test_links_of_code_pages_resolve() -> None:
     links = {(code.code, target) for code in CODES for target in re.findall(r"\]\(([^)\s]+)\)", path_of(code).read_text())}
     assert {link for link in links if not (ROOT / "docs" / "codes" / link[1]).exists()} == set()
 
@@ -137,7 +136,7 @@ def test_links_of_pages_lead_somewhere() -> None:
 # --- thingc explain ------------------------------------------------------------------------------------------------
 
 
-def test_explain_says_what_the_page_says(capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_shows_the_content_of_the_page(capsys: pytest.CaptureFixture[str]) -> None:
     for code in CODES:
         assert main(["explain", code.code]) == 0
         printed = capsys.readouterr().out
@@ -157,7 +156,7 @@ def test_explain_says_what_the_page_says(capsys: pytest.CaptureFixture[str]) -> 
             assert f"  $ {example.command}\n" in printed
 
 
-def test_explain_takes_a_code_in_any_case_and_without_its_letters(capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_accepts_several_spellings_of_a_code(capsys: pytest.CaptureFixture[str]) -> None:
     answers = []
     for word in ("TC302", "tc302", "302", "unknown_component"):
         assert main(["explain", word]) == 0
@@ -169,8 +168,8 @@ def test_explain_takes_a_code_in_any_case_and_without_its_letters(capsys: pytest
 @pytest.mark.parametrize(("word", "meant"), [
     ("TC319", "TC318"), ("tc599", "TC601"), ("3022", "TC302"), ("mount", "TC303"), ("Duplicate_Kye", "TC104"), ("zzz", None), ("", None),
 ])
-def test_an_unknown_code_brings_those_near_it(word: str, meant: str | None, capsys: pytest.CaptureFixture[str]) -> None:
-    codes = [code["code"] for code in near(word)]
+def test_unknown_code_suggests_similar_ones(word: str, meant: str | None, capsys: pytest.CaptureFixture[str]) -> None:
+    codes = [code["code"] for code in similar_codes(word)]
     assert (meant in codes) if meant is not None else (codes == [] or word == "")
     assert main(["explain", word]) == 2
     printed = capsys.readouterr()
@@ -178,7 +177,7 @@ def test_an_unknown_code_brings_those_near_it(word: str, meant: str | None, caps
     assert "run `thingc explain` for a list of codes" in printed.err or "near it: " in printed.err
 
 
-def test_explain_alone_lists_every_code_by_section(capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_without_arguments_lists_all_codes(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain"]) == 0
     printed = capsys.readouterr().out
     assert re.findall(r"^  (TC\d+)  ", printed, re.MULTILINE) == [code.code for code in CODES]
@@ -191,7 +190,7 @@ def test_explain_alone_lists_every_code_by_section(capsys: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize("words", [[], ["TC302"], ["TC651"], ["nothing_like_it"]], ids=lambda words: " ".join(words) or "all")
-def test_explain_starts_fast(words: list[str]) -> None:
+def test_explain_has_no_heavy_imports(words: list[str]) -> None:
     program = "import sys; from thingc.tools.cli.main import main; main(sys.argv[1:]); print([*sys.modules], file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", program, "explain", *words], capture_output=True, text=True, check=True)
     assert "thingc.tools.reporting.explain" in done.stderr and "pydantic" not in done.stderr

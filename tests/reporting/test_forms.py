@@ -1,4 +1,4 @@
-"""`--format` of the command line: every form for right documents, wrong ones, wrong command lines and defects; and colour."""
+"""`--format` of all commands: valid documents, invalid ones, invalid command lines and internal errors; and colours."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FORMS = ("text", "json", "github", "sarif")
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str) -> Path:
-    """The cases about names, in a repository of their own, which is the working folder."""
+    """Return the cases about names, in a separate repository, which is the working folder."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     (tmp_path / ".git").mkdir()
     shutil.copy(CASES / "thingc.toml", tmp_path)
@@ -43,7 +43,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str) -
 
 
 def said(capsys: pytest.CaptureFixture[str], words: Sequence[str]) -> tuple[int, dict[str, list[str]], str]:
-    """Exit code, the codes that each form names in order, and standard error of the text form."""
+    """Return the exit code, the codes in each format in order, and standard error of the text format."""
     codes, forms, err = set(), {}, ""
     for form in FORMS:
         capsys.readouterr()
@@ -75,17 +75,17 @@ def said(capsys: pytest.CaptureFixture[str], words: Sequence[str]) -> tuple[int,
     (["build", "right.yaml", "--mode", "nmae"], 2),
     (["build", "right.yaml", "--emit", "bom", "-o", "out"], 0),
 ])
-def test_every_form_says_the_same(words: list[str], code: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_formats_report_the_same_codes(words: list[str], code: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     exit_code, forms, _ = said(capsys, words)
     assert exit_code == code
     assert forms["text"] == forms["json"] == forms["github"] == forms["sarif"]
     assert bool(forms["text"]) == (code != 0 or "remark" in words[1])
 
 
-def test_an_unchanged_document_answers_in_every_form(
+def test_cached_result_is_available_in_all_formats(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A warning is remembered with the stamp; the second run answers from it, in whatever form."""
+    """A warning is cached with the stamp of the document. The second run reads it from there, in any format."""
     words = ["check", "remark/robot.yaml"]
     assert main(words) == 0
     monkeypatch.setattr("thingc.driver.pipeline.check", lambda *_, **__: pytest.fail("the stamp should have answered"))
@@ -94,7 +94,7 @@ def test_an_unchanged_document_answers_in_every_form(
 
 
 @pytest.mark.defect
-def test_a_defect_is_told_in_the_form_that_was_asked_for(
+def test_internal_error_is_reported_in_the_requested_format(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def defect(*_: object, **__: object) -> None:
@@ -106,14 +106,14 @@ def test_a_defect_is_told_in_the_form_that_was_asked_for(
     assert exit_code == 1 and list(forms.values()) == [["TC899"]] * 4
 
 
-def test_a_form_that_a_command_has_not_is_refused_in_text(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unsupported_format_is_refused_in_text(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", "right.yaml", "--format", "sarif"]) == 2
     printed = capsys.readouterr()
     assert printed.out == "" and "expected `text` or `json`, found `sarif`" in printed.err
 
 
 def printed_on_terminal(words: Sequence[str], environment: dict[str, str]) -> str:
-    """What `thingc` prints where its standard output is a pseudo-terminal."""
+    """Return the output of `thingc` when its standard output is a pseudo-terminal."""
     master, slave = pty.openpty()
     try:
         subprocess.run([sys.executable, "-m", "thingc", *words], stdout=slave, stderr=slave, env=environment, check=False, timeout=60)
@@ -133,7 +133,7 @@ def printed_on_terminal(words: Sequence[str], environment: dict[str, str]) -> st
 PLAIN = "error[TC302]: this document has no component `plaet`\n"
 
 
-def test_colour_is_for_terminals(folder: Path) -> None:
+def test_colours_are_used_only_on_terminals(folder: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
     words = ["check", "wrong.yaml"]
     colored = printed_on_terminal(words, environment)
@@ -146,7 +146,7 @@ def test_colour_is_for_terminals(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("form", ["json", "github", "sarif"])
-def test_no_machine_gets_colours(form: str, folder: Path) -> None:
+def test_machine_readable_formats_have_no_colours(form: str, folder: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
     (folder / "bare.yaml").write_text("thingc: assembly/1\nname: bare\ncomponents: {a: {frame: true}, b: {frame: true}}\n")
     printed = printed_on_terminal(["check", "bare.yaml", "--format", form], environment)
@@ -159,7 +159,7 @@ def test_no_machine_gets_colours(form: str, folder: Path) -> None:
     (OSError(28, "No space left on device", "build"), "free disk space, or use another folder"),
     (OSError(30, "Read-only file system", "build"), "change the permissions, or choose another folder"),
 ])
-def test_what_the_system_refuses_has_a_hint(fault: OSError, help: str) -> None:
+def test_operating_system_errors_have_a_hint(fault: OSError, help: str) -> None:
     said = of_exception(fault)
     assert (said.code, said.message, said.help) == (Code.OUTPUT, f"`build`: {fault.strerror}", help)
 
@@ -170,8 +170,8 @@ def test_what_the_system_refuses_has_a_hint(fault: OSError, help: str) -> None:
     (["lock"], "cannot write a file: File too large"), (["schema"], "cannot write a file: File too large"),
     (["check", "--format", "json"], "cannot write a file: File too large"),
 ], ids=lambda value: " ".join(value[:2]) if isinstance(value, list) else "")
-def test_a_full_disk_is_no_defect_of_thingc_and_leaves_nothing(words: list[str], said: str, tmp_path: Path, shared_store: str) -> None:
-    """The system refuses every byte of a file (a file size limit: RLIMIT_FSIZE), and does not say which file it was."""
+def test_full_disk_is_a_user_error_and_leaves_no_files(words: list[str], said: str, tmp_path: Path, shared_store: str) -> None:
+    """The system refuses to write any byte (RLIMIT_FSIZE is 0), and does not report for which file."""
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "robot.yaml").write_text("thingc: assembly/1\nname: robot\ncomponents: {base: {frame: true}}\n")
     with open(tmp_path / "printed", "wb") as printed:

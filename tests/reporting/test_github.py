@@ -1,4 +1,4 @@
-"""Annotations of GitHub: read back with the rules of the runner, which are written out here once more."""
+"""GitHub annotations, parsed with a second implementation of the rules of the runner."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from thingc.tools.reporting.ci_formats import as_github
 
 
 def parsed(line: str) -> tuple[str, dict[str, str], str]:
-    """Command, properties and message as the runner's ActionCommand reads them: split first, then unescape, `%25` last."""
+    """Return command, properties and message as the runner's ActionCommand parses them: split first, then unescape, `%25` last."""
     head = re.fullmatch(r"::([a-z]+) ([^\n]*?)::([^\n]*)", line)
     assert head is not None, line
     properties = {}
@@ -30,7 +30,7 @@ def unescaped(text: str, more: dict[str, str]) -> str:
     return text
 
 
-def test_every_diagnostic_is_read_back(tmp_path: Path) -> None:
+def test_every_diagnostic_round_trips(tmp_path: Path) -> None:
     folder = repository(tmp_path)
     diagnostics = every_shape(folder)
     lines = as_github(diagnostics, base=str(folder)).splitlines()
@@ -56,7 +56,7 @@ def test_every_diagnostic_is_read_back(tmp_path: Path) -> None:
     assert "note: written here (work/a b,c%d#é.yaml:1:1)" in parsed(lines[0])[2]
 
 
-def test_files_are_named_from_the_repository_whatever_the_working_folder(
+def test_files_are_relative_to_the_repository(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
     folder = repository(tmp_path)
@@ -67,7 +67,7 @@ def test_files_are_named_from_the_repository_whatever_the_working_folder(
         assert parsed(capsys.readouterr().out.rstrip("\n"))[1]["file"] == "work/robot.yaml"
 
 
-def test_a_good_document_prints_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_valid_document_prints_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(repository(tmp_path) / "work")
     assert main(["check", "robot.yaml", "--format", "github", "--store", str(tmp_path / "store")]) == 0
     assert capsys.readouterr().out == ""

@@ -1,4 +1,4 @@
-"""SARIF: valid against the schema of OASIS in another implementation, and every place and word is in it."""
+"""SARIF logs are valid against the OASIS schema in another implementation, and contain every location and message."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ VALIDATOR = jsonschema.Draft4Validator(SCHEMA, format_checker=jsonschema.Draft4V
 
 
 def checked(text: str) -> dict[str, Any]:
-    """The one run of a log that its schema takes, whose indices lead where they should, and whose URIs are URIs."""
+    """Return the only run of a log, after checking the schema, all indices and all URIs."""
     log = json.loads(text)
     VALIDATOR.validate(log)
     (run,) = log["runs"]
@@ -48,7 +48,7 @@ def places(run: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def test_the_schema_refuses_what_is_no_sarif() -> None:
+def test_schema_rejects_invalid_sarif() -> None:
     log = {"version": "2.1.0", "runs": [{"tool": {"driver": {"name": "x"}}, "results": [{"ruleId": "TC1", "message": {"text": "x"}}]}]}
     VALIDATOR.validate(log)
     for wrong in ({"level": "fatal"}, {"message": "x"}, {"column": 3}, {"locations": [{"region": {"startLine": 0}}]}):
@@ -57,7 +57,7 @@ def test_the_schema_refuses_what_is_no_sarif() -> None:
             VALIDATOR.validate(log)
 
 
-def test_everything_that_is_said_is_in_it(tmp_path: Path) -> None:
+def test_log_contains_all_diagnostics(tmp_path: Path) -> None:
     folder = repository(tmp_path)
     diagnostics = every_shape(folder)
     run = checked(as_sarif(diagnostics, base=str(folder), version="1.2.3", documentation="https://example.org/codes/"))
@@ -86,7 +86,7 @@ def test_everything_that_is_said_is_in_it(tmp_path: Path) -> None:
     assert [n["descriptor"]["id"] for n in invocation["toolExecutionNotifications"]] == [Code.INTERNAL.code]
 
 
-def test_rules_are_told_in_full_and_lead_to_their_pages(tmp_path: Path, root: Path) -> None:
+def test_rules_are_complete_and_link_to_their_pages(tmp_path: Path, root: Path) -> None:
     folder = repository(tmp_path)
     run = checked(as_sarif(every_shape(folder), base=str(folder), version="1", documentation="https://example.org/codes"))
     rules = {rule["id"]: rule for rule in run["tool"]["driver"]["rules"]}
@@ -101,7 +101,7 @@ def test_rules_are_told_in_full_and_lead_to_their_pages(tmp_path: Path, root: Pa
     assert all("helpUri" not in rule for rule in without["tool"]["driver"]["rules"])
 
 
-def test_a_finding_keeps_its_fingerprint_when_lines_are_added_above(tmp_path: Path) -> None:
+def test_fingerprint_does_not_depend_on_line_numbers(tmp_path: Path) -> None:
     from msgspec.structs import replace
 
     folder = repository(tmp_path)
@@ -116,19 +116,19 @@ def test_a_finding_keeps_its_fingerprint_when_lines_are_added_above(tmp_path: Pa
     assert twice[0]["partialFingerprints"] != twice[1]["partialFingerprints"]
 
 
-def test_no_finding_at_all_is_a_good_run() -> None:
+def test_empty_log_is_a_successful_run() -> None:
     run = checked(as_sarif([], base="/", version="1"))
     assert run["results"] == [] and run["invocations"] == [{"executionSuccessful": True}]
 
 
-def test_columns_count_characters_as_the_log_says(tmp_path: Path) -> None:
-    """SARIF counts UTF-16 units unless told otherwise; spans count characters."""
+def test_columns_count_unicode_code_points(tmp_path: Path) -> None:
+    """The default of SARIF is UTF-16 code units; spans count characters."""
     assert checked(as_sarif([], base=str(tmp_path), version="1"))["columnKind"] == "unicodeCodePoints"
     text = "name: two # \U0001f9be\n"
     assert len(text) != len(text.encode("utf-16-le")) // 2
 
 
-def test_warnings_alone_are_no_failure(tmp_path: Path) -> None:
+def test_warnings_do_not_fail_the_run(tmp_path: Path) -> None:
     folder = repository(tmp_path)
     warnings = [d for d in every_shape(folder) if d.severity is Severity.WARNING]
     assert checked(as_sarif(warnings, base=str(folder), version="1"))["invocations"][0]["executionSuccessful"]

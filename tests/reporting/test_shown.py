@@ -1,4 +1,4 @@
-"""What somebody else wrote reaches a reader as text and nothing more, in every form."""
+"""Untrusted text is escaped in every output format."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from reporting.test_github import parsed
 from reporting.test_sarif import checked
 from thingc.base.diagnostic_output import as_json, as_text
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
-from thingc.base.safe_text import LONGEST, LONGEST_QUOTE, escape_control, json_text, shortened
+from thingc.base.safe_text import LONGEST, LONGEST_QUOTE, abbreviate, escape_control, json_text
 from thingc.driver.testing.results import as_junit
 from thingc.tools.reporting.ci_formats import as_github, as_sarif
 
@@ -30,17 +30,17 @@ NEVER = {
     "a space of no width": "\u200b", "a joiner": "\u200d", "a byte order mark": "\ufeff", "half a character": "\ud800",
     "a tag": "\U000e0041", "a filler": "\u3164", "a selector": "\ufe0f",
 }
-"""What a terminal obeys or nobody sees."""
+"""Characters that terminals interpret or that are invisible."""
 
 
 @pytest.mark.parametrize("text", NEVER.values(), ids=NEVER)
-def test_what_a_terminal_obeys_or_nobody_sees_is_written_out(text: str) -> None:
-    """As a Python literal writes it, so that it can be told apart and searched for."""
+def test_control_and_invisible_characters_are_escaped(text: str) -> None:
+    """They are escaped as in a Python literal, so that they can be distinguished and searched for."""
     assert escape_control(f"q{text}:X") == f"q{text.encode('unicode_escape').decode()}:X"
 
 
-def test_every_character_of_unicode_is_judged() -> None:
-    """The general categories are the oracle: controls, formats, halves, separators and what is nothing are never shown as they are."""
+def test_escaping_follows_the_unicode_category() -> None:
+    """Control, format, surrogate, separator and unassigned characters are always escaped."""
     for number in range(sys.maxunicode + 1):
         character = chr(number)
         category = unicodedata.category(character)
@@ -51,41 +51,41 @@ def test_every_character_of_unicode_is_judged() -> None:
 
 
 @given(st.text(alphabet=st.one_of(st.characters(), st.characters(categories=["Cs"]), st.sampled_from("".join(NEVER.values())))))
-def test_shown_text_is_one_printable_line(text: str) -> None:
+def test_escaped_text_is_one_printable_line(text: str) -> None:
     assert escape_control(text).isprintable()
     assert escape_control(escape_control(text)) == escape_control(text)
 
 
 @given(st.text(alphabet=st.one_of(st.characters(exclude_categories=["Cs"]), st.sampled_from("\x1b\u202e\x7f\u2028\ufeff"))))
-def test_json_keeps_every_character(text: str) -> None:
+def test_json_preserves_every_character(text: str) -> None:
     written = json_text(json.dumps({"a": [text, {text: 1}]}, indent=2, ensure_ascii=False))
     assert json.loads(written) == {"a": [text, {text: 1}]}
     assert all(line.isprintable() for line in written.split("\n"))
 
 
-def test_half_a_character_stays_one_in_json() -> None:
+def test_lone_surrogate_is_preserved_in_json() -> None:
     assert json_text(json.dumps("\ud800x", ensure_ascii=False)) == '"\\ud800x"'
 
 
 @pytest.mark.parametrize("name", ["x" * 10**6, "`" * 10**6, "\u202e" * 10**6])
-def test_a_name_of_a_million_characters_is_shortened(name: str) -> None:
-    message = shortened(f"unknown key `{name}` in `components`")
+def test_very_long_names_are_shortened(name: str) -> None:
+    message = abbreviate(f"unknown key `{name}` in `components`")
     assert len(message) < LONGEST + 100 and message.startswith("unknown key `" + name[:50]) and message.endswith("in `components`")
     assert re.search(r"\(10000\d\d characters\)", message)
     assert len(Diagnostic(code=Code.SYNTAX, severity=Severity.ERROR, message=f"`{name}`", help=f"`{name}`").message) < LONGEST + 100
 
 
-def test_what_is_short_stays_whole() -> None:
+def test_short_messages_are_not_shortened() -> None:
     message = f"`{'x' * LONGEST_QUOTE}` and `{'y' * LONGEST_QUOTE}`"
-    assert shortened(message) == message
-    assert "xx... (161 characters) ...xx" in shortened(f"found `{'x' * (LONGEST_QUOTE + 1)}`")
+    assert abbreviate(message) == message
+    assert "xx... (161 characters) ...xx" in abbreviate(f"found `{'x' * (LONGEST_QUOTE + 1)}`")
 
 
 HOSTILE = "q" + "".join(NEVER.values()) + "X"
 
 
 def hostile(folder: Path) -> Diagnostic:
-    """A diagnostic every word of which is hostile, at a place in a file that is called so."""
+    """Return a diagnostic in which every text is hostile, at a location in a file with a hostile name."""
     document = repository(folder) / "work" / "\x1b[31m\u202e.yaml"
     document.write_text(f"name: a\n  \u202e\x1bpart: {'x'}\u200b # {'y'}\n")
     return Diagnostic(
@@ -95,7 +95,7 @@ def hostile(folder: Path) -> Diagnostic:
     )
 
 
-def test_a_code_frame_points_at_the_right_column_however_wide_the_escapes_are(tmp_path: Path) -> None:
+def test_caret_column_accounts_for_escapes(tmp_path: Path) -> None:
     lines = as_text([hostile(tmp_path)]).split("\n")
     frame = next(k for k, line in enumerate(lines) if line.startswith("  2 | "))
     assert lines[frame] == "  2 |   \\u202e\\x1bpart: x\\u200b # y"
@@ -103,7 +103,7 @@ def test_a_code_frame_points_at_the_right_column_however_wide_the_escapes_are(tm
     assert lines[frame][begin:end] == "part"
 
 
-def test_the_caret_is_as_wide_as_what_it_points_at(tmp_path: Path) -> None:
+def test_caret_is_as_wide_as_the_escaped_text(tmp_path: Path) -> None:
     document = repository(tmp_path) / "work" / "wide.yaml"
     document.write_text("a: \u202e\x1b[31m b\n")
     said = as_text([Diagnostic(code=Code.SYNTAX, severity=Severity.ERROR, message="x", span=span(document, 1, 4, 6))])
@@ -111,7 +111,7 @@ def test_the_caret_is_as_wide_as_what_it_points_at(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("debug", [False, True])
-def test_text_and_the_forms_for_reviews_and_tests_hold_nothing_hidden(tmp_path: Path, debug: bool) -> None:
+def test_all_formats_escape_hidden_characters(tmp_path: Path, debug: bool) -> None:
     found = [hostile(tmp_path)]
     forms = {
         "text": as_text(found, debug=debug), "github": as_github(found, base=str(tmp_path)),
@@ -125,14 +125,14 @@ def test_text_and_the_forms_for_reviews_and_tests_hold_nothing_hidden(tmp_path: 
     assert ElementTree.fromstring(forms["junit"]).find(".//error") is not None
 
 
-def test_json_for_programs_has_the_exact_text(tmp_path: Path) -> None:
+def test_json_contains_the_exact_text(tmp_path: Path) -> None:
     found = hostile(tmp_path)
     (entry,) = json.loads(json_text(json.dumps(as_json([found]), ensure_ascii=False)))
     assert (entry["message"], entry["path"], entry["help"]) == (found.message, found.path, found.help)
     assert entry["file"].endswith("\x1b[31m\u202e.yaml")
 
 
-def test_a_tab_stays_in_a_code_frame_and_the_caret_goes_with_it(tmp_path: Path) -> None:
+def test_tab_is_preserved_in_a_code_frame(tmp_path: Path) -> None:
     document = repository(tmp_path) / "work" / "tab.toml"
     document.write_text("\t\u202ea = 1\n")
     said = as_text([Diagnostic(code=Code.SYNTAX, severity=Severity.ERROR, message="a\tb", span=span(document, 1, 3, 4))])

@@ -1,4 +1,4 @@
-"""Runs documents written in a test through load, validate and resolve, with part schemas written by hand."""
+"""Load, validate and resolve documents written in tests, with hand-written part schemas."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ SCHEMAS: dict[str, PartSchema | PartFailure] = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a document: the model and everything said."""
+    """The result of a document: the model and all diagnostics."""
 
     model: AssemblyDefinition | None
     report: Report
@@ -71,9 +71,9 @@ class Outcome:
 
     @property
     def said(self) -> list[str]:
-        """`TC305 arm.yaml:7:12 message | help`, in the order of places; notes below, with `+`."""
+        """Return diagnostics as `TC305 arm.yaml:7:12 message | help`, in the order of positions; notes follow, with `+`."""
         lines = []
-        for d in self.report.ordered():
+        for d in self.report.sorted_diagnostics():
             place = self._place(d.span) if d.span else f"({d.path})"
             lines.append(f"{d.code.code} {place} {d.message}" + (f" | {d.help}" if d.help else ""))
             lines.extend(f"+ {self._place(note.span)} {note.message}" for note in d.notes)
@@ -87,7 +87,7 @@ class Outcome:
 
     @property
     def good(self) -> AssemblyDefinition:
-        """The model of a document that must have nothing wrong."""
+        """Return the model of a document that must have no diagnostics."""
         assert self.said == []
         assert self.model is not None
         return self.model
@@ -113,7 +113,7 @@ def run(
     folder: Path, files: Mapping[str, str] | str, parameters: Mapping[str, str] | None = None, root: str = "",
     schemas: Mapping[str, PartSchema | PartFailure] = SCHEMAS,
 ) -> Outcome:
-    """Write the documents (dedented; one alone is `arm.yaml`), then load, validate and resolve the first of them."""
+    """Write the documents (dedented; a single one is `arm.yaml`), then load, validate and resolve the first of them."""
     if isinstance(files, str):
         files = {"arm.yaml": files}
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\nparts = []\n')

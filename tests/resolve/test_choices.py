@@ -1,4 +1,4 @@
-"""Choices (`--set components.foot.part=feet:Wide`): what they replace, where, and what is a robot of its own because of them."""
+"""Choices (`--set components.foot.part=feet:Wide`): the values that they replace, and which robots become distinct because of them."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ def masses(compilation: Compilation) -> dict[str, float]:
     ("components.foot", None), ("part", None), ("components.foot.mass", None), ("components..part", None), ("", None),
     ("components.foot.params.length", None), ("components.a b.part", None), ("components.foot.part.x", None),
 ])
-def test_paths(path: str, meant: ChoicePath | None) -> None:
+def test_choice_paths_are_parsed(path: str, meant: ChoicePath | None) -> None:
     assert parse(path) == meant
 
 
-def test_a_choice_inside_one_nested_assembly_leaves_the_other_alone(tmp_path: Path, shared_store: str) -> None:
+def test_choice_in_one_nested_assembly_does_not_affect_others(tmp_path: Path, shared_store: str) -> None:
     found = compiled(tmp_path, shared_store, {"components.left.components.upper.part": "plates:Square"})
     assert found.report.diagnostics == []
     assert parts(found)["left/upper"] == "plates:Square" and parts(found)["right/upper"] == "plates:Round"
@@ -83,7 +83,7 @@ def test_equal_choices_make_equal_definitions(tmp_path: Path, shared_store: str)
     assert nested == ["mast(components.upper.part='plates:Square')"]
 
 
-def test_a_choice_that_the_document_makes_itself_is_none(tmp_path: Path, shared_store: str) -> None:
+def test_choice_equal_to_the_document_has_no_effect(tmp_path: Path, shared_store: str) -> None:
     plain = compiled(tmp_path, shared_store, {})
     chosen = compiled(tmp_path, shared_store, {
         "components.plate.part": "plates:Square", "components.left.assembly": "./mast.yaml", "defaults.component.material": "light",
@@ -92,13 +92,13 @@ def test_a_choice_that_the_document_makes_itself_is_none(tmp_path: Path, shared_
     assert chosen.assembly.definition.text == "family" and chosen.assembly.definition.parameters == plain.assembly.definition.parameters
 
 
-def test_another_assembly_brings_its_own_documents_and_parts(tmp_path: Path, shared_store: str) -> None:
+def test_replaced_assembly_uses_its_own_documents(tmp_path: Path, shared_store: str) -> None:
     found = compiled(tmp_path, shared_store, {"components.right.assembly": "tall_mast.yaml"})
     assert "right/middle" in parts(found) and "left/middle" not in parts(found)
     assert found.documents is not None and "tall_mast.yaml" in found.documents.by_path
 
 
-def test_materials_of_one_component_of_a_row_and_of_all(tmp_path: Path, shared_store: str) -> None:
+def test_materials_of_one_and_of_all_repeated_components(tmp_path: Path, shared_store: str) -> None:
     chosen = {"components.row_1.material": "heavy", "components.right.components.lower.material": "heavy"}
     found = masses(compiled(tmp_path, shared_store, chosen))
     assert found["row_0"] == pytest.approx(500 * DISC, rel=1e-9) and found["row_1"] == pytest.approx(5000 * DISC, rel=1e-9)
@@ -110,13 +110,13 @@ def test_materials_of_one_component_of_a_row_and_of_all(tmp_path: Path, shared_s
     assert found["left/upper"] == pytest.approx(500 * DISC, rel=1e-9)  # defaults are of one document
 
 
-def test_everything_wrong_with_choices_is_said_at_once(tmp_path: Path, shared_store: str) -> None:
+def test_all_invalid_choices_are_reported_at_once(tmp_path: Path, shared_store: str) -> None:
     found = compiled(tmp_path, shared_store, {
         "components.plat.part": "plates:Round", "components.plate.part": "plates:Rond", "components.left.material": "heavy",
         "components.left.components.uper.part": "plates:Round", "components.right.assembly": "family.yaml",
         "components.row.material": "havy", "components.row.assembly": "mast.yaml", "plate": "x",
     })
-    said = [(one.path, one.code) for one in found.report.ordered()]
+    said = [(one.path, one.code) for one in found.report.sorted_diagnostics()]
     assert {code for _, code in said} == {Code.CHOICE_OPTION}
     assert {path for path, _ in said} == {
         "--set components.plat.part", "--set components.plate.part", "--set components.left.material", "--set plate",
@@ -125,20 +125,20 @@ def test_everything_wrong_with_choices_is_said_at_once(tmp_path: Path, shared_st
     }
 
 
-def test_a_part_that_is_missing_gets_a_hint_and_one_that_is_refused_gets_none(tmp_path: Path, shared_store: str) -> None:
+def test_missing_part_gets_a_hint_and_refused_part_does_not(tmp_path: Path, shared_store: str) -> None:
     choices = {"components.plate.part": "plates:Squar", "components.left.components.upper.part": "os:path"}
-    found = compiled(tmp_path, shared_store, choices).report.ordered()
+    found = compiled(tmp_path, shared_store, choices).report.sorted_diagnostics()
     assert {one.path: one.help for one in found} == {
         "--set components.plate.part": "did you mean `plates:Square`?", "--set components.left.components.upper.part": None,
     }
 
 
-def test_an_assembly_that_is_not_there(tmp_path: Path, shared_store: str) -> None:
+def test_missing_assembly_gets_a_hint(tmp_path: Path, shared_store: str) -> None:
     (said,) = compiled(tmp_path, shared_store, {"components.left.assembly": "mask.yaml"}).report.diagnostics
     assert (said.code, said.help) == (Code.CHOICE_OPTION, "did you mean `mast.yaml`?")
 
 
-def test_commands_and_the_library_take_them(tmp_path: Path, shared_store: str) -> None:
+def test_commands_and_python_api_accept_choices(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, family=FAMILY)
     words = ("--set", "components.row.material=heavy")
     run = partial(thingc_here, cwd=here, store=shared_store)
@@ -174,7 +174,7 @@ BY_PATH = [
 
 
 def models(folder: Path, store: str, document: str, choices: dict[str, str]) -> dict[str, object]:
-    """The MJCF models of a pendulum's document."""
+    """Return the MJCF models of a pendulum document."""
     workspace(folder, pendulum=document)
     with Environment(str(folder / "pendulum.yaml"), Options(store=store, choices=choices)) as environment:
         compilation = pipeline.compile(environment)
@@ -183,8 +183,8 @@ def models(folder: Path, store: str, document: str, choices: dict[str, str]) -> 
         return {path: content for path, content in files.items() if path.endswith(".xml")}
 
 
-def test_a_value_by_its_path_is_as_if_it_were_written_there(tmp_path: Path, shared_store: str) -> None:
-    """The same models, byte for byte, as of a document in which somebody has edited it."""
+def test_value_by_path_equals_an_edit_of_the_document(tmp_path: Path, shared_store: str) -> None:
+    """The models are byte-identical to those of an edited document."""
     plain = models(tmp_path, shared_store, PENDULUM, {})
     for path, text, written, instead in BY_PATH:
         assert PENDULUM.count(written) == 1
@@ -193,7 +193,7 @@ def test_a_value_by_its_path_is_as_if_it_were_written_there(tmp_path: Path, shar
         assert found != plain, path
 
 
-def test_a_value_inside_one_nested_assembly_leaves_the_other_alone(tmp_path: Path, shared_store: str) -> None:
+def test_value_in_one_nested_assembly_does_not_affect_others(tmp_path: Path, shared_store: str) -> None:
     found = compiled(tmp_path, shared_store, {"components.left.components.upper.mass": "7 g", "components.row.mass": "2 g"})
     assert found.report.diagnostics == []
     weights = masses(found)
@@ -201,16 +201,16 @@ def test_a_value_inside_one_nested_assembly_leaves_the_other_alone(tmp_path: Pat
     assert [weights[f"row_{k}"] for k in range(3)] == [0.002] * 3
 
 
-def test_a_wrong_path_inside_a_nested_assembly_is_told_the_whole_nearest_one(tmp_path: Path, shared_store: str) -> None:
+def test_wrong_nested_path_suggests_the_complete_path(tmp_path: Path, shared_store: str) -> None:
     found = compiled(tmp_path, shared_store, {"components.left.components.uper.mass": "7 g", "components.row_1.mass": "2 g"})
-    assert [(one.code, one.path, one.message, one.help) for one in found.report.ordered()] == [
+    assert [(one.code, one.path, one.message, one.help) for one in found.report.sorted_diagnostics()] == [
         (Code.CHOICE_OPTION, "--set components.row_1.mass", "`components` has no `row_1`", "did you mean `components.row.mass`?"),
         (Code.CHOICE_OPTION, "--set components.left.components.uper.mass", "`components.left.components` has no `uper`",
          "did you mean `components.left.components.upper.mass`?"),
     ]
 
 
-def test_what_a_later_pass_says_of_a_value_is_said_of_the_option(tmp_path: Path, shared_store: str) -> None:
+def test_later_errors_in_a_value_refer_to_the_option(tmp_path: Path, shared_store: str) -> None:
     (said,) = pendulum(tmp_path, shared_store, {"joints.swing.limit.upper": "40000 deg"}).report.diagnostics
     assert (said.code, said.span, said.path) == (Code.LIMIT_TURNS, None, "--set joints.swing.limit.upper=40000 deg")
     (said,) = pendulum(tmp_path, shared_store, {"poses.tilted.swing": "100 deg"}).report.diagnostics
@@ -218,7 +218,7 @@ def test_what_a_later_pass_says_of_a_value_is_said_of_the_option(tmp_path: Path,
     assert pendulum(tmp_path, shared_store, {"joints.swing.limit.upper": "1.5 rad"}).report.diagnostics == []  # no word on units
 
 
-def test_a_document_with_faults_of_its_own_is_not_looked_into(tmp_path: Path, shared_store: str) -> None:
+def test_choices_are_not_checked_in_an_invalid_document(tmp_path: Path, shared_store: str) -> None:
     workspace(tmp_path, pendulum=PENDULUM.replace("mass: 2 kg", "mass: 2 m"))
     with Environment(str(tmp_path / "pendulum.yaml"), Options(store=shared_store, choices={"joints.swin.gap": "1 mm"})) as environment:
         compilation = pipeline.compile(environment)

@@ -1,4 +1,4 @@
-"""Components: part parameters, materials, overrides, placements, and what stays out of the model when it is wrong."""
+"""Components: part parameters, materials, overrides and placements, and which parts of invalid components are omitted from the model."""
 
 from __future__ import annotations
 
@@ -59,16 +59,16 @@ materials:
 
 
 def unplaced(process: Process | None) -> Process | None:
-    """What a process says, wherever it is written."""
+    """Return a process without its source locations."""
     return None if process is None else replace(process, origins={})
 
 
 def lines(process: Process) -> dict[str, int]:
-    """The lines that say it, by key."""
+    """Return the source line of each key of a process."""
     return {key: origin[0].line for key, origin in process.origins.items()}
 
 
-def test_everything_a_component_says(tmp_path: Path) -> None:
+def test_all_keys_of_a_component(tmp_path: Path) -> None:
     outcome = run(tmp_path, {"arm.yaml": ARM, "materials.yaml": MATERIALS})
     assert outcome.said == []
     plate, brace, board = (outcome.component(name) for name in ("plate", "brace", "board"))
@@ -121,7 +121,7 @@ def test_everything_a_component_says(tmp_path: Path) -> None:
     assert board.placement.pose.rotation == ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0))  # +90 deg about y
 
 
-def test_a_label_is_short_where_a_sum_is_not(tmp_path: Path) -> None:
+def test_labels_are_rounded(tmp_path: Path) -> None:
     document = """
         thingc: assembly/1
         name: arm
@@ -134,7 +134,7 @@ def test_a_label_is_short_where_a_sum_is_not(tmp_path: Path) -> None:
     assert brace.label == "arm:Brace(length=300 mm, tilt=0.333333 deg, weight=1.5 kg)"
 
 
-def test_materials(tmp_path: Path) -> None:
+def test_materials_are_resolved(tmp_path: Path) -> None:
     scope = run(tmp_path, {"arm.yaml": ARM, "materials.yaml": MATERIALS}).good.materials
     petg, steel, light = scope["petg"], scope["steel"], scope["light"]
     assert (petg.density, petg.color, petg.slide, petg.torsion, petg.roll) == (1270.0, "#e6e6fa", 0.4, 0.005, None)
@@ -145,7 +145,7 @@ def test_materials(tmp_path: Path) -> None:
     assert light.density == 500.0
 
 
-def test_a_library_that_is_not_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_material_library_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = builtins.__import__
 
     def without(name: str, *rest: Any, **more: Any) -> Any:
@@ -166,7 +166,7 @@ def test_a_library_that_is_not_installed(tmp_path: Path, monkeypatch: pytest.Mon
     ]
 
 
-def test_places_of_what_the_defaults_say(tmp_path: Path) -> None:
+def test_default_values_keep_their_source_location(tmp_path: Path) -> None:
     outcome = run(tmp_path, """
         thingc: assembly/1
         name: arm
@@ -179,7 +179,8 @@ def test_places_of_what_the_defaults_say(tmp_path: Path) -> None:
     assert (outcome.component("plate").origin[0].line, outcome.component("plate").origin[0].column) == (5, 3)
 
 
-def test_what_is_wrong_has_no_definition_what_is_nowhere_no_place_and_the_rest_stays(tmp_path: Path) -> None:
+def test_valid_components_are_resolved_despite_errors(tmp_path: Path) -> None:
+    """Invalid components have no definition, and components with an invalid placement have no placement."""
     outcome = run(tmp_path, """
         thingc: assembly/1
         name: arm
@@ -197,7 +198,7 @@ def test_what_is_wrong_has_no_definition_what_is_nowhere_no_place_and_the_rest_s
     assert [name for name, c in by_name.items() if c.placement is not None] == ["on_bad"]
 
 
-def test_file_parts(tmp_path: Path) -> None:
+def test_file_parts_are_resolved(tmp_path: Path) -> None:
     (tmp_path / "cad").mkdir()
     (tmp_path / "cad" / "motor.STEP").write_text("")
     outcome = run(tmp_path, {"robots/arm.yaml": """
@@ -213,7 +214,7 @@ def test_file_parts(tmp_path: Path) -> None:
     )
 
 
-def test_a_file_part_that_load_has_refused_says_nothing_more(tmp_path: Path) -> None:
+def test_refused_file_part_causes_no_further_errors(tmp_path: Path) -> None:
     (tmp_path / "w").mkdir()
     outcome = run(tmp_path / "w", """
         thingc: assembly/1
@@ -227,7 +228,7 @@ def test_a_file_part_that_load_has_refused_says_nothing_more(tmp_path: Path) -> 
     assert [line.split()[0] for line in outcome.said] == ["TC114", "TC114", "TC115"]
 
 
-def test_part_definitions_come_once_in_document_order(tmp_path: Path) -> None:
+def test_part_definitions_are_unique_and_in_document_order(tmp_path: Path) -> None:
     outcome = run(tmp_path, {
         "arm.yaml": """
             thingc: assembly/1
@@ -252,7 +253,7 @@ def test_part_definitions_come_once_in_document_order(tmp_path: Path) -> None:
 
 
 def test_links_with_equal_shapes_have_equal_definitions(tmp_path: Path) -> None:
-    """Wherever they are in the documents."""
+    """The position in the documents does not matter."""
     outcome = run(tmp_path, """
         thingc: assembly/1
         name: arm
@@ -266,7 +267,7 @@ def test_links_with_equal_shapes_have_equal_definitions(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("limit", [3, 2])
-def test_only_so_many_parts_that_fail_are_reported(limit: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_number_of_reported_part_failures_is_limited(limit: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thingc.model.resolve.parts.MAX_FAULTS", limit)
     components = "".join(
         f"  c{number}: {{part: '{part}'{', attach: {x: c0.y}' if number else ''}}}\n"

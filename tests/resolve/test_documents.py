@@ -1,4 +1,4 @@
-"""Several documents: TOML beside YAML, deep nesting, circles, and input that must never raise."""
+"""Several documents: TOML and YAML, deep nesting, cycles, and random input that must never raise."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ group = 3
 
 
 def plain(value: Any) -> Any:
-    """A model without its places."""
+    """Return a model without its source locations."""
     if isinstance(value, (FrozenStruct, LinkShape)):
         skipped = ("origins", "spans", "keys", "document")
         names = value.__struct_fields__ if isinstance(value, FrozenStruct) else value.__slots__
@@ -99,13 +99,13 @@ def plain(value: Any) -> Any:
     return value
 
 
-def test_toml_says_what_yaml_says(tmp_path: Path) -> None:
+def test_toml_and_yaml_give_equal_models(tmp_path: Path) -> None:
     yaml, toml = run(tmp_path, {"arm.yaml": YAML}).good, run(tmp_path, {"arm.toml": TOML}).good
     assert plain(yaml) == plain(toml)
     assert len(yaml.components) == 5 and yaml.modes[1].root.text == "brace.end"
 
 
-def test_two_runs_give_equal_models(tmp_path: Path) -> None:
+def test_repeated_runs_give_equal_models(tmp_path: Path) -> None:
     assert run(tmp_path, FILES).good == run(tmp_path, FILES).good
 
 
@@ -127,18 +127,18 @@ def chain(length: int) -> dict[str, str]:
     return files
 
 
-def test_a_hundred_documents_deep(tmp_path: Path) -> None:
+def test_hundred_nested_documents_are_allowed(tmp_path: Path) -> None:
     outcome = run(tmp_path, chain(100))
     assert len(outcome.good.poses[0].values) == 100
     assert max(outcome.good.poses[0].values, key=len).count("/") == 99
 
 
-def test_more_than_that_is_an_error_and_not_a_crash(tmp_path: Path) -> None:
+def test_deeper_nesting_is_an_error(tmp_path: Path) -> None:
     outcome = run(tmp_path, chain(140))
     assert [line.split(" ", 1)[0] for line in outcome.said] == ["TC108"]
 
 
-def test_a_circle_of_documents_ends(tmp_path: Path) -> None:
+def test_document_cycle_is_reported(tmp_path: Path) -> None:
     outcome = run(tmp_path, {
         f"{name}.yaml": f"""
             thingc: assembly/1
@@ -165,8 +165,8 @@ SCALARS = [
 @given(st.integers(0, 10**9))
 @example(106889)  # a list for a pattern of joints
 @example(12693)  # a joint of no type with a mimic of no kind
-def test_nothing_written_makes_the_pass_raise(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
-    """Documents with values swapped for others, keys dropped and renamed: a report, never an exception."""
+def test_mutated_documents_never_raise(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
+    """Values are replaced by others, and keys are removed and renamed: the result is a report, never an exception."""
     chance = random.Random(seed)
     files = dict(FILES if chance.random() < 0.5 else {"arm.yaml": YAML})
     if chance.random() < 0.3:

@@ -1,4 +1,4 @@
-"""Joints, mimics, poses and modes: values worked out by hand."""
+"""Joints, mimics, poses and modes: compared with manually computed values."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def line_of(start: str) -> int:
 FILES = {"robot.yaml": ROBOT, "hand.yaml": HAND}
 
 
-def test_joints(tmp_path: Path) -> None:
+def test_joints_are_resolved(tmp_path: Path) -> None:
     outcome = run(tmp_path, FILES)
     assert outcome.said == []
     shoulder, elbow, roll, slide, weld = (outcome.joint(n) for n in ("shoulder", "elbow", "roll", "slide", "weld"))
@@ -132,7 +132,7 @@ def test_joints(tmp_path: Path) -> None:
     assert (weld.kind.name, weld.gap, weld.limit, weld.dynamics) == ("fixed", 0.003, Limit(), Dynamics())
 
 
-def test_a_default_drive_with_the_gains_of_a_turn_is_none_for_slides(tmp_path: Path) -> None:
+def test_default_drive_for_turns_does_not_apply_to_slides(tmp_path: Path) -> None:
     drive = "{kind: position, kp: 20 N*m/rad, kv: 0.5 N*m*s/rad}"
     text = ROBOT.replace("    gap: 2 mm\n", f"    gap: 2 mm\n    drive: {drive}\n", 1)
     outcome = run(tmp_path, {"robot.yaml": text, "hand.yaml": HAND})
@@ -143,7 +143,7 @@ def test_a_default_drive_with_the_gains_of_a_turn_is_none_for_slides(tmp_path: P
     assert elbow.drive is not None and elbow.drive.kv == 1.0  # its own
 
 
-def test_places_within_a_joint(tmp_path: Path) -> None:
+def test_source_locations_within_a_joint(tmp_path: Path) -> None:
     outcome = run(tmp_path, FILES)
     lines = ROBOT.lstrip("\n").splitlines()
     spans = outcome.joint("shoulder").spans
@@ -153,7 +153,7 @@ def test_places_within_a_joint(tmp_path: Path) -> None:
     assert spans["limit.lower"].line < spans["limit.upper"].line  # the first is written among the defaults
 
 
-def test_poses(tmp_path: Path) -> None:
+def test_poses_are_resolved(tmp_path: Path) -> None:
     outcome = run(tmp_path, FILES)
     assert outcome.pose("home").values == pytest.approx({"shoulder": math.pi / 6, "elbow": -math.pi / 6, "hand/finger": 0.005})
     assert outcome.pose("shut").values == {"hand/finger": 0.002}  # a pattern wins over a nested pose
@@ -162,7 +162,7 @@ def test_poses(tmp_path: Path) -> None:
     assert [span.line for span in outcome.pose("home").origins["elbow"]] == [line_of("  home:")]
 
 
-def test_a_value_of_a_nested_pose_has_both_places(tmp_path: Path) -> None:
+def test_value_of_a_nested_pose_has_both_locations(tmp_path: Path) -> None:
     outcome = run(tmp_path, {"robot.yaml": ROBOT.replace(', "hand.*": 2 mm', ""), "hand.yaml": HAND})
     shut = outcome.pose("shut")
     assert shut.values == {"hand/finger": 0.015}
@@ -170,7 +170,7 @@ def test_a_value_of_a_nested_pose_has_both_places(tmp_path: Path) -> None:
     assert places == [("hand.yaml", 9), ("robot.yaml", line_of("  shut:"))]
 
 
-def test_modes(tmp_path: Path) -> None:
+def test_modes_are_resolved(tmp_path: Path) -> None:
     outcome = run(tmp_path, FILES)
     first, second, third, fourth, fifth = (outcome.mode(n) for n in ("first", "second", "third", "fourth", "fifth"))
 
@@ -212,22 +212,22 @@ def test_friction_of_feet(friction: str, value: float | None, tmp_path: Path) ->
         assert said == [] and feet is not None and (feet.friction, [foot.text for foot in feet.mounts]) == (value, ["body.sole"])
 
 
-def test_a_document_without_modes_has_one(tmp_path: Path) -> None:
+def test_document_without_modes_has_a_default_mode(tmp_path: Path) -> None:
     outcome = run(tmp_path, {"hand.yaml": HAND.replace("modes: {broken: {root: nowhere}}\nsimulation: {timestep: 3 ms}\n", "")})
     (mode,) = outcome.good.modes
     assert (mode.name, mode.root.text, mode.base, mode.poses, mode.actuators) == ("default", "cap", "fixed", ("open",), None)
     assert mode.gravity == (0.0, 0.0, -9.81)
 
 
-def test_modes_of_nested_documents_are_not_worked_out(tmp_path: Path) -> None:
-    """What they say of the simulation is, which is not that of the whole robot: see `test_modes`."""
+def test_modes_of_nested_documents_are_not_resolved(tmp_path: Path) -> None:
+    """Their simulation options are resolved, but do not apply to the whole robot: see `test_modes_are_resolved`."""
     hand = run(tmp_path, FILES).component("hand").definition
     assert hand is not None and hand.modes == () and hand.simulation == {"timestep": 0.003}
     wrong = run(tmp_path, {**FILES, "hand.yaml": HAND.replace("timestep: 3 ms", "timestep: 0")})
     assert wrong.said == ["TC315 hand.yaml:11:24 `timestep` must be above 0, found `0`"]
 
 
-def test_raw_links_and_mounts(tmp_path: Path) -> None:
+def test_raw_attributes_links_and_exported_mounts(tmp_path: Path) -> None:
     model = run(tmp_path, FILES).good
     assert [(r.target, r.path, r.value) for r in model.raw] == [
         ("mjcf", ("joint", "elbow", "solreflimit"), "0.01 1"), ("mjcf", ("joint", "elbow", "frictionloss"), "0.001"),
@@ -240,8 +240,9 @@ def test_raw_links_and_mounts(tmp_path: Path) -> None:
     assert {name: mount.text for name, mount in model.mounts.items()} == {"palm": "hand.tip"}
 
 
-def test_a_wrong_value_in_a_pose_leaves_no_joint_beyond_its_limits(tmp_path: Path) -> None:
-    """Else `link` would say of each that 0 is outside its limits, which nobody wrote."""
+def test_invalid_pose_value_causes_no_limit_errors(tmp_path: Path) -> None:
+    """Joints without a value are clamped to their limits. Otherwise `link` would report that 0 is outside the limits, although the
+    document does not contain this value."""
     outcome = run(tmp_path, """
         thingc: assembly/1
         name: arm
@@ -263,7 +264,7 @@ def test_a_wrong_value_in_a_pose_leaves_no_joint_beyond_its_limits(tmp_path: Pat
     assert outcome.pose("fine").values == {"up": 0.006}
 
 
-def test_a_root_is_a_component_or_a_mount_at_any_depth(tmp_path: Path) -> None:
+def test_root_is_a_component_or_mount_at_any_depth(tmp_path: Path) -> None:
     arm, hand = (
         f"thingc: assembly/1\nname: {name}\ncomponents:\n  plate: {{part: 'arm:Plate'}}\n"
         f"  {inner}: {{assembly: {inner}.yaml, attach: {{grip: plate.top}}}}\nmounts: {{grip: plate.x}}\n"

@@ -1,4 +1,4 @@
-"""Parameters: expressions in any order, what a parent and the command line set, canonical values and texts."""
+"""Parameters: expressions in any order, values set by a parent and on the command line, canonical values and texts."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_values_are_si_and_expressions_need_no_order(tmp_path: Path) -> None:
     assert type(found["legs"]) is int
 
 
-def test_the_command_line_reads_values_as_the_document_does(tmp_path: Path) -> None:
+def test_command_line_values_are_parsed_as_in_documents(tmp_path: Path) -> None:
     options = {"reach": "120 mm", "open": "true", "label": "5 apples", "legs": "8", "tilt": "=2 * 20 deg"}
     outcome = run(tmp_path, DOCUMENT, options)
     assert outcome.said == []
@@ -65,7 +65,7 @@ def test_the_command_line_reads_values_as_the_document_does(tmp_path: Path) -> N
     assert outcome.good.label == "arm(half=60 mm, label='5 apples', legs=8, open=true, reach=120 mm, third=40 mm, tilt=40 deg)"
 
 
-def test_an_expression_of_the_command_line_may_use_parameters(tmp_path: Path) -> None:
+def test_command_line_expressions_may_use_parameters(tmp_path: Path) -> None:
     assert values(run(tmp_path, DOCUMENT, {"half": "=reach / 4", "reach": "80 mm"}))["half"] == 0.02
 
 
@@ -83,7 +83,7 @@ def test_an_expression_of_the_command_line_may_use_parameters(tmp_path: Path) ->
     ("reach", "true", "TC803 (-p reach) parameter `reach` of `arm` must be a length (such as 120 mm), found a boolean (`true`)"),
     ("open", "5 mm", "TC803 (-p open) parameter `open` of `arm` must be `true` or `false`, found a length (`5 mm`)"),
 ])
-def test_a_bad_option_is_named(tmp_path: Path, option: str, text: str, said: str) -> None:
+def test_invalid_option_is_named(tmp_path: Path, option: str, text: str, said: str) -> None:
     outcome = run(tmp_path, DOCUMENT, {option: text})
     # Notes (where the parameter is declared) are told apart in `wrong_documents.txt`.
     assert [line for line in outcome.said if line[0] != "+"] == [said]
@@ -126,14 +126,14 @@ def test_equal_nested_definitions_are_one_object(tmp_path: Path) -> None:
     assert cap is not None and cap.text == "arm:Brace(length=0.024)"
 
 
-def test_an_option_reaches_nested_documents(tmp_path: Path) -> None:
+def test_option_reaches_nested_documents(tmp_path: Path) -> None:
     outcome = run(tmp_path, NESTED, {"d": "10 mm"})
     four = outcome.component("four").definition
     assert four is None or isinstance(four, AssemblyDefinition)
     assert four is not None and dict(four.parameters)["pen"] == pytest.approx(-0.005)
 
 
-def test_a_long_chain_of_parameters_needs_no_deep_stack(tmp_path: Path) -> None:
+def test_long_chain_of_parameters_does_not_recurse(tmp_path: Path) -> None:
     lines = "".join(f"  p{k}: =p{k + 1} + 1 mm\n" for k in range(3000)) + "  p3000: 0 mm\n"
     text = f"thingc: assembly/1\nname: arm\nparameters:\n{lines}components:\n  plate: {{part: \"arm:Plate\"}}\n"
     assert values(run(tmp_path, text))["p0"] == pytest.approx(3.0, rel=1e-12)
@@ -141,7 +141,7 @@ def test_a_long_chain_of_parameters_needs_no_deep_stack(tmp_path: Path) -> None:
 
 @settings(max_examples=30)
 @given(st.permutations(range(8)), st.lists(st.integers(1, 9), min_size=8, max_size=8))
-def test_the_order_of_parameters_changes_nothing(
+def test_parameter_order_does_not_matter(
     tmp_path_factory: pytest.TempPathFactory, order: list[int], factors: list[int],
 ) -> None:
     expected = {f"p{k}": sum(factors[: k + 1]) for k in range(8)}
@@ -150,8 +150,8 @@ def test_the_order_of_parameters_changes_nothing(
     assert values(run(tmp_path_factory.mktemp("order"), text)) == expected
 
 
-def test_parameters_are_asked_for_from_outside(tmp_path: Path) -> None:
-    """What a value may be is what `-p` says of it, and nothing is said of the document itself."""
+def test_parameters_can_be_queried_by_other_code(tmp_path: Path) -> None:
+    """Values are validated as for `-p`; no diagnostics of the document itself are reported."""
     path = tmp_path / "arm.yaml"
     path.write_text(DOCUMENT + "  unknown: 1\n")
     workspace = Workspace.find(str(path), Report())

@@ -1,4 +1,4 @@
-"""`quat` beside `rpy`, wherever a document writes a pose."""
+"""`quat` as an alternative to `rpy` in every pose of a document."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from resolve.resolving import run
-from thingc.base.pose import Pose, placed, rotation_of
+from thingc.base.pose import Pose, make_pose, rotation_of
 from thingc.base.primitives import Primitive
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import At
@@ -34,12 +34,12 @@ DOCUMENT = """
       third: {extends: first, at: {OTHER}}
 """
 QUAT = (0.4, -0.4, 0.2, 0.8)
-"""w, x, y, z, of length 1."""
+"""w, x, y, z, normalized."""
 EXPECTED = Rotation.from_quat((*QUAT[1:], QUAT[0])).as_matrix()
 
 
 def poses(folder: Path, turn: str, other: str) -> tuple[list[Pose], Pose]:
-    """Every pose that is written as `turn`, and the one that is in place of it in a mode."""
+    """Return every pose written as `turn`, and the one that replaces it in a mode."""
     outcome = run(folder, DOCUMENT.replace("TURN", turn).replace("OTHER", other))
     assert outcome.said == []
     link, first = outcome.component("link"), outcome.mode("first")
@@ -53,16 +53,16 @@ def poses(folder: Path, turn: str, other: str) -> tuple[list[Pose], Pose]:
 @pytest.mark.parametrize("written", [
     "[0.4, -0.4, 0.2, 0.8]", "[-0.4, 0.4, -0.2, -0.8]", "[=w, =-w, =w / 2, =2 * w]", "[0.4002, -0.4002, 0.2001, 0.8004]",
 ])
-def test_it_is_the_rotation_that_others_read(tmp_path: Path, written: str) -> None:
+def test_quaternion_matches_scipy(tmp_path: Path, written: str) -> None:
     made, other = poses(tmp_path, f"quat: {written}", "rpy: 0 0 90 deg")
     for pose in made:
         assert np.array(pose.rotation) == pytest.approx(EXPECTED, abs=1e-15)
-    assert other == placed((0, 0, 0), (0, 0, np.pi / 2))
+    assert other == make_pose((0, 0, 0), (0, 0, np.pi / 2))
 
 
-def test_the_nearest_orientation_counts_however_it_is_written(tmp_path: Path) -> None:
+def test_innermost_orientation_wins_in_either_form(tmp_path: Path) -> None:
     made, other = poses(tmp_path, "rpy: 0 0 90 deg", "quat: [0.4, -0.4, 0.2, 0.8]")
-    assert {pose.rotation for pose in made} == {placed((0, 0, 0), (0, 0, np.pi / 2)).rotation}
+    assert {pose.rotation for pose in made} == {make_pose((0, 0, 0), (0, 0, np.pi / 2)).rotation}
     assert np.array(other.rotation) == pytest.approx(EXPECTED, abs=1e-15)
 
 
@@ -74,8 +74,8 @@ def test_quarter_turns_are_exact() -> None:
 @pytest.mark.parametrize("rpy", [
     (10, 20, 30), (30, 90, 10), (0, 90, 0), (5, -90, 170), (180, 0, 0), (0, 0, 180), (0, 180, 0), (180, 0, 45),
 ])
-def test_diff_sees_no_change_where_the_same_turn_is_written_otherwise(rpy: tuple[float, float, float]) -> None:
-    pose = placed((0, 0, 0), tuple(np.radians(rpy).tolist()))
+def test_diff_ignores_the_notation_of_a_rotation(rpy: tuple[float, float, float]) -> None:
+    pose = make_pose((0, 0, 0), tuple(np.radians(rpy).tolist()))
     x, y, z, w = Rotation.from_euler("xyz", rpy, degrees=True).as_quat()
     for sign in (1.0, -1.0):
         other = Pose(rotation=rotation_of((sign * w, sign * x, sign * y, sign * z)))

@@ -1,4 +1,4 @@
-"""`repeat`: names, the index in expressions and references, and the bounds."""
+"""`repeat`: names, the index in expressions and references, and the limits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from thingc.base.diagnostics import Report
 from thingc.base.source import Document, MappingNode, Span
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import repeats
-from thingc.model.resolve.references import indexed
+from thingc.model.resolve.references import replace_index
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import AssemblyDefinition, Attach
 
@@ -84,7 +84,7 @@ def test_names_expressions_and_references_of_a_repeat(tmp_path: Path) -> None:
         assert ankle.mimic is not None and ankle.mimic.joint == "lead"
 
 
-def test_no_items_are_no_components(tmp_path: Path) -> None:
+def test_zero_items_create_no_components(tmp_path: Path) -> None:
     outcome = run(tmp_path, """
         thingc: assembly/1
         name: arm
@@ -96,7 +96,7 @@ def test_no_items_are_no_components(tmp_path: Path) -> None:
     assert [c.name for c in outcome.good.components] == ["body"]
 
 
-def test_poses_and_modes_see_what_a_repeat_made(tmp_path: Path) -> None:
+def test_poses_and_modes_match_repeated_components(tmp_path: Path) -> None:
     files = dict(HEXAPOD)
     files["hexapod.yaml"] += """
         poses:
@@ -118,7 +118,7 @@ def test_poses_and_modes_see_what_a_repeat_made(tmp_path: Path) -> None:
     assert all(a != b for a, b in pairs)
 
 
-def test_a_hundred_thousand_occurrences_and_no_more(tmp_path: Path) -> None:
+def test_number_of_occurrences_is_limited(tmp_path: Path) -> None:
     def files(count: int) -> dict[str, str]:
         return {
             "big.yaml": """
@@ -143,7 +143,7 @@ def test_a_hundred_thousand_occurrences_and_no_more(tmp_path: Path) -> None:
     assert bad.said == ["TC331 big.yaml:5:3 with `base`, this assembly has 100001 occurrences; at most 100000 are allowed"]
 
 
-def test_doubling_documents_are_counted_without_unrolling(tmp_path: Path) -> None:
+def test_doubling_documents_are_counted_without_expansion(tmp_path: Path) -> None:
     files = {}
     for k in range(60):
         inner = f"assembly: d{k + 1}.yaml" if k < 59 else 'part: "arm:Plate"'
@@ -164,19 +164,19 @@ def test_doubling_documents_are_counted_without_unrolling(tmp_path: Path) -> Non
     st.from_regex(r"[a-z]{1,3}(_[a-z]{1,2})?", fullmatch=True), st.integers(0, 9999),
     st.from_regex(r"[a-z]{0,3}_?", fullmatch=True), st.sampled_from(["", "_x", ".top", "_1.y"]),
 )
-def test_the_index_is_filled_in_wherever_it_stands(index: str, value: int, before: str, after: str) -> None:
+def test_index_is_replaced_anywhere_in_a_name(index: str, value: int, before: str, after: str) -> None:
     span = Span(file="a.yaml", line=1, column=1, end_line=1, end_column=2)
     document = Document(
         path="a.yaml", relative="a.yaml", kind="assembly", tree=MappingNode(entries={}, keys={}, span=span), sha256="", text="",
     )
     report = Report()
-    scope = Scope(document=document, report=report, names={}).repeated(index, value)
+    scope = Scope(document=document, report=report, names={}).repeat_scope(index, value)
     for written in (f"{before}${index}{after}", f"{before}${{{index}}}{after}"):
-        assert indexed(scope, written, ()) == f"{before}{value}{after}"
-    assert indexed(scope, f"{before}$Q{after}", ()) is None and len(report.diagnostics) == 1
+        assert replace_index(scope, written, ()) == f"{before}{value}{after}"
+    assert replace_index(scope, f"{before}$Q{after}", ()) is None and len(report.diagnostics) == 1
 
 
-def test_a_repeated_joint_mimics_the_one_of_its_index(tmp_path: Path) -> None:
+def test_repeated_joint_mimics_the_one_with_its_index(tmp_path: Path) -> None:
     outcome = run(tmp_path, """
         thingc: assembly/1
         name: arm
@@ -197,7 +197,7 @@ def test_a_repeated_joint_mimics_the_one_of_its_index(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("count", "said"), [
     (3, []), (4, ["TC331 arm.yaml:6:44 with `leg`, this document has 6 components; at most 5 are allowed"]),
 ])
-def test_items_of_a_section_are_counted_with_their_repeats(
+def test_section_limit_includes_repeats(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int, said: list[str]
 ) -> None:
     monkeypatch.setattr(repeats, "MAX_OCCURRENCES", 5)

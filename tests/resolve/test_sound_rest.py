@@ -1,4 +1,4 @@
-"""Documents with faults of shape: the later passes look at the rest, and say nothing that follows from the fault."""
+"""Documents with schema errors: later passes check the valid rest, and report no consequences of the schema error."""
 
 from __future__ import annotations
 
@@ -89,16 +89,16 @@ materials:
 FILES = {"robot.yaml": ROBOT, "hand.yaml": HAND, "stuff.yaml": STUFF}
 SCALARS = ("7 kg", "true", "[1, 2]", "{a: 1}", "nonsense", "~", "3 blub", "'=1 +'", "1,5 mm")
 STRIDE = 23
-"""Of the thousands of faults each so many-th is tried; 1 tries all, in a minute and a half."""
+"""Every n-th of thousands of faults is tried; 1 tries all of them, which takes a minute and a half."""
 SECTIONS = ("7 kg", "true", "[1, 2]", "nonsense", "~")
 
 
-def test_the_documents_are_sound(tmp_path: Path) -> None:
+def test_documents_without_faults_are_valid(tmp_path: Path) -> None:
     assert run(tmp_path, FILES).said == []
 
 
 def of_shape(folder: Path, files: dict[str, str]) -> list[str]:
-    """What load and validation say, in the order of places."""
+    """Return the diagnostics of loading and validation, in the order of positions."""
     for name, text in files.items():
         (folder / name).write_text(text)
     report = Report()
@@ -107,7 +107,7 @@ def of_shape(folder: Path, files: dict[str, str]) -> list[str]:
     documents = load(str(folder / "robot.yaml"), workspace, report)
     if documents is not None:
         validate(documents, report)
-    return [d.message for d in report.ordered()]
+    return [d.message for d in report.sorted_diagnostics()]
 
 
 def document(folder: Path, name: str) -> Document:
@@ -125,7 +125,7 @@ def place(text: str, span: Span) -> tuple[int, int]:
 
 
 def faulty(source: Document) -> Iterator[tuple[str, str]]:
-    """The text with one thing wrong: every key misspelled, none, or with an unknown one beside it, every value another."""
+    """Yield the text with one fault each: a key misspelled, missing or with an unknown one next to it, or a value replaced."""
     text = source.text
     for path, node in walk(source.tree):
         if not path:
@@ -149,7 +149,7 @@ def faulty(source: Document) -> Iterator[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_nothing_follows_from_one_fault_of_shape(name: str, tmp_path: Path) -> None:
+def test_schema_error_has_no_follow_up_errors(name: str, tmp_path: Path) -> None:
     run(tmp_path, FILES)
     followed, tried = [], 0
     for what, text in islice(faulty(document(tmp_path, name)), 0, None, STRIDE):
@@ -158,7 +158,7 @@ def test_nothing_follows_from_one_fault_of_shape(name: str, tmp_path: Path) -> N
         if not before:
             continue
         tried += 1
-        said = [d.message for d in run(tmp_path, files).report.ordered()]
+        said = [d.message for d in run(tmp_path, files).report.sorted_diagnostics()]
         if said != before:
             followed.append((what, [message for message in said if message not in before]))
     assert tried > (40 if name == "robot.yaml" else 3)
@@ -184,7 +184,7 @@ modes:
 """
 
 
-def test_what_is_wrong_beside_a_fault_of_shape_is_said_in_the_same_run(tmp_path: Path) -> None:
+def test_other_errors_are_reported_in_the_same_run(tmp_path: Path) -> None:
     outcome = run(tmp_path, {
         "several.yaml": SEVERAL,
         "inner.yaml": HAND.replace("tip.seat", "tpi.seat").replace("part: arm:Plate}", "part: arm:Plate, mas: 1 g}"),

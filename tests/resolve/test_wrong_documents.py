@@ -1,8 +1,7 @@
-"""Small wrong documents and everything that is said about them: `wrong_documents.txt` is read as it stands.
+"""Small invalid documents and all their diagnostics, from `wrong_documents.txt`.
 
-Each case is `=== what is wrong`, documents (`--- name`), and `--- says` with one line per diagnostic, in the order of
-places: code, file:line:column, message, and after `|` the hint; notes follow, with `+`.
-"""
+Each case is `=== title`, documents (`--- name`), and `--- says` with one line per diagnostic, in the order of positions: code,
+file:line:column, message, and after `|` the hint; notes follow, with `+`."""
 
 from __future__ import annotations
 
@@ -24,6 +23,6 @@ for _block in re.split(r"^=== ", (Path(__file__).parent / "wrong_documents.txt")
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_everything_wrong_is_said_once_in_one_run(name: str, tmp_path: Path) -> None:
+def test_all_errors_are_reported_once_in_one_run(name: str, tmp_path: Path) -> None:
     files, said = CASES[name]
     assert run(tmp_path, files).said == said

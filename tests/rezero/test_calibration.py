@@ -182,14 +182,14 @@ joints:
     assert "joints `lift` and `wheel` have the same motor `id: 2`" in "".join(capsys.readouterr())
 
 
-def test_an_encoder_that_is_too_small(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_too_small_encoder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "arm.yaml").write_text(ROBOT.replace("lower: -90 deg, upper: 120 deg", "lower: -200 deg, upper: 200 deg"))
     (here / "left.calibration.yaml").write_text(GOOD)
     assert main(["calibration", "arm.yaml", "left.calibration.yaml"]) == 1
     assert "the limits of joint `pan` span 4552 ticks, but its encoder has only 4096 values" in capsys.readouterr().err
 
 
-def test_what_a_format_cannot_express(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_format_limitations(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = GOOD + "  slide: {id: 9, offset: 500, resolution: 0.01 mm}\n"
     (here / "left.calibration.yaml").write_text(text)
     for form, words in (("lerobot", "needs an encoder with one turn"), ("lerobot_motors", "needs the model of the motor of joint `slide`")):

@@ -1,4 +1,4 @@
-"""Moving the zero of a joint, or reversing it, changes no pose of the robot: MuJoCo is the oracle, at corresponding joint angles."""
+"""Moving the zero of a joint, or reversing it, changes no pose of the robot. Poses are compared in MuJoCo at corresponding joint angles."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ tests:
   clear: {{no_collision: {{joints: {{turn: [-10 deg, =top], slide: all}}}}}}
 """
 Moves = dict[str, tuple[int, float]]
-"""By joint: the sign, and the new coordinate of the old zero [rad or m]."""
+"""The sign, and the new coordinate of the old zero [rad or m], of each joint."""
 
 CASES: dict[str, tuple[str, str, list[str], Moves]] = {
     "arm": ("assemblies", "arm.yaml", ["elbow=90 deg", "yaw=-0.25 rad", "--flip", "elbow"], {"elbow": (-1, 90 * DEG), "yaw": (1, -0.25)}),
@@ -92,7 +92,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str) -> 
 
 
 def laid(folder: Path, of: str, name: str) -> Path:
-    """The document of a case, copied or imported into a folder."""
+    """Copy or import the document of a case to a folder."""
     if not name:
         (folder / "rig.yaml").write_text(RIG)
         (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
@@ -165,7 +165,7 @@ def assert_moved(old: dict[str, mujoco.MjModel], new: dict[str, mujoco.MjModel],
 
 
 def apart_at_rest(model: mujoco.MjModel, was: mujoco.MjData, other: mujoco.MjModel, now: mujoco.MjData) -> float:
-    """The difference of the forces of springs and tendons, as the acceleration of the bodies without controls."""
+    """Return the difference of the forces of springs and tendons, as the acceleration of the bodies without controls."""
     for a, b in ((model, was), (other, now)):
         b.ctrl[:] = 0.0
         mujoco.mj_forward(a, b)
@@ -226,7 +226,7 @@ raw: {mjcf: {actuator: {first: {ctrlrange: -1 1}}}}
     (["--flip", "first", "--flip", "first"], "joint `first` is reversed twice", ""),
     ([], "expected a joint", ""),
 ])
-def test_what_cannot_be_moved(here: Path, words: list[str], said: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_errors(here: Path, words: list[str], said: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (here / "chain.yaml").write_text(CHAIN)
     assert main(["rezero", "chain.yaml", *words]) == 2
@@ -236,7 +236,7 @@ def test_what_cannot_be_moved(here: Path, words: list[str], said: str, line: str
     assert (here / "chain.yaml").read_text() == CHAIN
 
 
-def test_a_limit_that_an_alias_repeats_is_an_error_at_its_line(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_limit_repeated_by_an_alias_is_an_error(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
     body = "frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
     text = (
@@ -251,7 +251,7 @@ def test_a_limit_that_an_alias_repeats_is_an_error_at_its_line(here: Path, capsy
     assert (here / "arm.yaml").read_text() == text
 
 
-def test_a_joint_of_a_nested_document(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_joint_of_a_nested_document(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
     body = "frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
     (here / "leg.yaml").write_text(
@@ -351,7 +351,7 @@ def test_ranges_of_tests_follow(here: Path) -> None:
     )
 
 
-def test_a_pose_whose_loop_would_close_elsewhere_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_pose_with_another_loop_closure_is_an_error(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     document = laid(here, *CASES["gripper"][:2])
     before = document.read_text()
     assert main(["rezero", str(document), "left_close=5 deg"]) == 2
@@ -360,7 +360,7 @@ def test_a_pose_whose_loop_would_close_elsewhere_is_refused(here: Path, capsys: 
     assert "the robot would change by" in out and f"gripper.yaml:{line}:" in out and document.read_text() == before
 
 
-def test_a_reversed_joint_is_a_difference(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_reversed_joint_is_a_difference(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
     text = re.sub(r"^(raw|  (second|third|cross)).*\n", "", CHAIN, flags=re.MULTILINE)
     text = re.sub(r"^  [cdf]: .*\n", "", text, flags=re.MULTILINE)
@@ -372,8 +372,8 @@ def test_a_reversed_joint_is_a_difference(here: Path, capsys: pytest.CaptureFixt
     assert "joint first: reverse false -> true" in capsys.readouterr().out
 
 
-def test_the_calibrations_of_so101_become_one(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The zeros that `thingc same` prints, rounded as there, make the old calibration the new one."""
+def test_calibrations_of_so101_become_equal(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The zeros in the output of `thingc same`, with its rounding, convert the old calibration to the new one."""
     for name in ("old", "new"):
         assert main(["import", str(ROOT / f"gallery/so101/source/so101_{name}_calib.urdf"), "-o", name, "--no-meshes"]) == 0
     old, new = "old/so101_old_calib.yaml", "new/so101_new_calib.yaml"
@@ -391,8 +391,8 @@ def test_the_calibrations_of_so101_become_one(here: Path, capsys: pytest.Capture
     assert "zeros:" not in capsys.readouterr().out
 
 
-def test_an_error_that_the_new_limits_cause_is_shown(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A document that nests the joint has an error of its own, behind a warning: the error is reported, and no file changes."""
+def test_error_caused_by_new_limits_is_shown(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A document that nests the joint has an error after a warning. The error is reported, and no file changes."""
     (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
     body = "frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
     leg = (
@@ -408,8 +408,8 @@ def test_an_error_that_the_new_limits_cause_is_shown(here: Path, capsys: pytest.
     assert "error in `walker.yaml`: " in out and "nothing" in out and (here / "leg.yaml").read_text() == leg
 
 
-def test_actuators_turn_as_before_if_a_joint_is_reversed(tmp_path: Path) -> None:
-    """The ratio of its transmission, and its column of a differential, change their signs."""
+def test_actuators_keep_their_direction_if_a_joint_is_reversed(tmp_path: Path) -> None:
+    """The ratio of the transmission, or the column of the differential, changes its sign."""
     motor = "{kind: motor}"
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "geared.yaml").write_text(f"""\

@@ -1,4 +1,4 @@
-"""Free joints: the models of all modes against each other, and against the formula of the motion. What bad documents get."""
+"""Free joints: models of all modes compared with each other and with the formula of the motion, and errors in documents."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def gripper(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return made
 
 
-def across(xyz: Array, turn: Array) -> Array:
-    """The pose of the ball in the palm, as the page on joints describes it."""
+def ball_in_palm(xyz: Array, turn: Array) -> Array:
+    """Pose of the ball in the palm, as the documentation of joints describes it."""
     mount, top, motion = np.eye(4), np.eye(4), np.eye(4)
     mount[:3, :3], mount[:3, 3] = Rotation.from_euler("xyz", [10, 20, 30], degrees=True).as_matrix(), (0, 0.01, 0.04)
     motion[:3, :3], motion[:3, 3] = Rotation.from_rotvec(turn).as_matrix(), xyz
@@ -61,12 +61,12 @@ def across(xyz: Array, turn: Array) -> Array:
 
 
 @pytest.mark.parametrize("mode", ["bench", "by_ball", "by_flag"])
-def test_keyframes_have_the_poses_of_the_document(gripper: Built, mode: str) -> None:
+def test_keyframe_poses_match_the_document(gripper: Built, mode: str) -> None:
     model = gripper.model(mode)
     data = mujoco.MjData(model)
     expected = {
-        "home": across(np.zeros(3), np.zeros(3)), "offered": across(np.array([0.01, 0.02, 0.05]), np.array([0, 0, np.pi / 2])),
-        "turned": across(np.zeros(3), np.array([np.pi, 0, 0])),
+        "home": ball_in_palm(np.zeros(3), np.zeros(3)), "offered": ball_in_palm(np.array([0.01, 0.02, 0.05]), np.array([0, 0, np.pi / 2])),
+        "turned": ball_in_palm(np.zeros(3), np.array([np.pi, 0, 0])),
     }
     for name, X in expected.items():
         mujoco.mj_resetDataKeyframe(model, data, model.key(name).id)
@@ -77,7 +77,7 @@ def test_keyframes_have_the_poses_of_the_document(gripper: Built, mode: str) -> 
     assert np.linalg.inv(pose_of(data.body("palm"))) @ pose_of(data.body("ball")) == pytest.approx(expected["home"], abs=1e-12)
 
 
-def test_the_child_is_a_body_of_the_world(gripper: Built) -> None:
+def test_free_child_is_a_child_of_the_world_body(gripper: Built) -> None:
     for mode, child in (("bench", "ball"), ("by_ball", "palm"), ("by_flag", "palm")):
         world = ET.fromstring(gripper.text(f"mjcf/gripper_{mode}.xml")).find("worldbody")
         assert world is not None
@@ -86,8 +86,8 @@ def test_the_child_is_a_body_of_the_world(gripper: Built) -> None:
         assert gripper.model(mode).nexclude == 2  # palm and finger, ball and flag: the ball may touch the palm
 
 
-def test_a_released_ball_falls_alone(gripper: Built) -> None:
-    """The other links do not feel it, as if it were not there."""
+def test_released_ball_is_dynamically_independent(gripper: Built) -> None:
+    """The mass matrix has no coupling between the ball and the other joints."""
     model = gripper.model("bench")
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -100,7 +100,7 @@ def test_a_released_ball_falls_alone(gripper: Built) -> None:
     assert abs(with_ball) > 1.0
 
 
-def test_switches_keep_every_motion(gripper: Built) -> None:
+def test_switches_keep_poses_and_velocities(gripper: Built) -> None:
     """From each mode to each other mode, MuJoCo's poses and velocities of all bodies stay, and the coordinates q too."""
     modes = Modes.parse(gripper.text("modes.json"))
     rng = np.random.default_rng(3)
@@ -117,7 +117,7 @@ def test_switches_keep_every_motion(gripper: Built) -> None:
     assert modes.read("by_flag", other).v == pytest.approx(dict(there.v), abs=1e-12)
     back = mujoco.MjData(gripper.model("by_ball"))
     modes.switch(("by_flag", other), ("by_ball", back))
-    held, free = ({name: data.body(name).xpos.copy() for name in ("palm", "ball", "finger", "flag")} for data in forwarded(other, back))
+    held, free = ({name: data.body(name).xpos.copy() for name in ("palm", "ball", "finger", "flag")} for data in forward_all(other, back))
     assert all(held[name] == pytest.approx(free[name], abs=1e-12) for name in held)
     again = mujoco.MjData(gripper.model("by_ball"))
     modes.write(modes.read("by_ball", one), again)
@@ -127,13 +127,14 @@ def test_switches_keep_every_motion(gripper: Built) -> None:
     same_motion(same, one)
 
 
-def forwarded(*every: mujoco.MjData) -> tuple[mujoco.MjData, ...]:
+def forward_all(*every: mujoco.MjData) -> tuple[mujoco.MjData, ...]:
     for data in every:
         mujoco.mj_forward(data.model, data)
     return every
 
 
-def test_simulators_of_other_formats(tmp_path: Path) -> None:
+def test_free_joints_in_other_formats(tmp_path: Path) -> None:
+    """URDF has a floating joint; SDF and USD have a separate body without a joint. Nothing is lost."""
     tmp_path.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
     tmp_path.joinpath("robot.yaml").write_text(GRIPPER)
     with Environment(str(tmp_path / "robot.yaml"), Options(store=str(tmp_path / "store"))) as environment:
@@ -166,7 +167,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_what_a_free_joint_cannot_have(tmp_path: Path, name: str) -> None:
+def test_unsupported_options_of_free_joints_are_reported(tmp_path: Path, name: str) -> None:
     written, code, message = BAD[name]
     made = compiled(tmp_path, GRIPPER.replace("{type: free", "{" + written))
     line = 1 + GRIPPER[: GRIPPER.index("grasp:")].count("\n")
@@ -174,7 +175,7 @@ def test_what_a_free_joint_cannot_have(tmp_path: Path, name: str) -> None:
     assert all(help for _, _, help, _ in made.said)
 
 
-def test_a_free_joint_in_a_loop(tmp_path: Path) -> None:
+def test_free_joint_in_a_loop_is_reported(tmp_path: Path) -> None:
     loop = "  shut: {type: ball, parent: flag.origin, child: finger.origin, loop: true}\nposes:"
     made = compiled(tmp_path, GRIPPER.replace("poses:", loop, 1))
     assert [(code, line) for code, _, _, line in made.said] == [("TC513", 1 + GRIPPER[: GRIPPER.index("grasp:")].count("\n"))]
@@ -185,13 +186,13 @@ def test_a_free_joint_in_a_loop(tmp_path: Path) -> None:
     ("10 mm", "joint `grasp` is free: its value in a pose must be `xyz`, `rpy` or `quat`"),
     ("[0, 0, 0, 0, 0, 0]", "joint `grasp` is free: its value in a pose must be `xyz`, `rpy` or `quat`"),
 ])
-def test_wrong_values_in_poses(tmp_path: Path, value: str, message: str) -> None:
+def test_invalid_pose_values_are_reported(tmp_path: Path, value: str, message: str) -> None:
     made = compiled(tmp_path, GRIPPER.replace("{grasp: {quat: [0, 1, 0, 0]}}", f"{{grasp: {value}}}"))
     assert [(code, text) for code, text, _, _ in made.said] == [("TC334", message)]
 
 
-def test_feet_do_not_carry_what_is_released(tmp_path: Path) -> None:
-    """The efforts of a robot on its feet are those without the ball, whatever the ball weighs."""
+def test_feet_do_not_carry_released_bodies(tmp_path: Path) -> None:
+    """Static efforts of a robot on its feet do not depend on the mass of the ball."""
     stool = f"""\
 thingc: assembly/1
 name: stool

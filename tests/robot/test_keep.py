@@ -1,5 +1,5 @@
-"""`keep: true`: the same robot with and without it, in every mode and format. MuJoCo's trajectories, `thingc same` and readers of the other
-formats compare them."""
+"""`keep: true`: the same robot with and without it in every mode and format, compared by MuJoCo trajectories, `thingc same` and readers
+of other formats."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def bodies(data: mujoco.MjData, names: list[str]) -> Array:
 
 @pytest.mark.parametrize("mode", ["bench", "by_sensor", "by_tip", "by_pad", "by_knob"])
 def test_trajectories_are_equal(both: tuple[Built, Built], mode: str) -> None:
-    """Links of the plain robot are also links of the other one, with the same frames, so that free bases are integrated alike."""
+    """Links of the plain robot are also links of the other one with equal frames, so free bases are integrated equally."""
     plain, kept = (built.model(mode) for built in both)
     assert kept.nbody == plain.nbody + len(KEPT) and (kept.nq, kept.nv) == (plain.nq, plain.nv)
     states = []
@@ -99,8 +99,8 @@ def test_trajectories_are_equal(both: tuple[Built, Built], mode: str) -> None:
     assert np.abs(bodies(one, same) - bodies(other, same)).max() < 1e-12
 
 
-def test_modes_switch_as_without(both: tuple[Built, Built]) -> None:
-    """Poses, twists, Jacobians and mass matrices of the same links, after switches through all modes."""
+def test_mode_switches_are_equal(both: tuple[Built, Built]) -> None:
+    """Poses, twists and mass matrices of the common links, after switches through all modes."""
     plain, kept = (Modes.parse(built.text("modes.json")) for built in both)
     rng = np.random.default_rng(1)
     joints = [joint.name for joint in plain["bench"].joints]
@@ -121,7 +121,7 @@ def test_modes_switch_as_without(both: tuple[Built, Built]) -> None:
 
 
 @pytest.mark.parametrize("mode", ["bench", "by_sensor", "by_pad"])
-def test_mujoco_agrees_with_modes_json(both: tuple[Built, Built], mode: str) -> None:
+def test_modes_json_matches_mujoco(both: tuple[Built, Built], mode: str) -> None:
     _, kept = both
     modes = Modes.parse(kept.text("modes.json"))
     model = kept.model(mode)
@@ -136,7 +136,7 @@ def test_mujoco_agrees_with_modes_json(both: tuple[Built, Built], mode: str) -> 
     assert own.mass == pytest.approx([link.mass for link in modes[mode].links])
 
 
-def test_the_force_sensor_measures_at_the_fixed_joint(both: tuple[Built, Built]) -> None:
+def test_force_sensor_measures_at_the_fixed_joint(both: tuple[Built, Built]) -> None:
     """The sensor measures the force that accelerates and carries all bodies beyond its fixed joint."""
     _, kept = both
     model = kept.model("bench")
@@ -152,7 +152,7 @@ def test_the_force_sensor_measures_at_the_fixed_joint(both: tuple[Built, Built])
     assert [loss.path for loss in kept.losses(None) + kept.losses("bench") if loss.path == "load"] == []
 
 
-def test_the_mechanism_is_the_same(both: tuple[Built, Built]) -> None:
+def test_mechanism_is_equal(both: tuple[Built, Built]) -> None:
     plain, kept = (built.compilation.assembly for built in both)
     assert plain is not None and kept is not None
     assert [link.name for link in kept.links if link.name not in {one.name for one in plain.links}] != []
@@ -161,8 +161,8 @@ def test_the_mechanism_is_the_same(both: tuple[Built, Built]) -> None:
     assert sum(link.properties.mass for link in one.links) == pytest.approx(sum(link.properties.mass for link in other.links))
 
 
-def test_the_same_shapes_touch(both: tuple[Built, Built]) -> None:
-    """In states in which shapes overlap, MuJoCo finds the same contacts."""
+def test_contacts_are_equal(both: tuple[Built, Built]) -> None:
+    """In states with overlapping shapes, MuJoCo finds the same contacts."""
     rng, found = np.random.default_rng(5), 0
     for mode in ("bench", "by_pad"):
         models = [built.model(mode) for built in both]
@@ -181,7 +181,7 @@ def test_the_same_shapes_touch(both: tuple[Built, Built]) -> None:
 
 
 def test_other_formats_have_the_fixed_joints(tmp_path: Path) -> None:
-    """MuJoCo reads the URDF file of every mode with the same poses, and SDF and USD have a fixed joint for each separate link."""
+    """MuJoCo loads the URDF file of every mode with the same poses. SDF and USD have a fixed joint for each separate link."""
     for name, text in (("robot.yaml", HAND), ("finger.yaml", FINGER), ("thingc.toml", 'thingc = "workspace/1"\n')):
         tmp_path.joinpath(name).write_text(text.replace("KEEP", "keep: true"))
     with Environment(str(tmp_path / "robot.yaml"), Options(store=str(tmp_path / "store"))) as environment:

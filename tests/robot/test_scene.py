@@ -1,4 +1,4 @@
-"""Scenes: assemblies whose components are robots and objects in one of their modes. Each robot moves as its own model does."""
+"""Scenes: assemblies whose components are robots and objects in one of their modes. Each robot moves as in its own model."""
 
 from __future__ import annotations
 
@@ -88,8 +88,8 @@ PLACES = {
 
 
 @pytest.mark.parametrize("name", PLACES)
-def test_robots_are_where_their_mode_has_them(desk: Built, arm: Built, name: str) -> None:
-    """The pose of every link of the robot's own model, moved to the place in the scene."""
+def test_robots_have_the_poses_of_their_modes(desk: Built, arm: Built, name: str) -> None:
+    """The pose of every link in the robot's own model, transformed to its place in the scene."""
     mode, pose, place, (roll, pitch, yaw) = PLACES[name]
     scene, alone = at_start(desk.model("scene"), "start"), at_start(arm.model(mode), pose)
     X = np.eye(4)
@@ -103,8 +103,8 @@ def test_robots_are_where_their_mode_has_them(desk: Built, arm: Built, name: str
         assert pose_of(scene.body(f"{name}/{link}")) == pytest.approx(X @ pose_of(alone.body(link)), abs=1e-12), link
 
 
-def test_robots_move_as_alone(desk: Built, arm: Built) -> None:
-    """The left arm and the arm that drifts do not touch anything, so that they move as in their own models."""
+def test_robots_move_as_in_their_own_models(desk: Built, arm: Built) -> None:
+    """The left arm and the drifting arm touch nothing, so their trajectories equal those of their own models."""
     model = desk.model("scene")
     scene = at_start(model, "start")
     alone = {name: at_start(arm.model(PLACES[name][0]), PLACES[name][1]) for name in ("left", "third")}
@@ -120,7 +120,7 @@ def test_robots_move_as_alone(desk: Built, arm: Built) -> None:
     assert scene.joint("left/shoulder").qvel != pytest.approx([0.0], abs=1e-3)
 
 
-def test_drives_and_contacts_are_those_of_the_modes(desk: Built) -> None:
+def test_drives_and_excluded_contacts_follow_the_modes(desk: Built) -> None:
     model = desk.model("scene")
     driven = {model.actuator(number).name for number in range(model.nu)}
     assert driven == {"left/shoulder", "left/wrist_0", "right/shoulder", "fourth/shoulder", "fourth/wrist_0"}
@@ -131,7 +131,7 @@ def test_drives_and_contacts_are_those_of_the_modes(desk: Built) -> None:
     assert free == ["third/root", "cube/root"]
 
 
-def test_poses_move_objects(desk: Built) -> None:
+def test_scene_poses_place_objects(desk: Built) -> None:
     model = desk.model("scene")
     start, moved = (at_start(model, pose) for pose in ("start", "moved"))
     assert moved.joint("left/shoulder").qpos == pytest.approx([-0.7])
@@ -140,7 +140,7 @@ def test_poses_move_objects(desk: Built) -> None:
     assert moved.body("fourth/foot").xpos - start.body("fourth/foot").xpos == pytest.approx([0.1, 0, 0], abs=1e-12)
 
 
-def test_the_state_of_a_scene(desk: Built) -> None:
+def test_scene_state_round_trips(desk: Built) -> None:
     modes = Modes.parse(desk.text("modes.json"))
     state = modes["scene"].state("moved", v={"third/root_1": 0.3, "cube/root_4": 1.0})
     data = mujoco.MjData(desk.model("scene"))
@@ -162,14 +162,14 @@ BAD = {
 
 
 @pytest.mark.parametrize("written", BAD)
-def test_what_bad_scenes_get(tmp_path: Path, written: str) -> None:
+def test_invalid_scenes_are_reported(tmp_path: Path, written: str) -> None:
     instead, code, message = BAD[written]
     made = compiled(tmp_path, {**DOCUMENTS, "desk.yaml": SCENE.replace(written, instead)})
     assert [(one, text) for one, text, _, _ in made.said] == [(code, message)] and made.said[0][2]
 
 
 def test_scenes_can_be_nested(tmp_path: Path) -> None:
-    """The modes of robots in a nested scene determine drives, start poses and places there, too."""
+    """Modes of robots in a nested scene also determine drives, start poses and places."""
     hall = (
         "thingc: assembly/1\nname: hall\ncomponents:\n  floor: {frame: true}\n"
         "  one: {assembly: desk.yaml, at: {in: floor.origin}}\n  two: {assembly: desk.yaml, at: {in: floor.origin, xyz: 0 5 0 m}}\n"

@@ -1,4 +1,4 @@
-"""Two boxes and a hinge in several modes, and what else a `Robot` says, against matrices written by hand."""
+"""Two boxes and a hinge in several modes, and further properties of `Robot`, compared with written-out matrices."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ SOLE = t(0.0, 0.0, -0.02) @ rx(math.pi)
 BASE = box("p:Base", mounts={"seat": SEAT, "sole": SOLE})
 ARM = box("p:Arm", (0.2, 0.03, 0.03), centre=(0.1, 0.0, 0.0), mounts={"hole": HOLE, "tip": t(0.2, 0, 0) @ ry(math.pi / 2)})
 SEEN = dict.fromkeys(("visual", "hull"), Mesh(sha256="0" * 64, size=1, vertices=8, faces=12, closed=True, flat=False))
-"""Meshes that nobody reads, without which a part is not seen."""
+"""Placeholder meshes; a part without meshes is not considered visible."""
 AT = t(0.3, -0.2, 0.1) @ rz(0.5) @ ry(-0.2) @ rx(0.1)
 
 
@@ -84,7 +84,7 @@ def hinge(kind: str = "revolute") -> Assembly:
     )
 
 
-def relative(kind: str, q: float) -> np.ndarray:
+def arm_in_base(kind: str, q: float) -> np.ndarray:
     """X_base_arm by the formula."""
     moved = rz(q + 0.25) if kind != "prismatic" else t(0, 0, q + 0.25)
     return SEAT @ rz(0.7) @ t(0, 0, 0.003) @ moved @ MATE @ inv(HOLE)
@@ -92,9 +92,9 @@ def relative(kind: str, q: float) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
 @pytest.mark.parametrize("q", [0.0, 0.6, -1.3])
-def test_where_everything_is_in_the_world(kind: str, q: float) -> None:
+def test_world_poses_match_matrices(kind: str, q: float) -> None:
     found = robots(hinge(kind))
-    X_BA = relative(kind, q)
+    X_BA = arm_in_base(kind, q)
     expected = {
         "bench": (AT, AT @ X_BA),
         "by_tip": (AT @ MATE @ inv(t(0.2, 0, 0) @ ry(math.pi / 2)) @ inv(X_BA), AT @ MATE @ inv(t(0.2, 0, 0) @ ry(math.pi / 2))),
@@ -108,8 +108,8 @@ def test_where_everything_is_in_the_world(kind: str, q: float) -> None:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_the_joint_as_the_tree_crosses_it(kind: str) -> None:
-    """The axis and anchor, in the child body's own frame, reproduce the motion when written with scipy's rotations."""
+def test_axis_and_anchor_reproduce_the_motion(kind: str) -> None:
+    """Axis and anchor in the child body's frame, applied with scipy's rotations, give the motion in both directions."""
     from scipy.spatial.transform import Rotation
 
     for name, robot in robots(hinge(kind)).items():
@@ -127,11 +127,11 @@ def test_the_joint_as_the_tree_crosses_it(kind: str) -> None:
                 own[:3, 3] = np.array(core.twist.anchor) - own[:3, :3] @ np.array(core.twist.anchor)
             else:
                 own[:3, 3] = np.array(core.twist.axis) * q
-            expected = inv(relative(kind, q)) if backwards else relative(kind, q)
+            expected = inv(arm_in_base(kind, q)) if backwards else arm_in_base(kind, q)
             assert as_matrix(body.X_PL) @ own == pytest.approx(expected, abs=1e-13)
 
 
-def test_the_axis_lies_on_the_mount_in_the_child_and_is_negated_backwards() -> None:
+def test_axis_is_on_the_mount_and_negated_backwards() -> None:
     found = robots(hinge())
     (forward,), (backward,) = (found[name].bodies[1].joints for name in ("bench", "adrift"))
     assert np.array(forward.twist.axis) == pytest.approx(-HOLE[:3, 2])  # the mate opposes the z axes
@@ -140,7 +140,7 @@ def test_the_axis_lies_on_the_mount_in_the_child_and_is_negated_backwards() -> N
     assert np.array(backward.twist.anchor) == pytest.approx((SEAT @ [0, 0, 0.003, 1])[:3])
 
 
-def test_no_negative_zeros_are_written() -> None:
+def test_axes_have_no_negative_zeros() -> None:
     model = assembly(
         "two",
         [component("base", "p:Base"), component("arm", "p:Arm")],
@@ -154,7 +154,8 @@ def test_no_negative_zeros_are_written() -> None:
 @pytest.mark.parametrize(("lower", "upper", "outside"), [
     (0.1, 1.0, True), (-1.0, -0.1, True), (None, -0.1, True), (0.1, None, True), (0.0, 1.0, False), (-1.0, 0.0, False), (-1.0, 1.0, False),
 ])
-def test_a_mode_without_a_pose_starts_with_joints_at_zero(lower: float | None, upper: float | None, outside: bool) -> None:
+def test_start_outside_limits_without_pose_is_reported(lower: float | None, upper: float | None, outside: bool) -> None:
+    """A mode without a pose starts with joints at 0, which is reported if 0 is outside the limits."""
     model = assembly(
         "two", [component("base", "p:Base"), component("arm", "p:Arm")],
         [joint("j", "base.origin", "arm.origin", lower=lower, upper=upper)], modes=[mode("m", whole("arm"))],
@@ -164,8 +165,8 @@ def test_a_mode_without_a_pose_starts_with_joints_at_zero(lower: float | None, u
     assert [d.code for d in report.diagnostics] == ([Code.START_LIMITS] if outside else [])
 
 
-def test_one_warning_names_the_modes_that_start_alike_and_the_first_joints() -> None:
-    """Five joints in a row that cannot be at 0, in three modes of which the last has a pose: one warning, about the first two."""
+def test_start_limits_are_reported_once_for_all_modes() -> None:
+    """Five joints in a row cannot be at 0, in three modes of which the last has a pose: one warning for the first two modes."""
     arms = [f"arm{k}" for k in range(5)]
     joints = [
         joint(f"j{k}", parent, f"{arm}.hole", lower=math.radians(10.0 + k), upper=math.radians(90.0), line=20 + k)
@@ -189,9 +190,9 @@ def test_one_warning_names_the_modes_that_start_alike_and_the_first_joints() -> 
 
 
 @pytest.mark.parametrize("number", [1, 3, 4])
-def test_one_warning_names_the_modes_that_do_not_stand_on_their_feet(number: int) -> None:
-    """A hub 100 mm high between legs 40 mm high whose centres are 20 mm above its own: it is 50 mm lower than they are.
-    Of what is as low the first is named."""
+def test_parts_below_the_feet_are_reported_once(number: int) -> None:
+    """A hub 100 mm high between legs 40 mm high whose centres are 20 mm above its own: it is 50 mm lower than the feet. Of parts at the
+    same height, the first is named."""
     sides = {f"side{k}": t(x, y, 0.02) for k, (x, y) in enumerate([(1, 1), (1, -1), (-1, 1), (-1, -1)])}
     hub = box("p:Hub", (0.2, 0.2, 0.1), meshes=SEEN, mounts=sides)
     leg = box("p:Leg", (0.02, 0.02, 0.04), meshes=SEEN, mounts={"tip": t(0, 0, 0.02)})
@@ -221,8 +222,8 @@ def test_one_warning_names_the_modes_that_do_not_stand_on_their_feet(number: int
     (0.0496, "free", 0, None), (0.03, "fixed", 0, None), (-0.07, "fixed", 0, "120 mm"), (0.03, "held", 0, None),
     (-0.07, "held", 0, "120 mm"),
 ])
-def test_one_warning_names_the_modes_that_start_under_the_plane(z: float, base: str, others: int, depth: str | None) -> None:
-    """A part 100 mm high around its root, of which only the box is known. A root that is fixed may reach into the ground."""
+def test_start_below_the_floor_is_reported_once(z: float, base: str, others: int, depth: str | None) -> None:
+    """A part 100 mm high around its root, of which only the bounding box is known. A fixed root may reach into the ground."""
     block = box("p:Block", (0.2, 0.2, 0.1), meshes=SEEN)
     ways = (("m", (0, 0, -9.81)), ("n", (0, 0, 9.81)), ("o", (-9.81, 0, 0)))[: others + 1]
     modes = [mode(name, whole("b"), base, at=t(0, 0, z), line=200 + k, gravity=gravity) for k, (name, gravity) in enumerate(ways)]
@@ -239,8 +240,8 @@ def test_one_warning_names_the_modes_that_start_under_the_plane(z: float, base: 
         assert help.startswith(wanted)
 
 
-def test_meshes_of_a_link_stand_where_the_link_has_them() -> None:
-    """A mesh that is turned and moved in its link, in a mode that is turned, too: its lowest corner by numpy."""
+def test_floor_height_uses_meshes_at_their_poses() -> None:
+    """A mesh that is rotated and translated in its link, in a mode that is rotated as well. Its lowest corner is computed with numpy."""
     corners = [(0.1, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.3), (-0.1, -0.05, -0.02)]
     inner, at = t(0.02, -0.3, 0.07) @ rx(0.8), t(0.4, 0.5, 0.9) @ ry(0.3) @ rz(0.2)
     placed = np.array([(inner @ [*corner, 1.0])[:3] for corner in corners])
@@ -257,21 +258,21 @@ def test_meshes_of_a_link_stand_where_the_link_has_them() -> None:
     assert report.diagnostics == []
 
 
-def test_world_poses_start_from_another_base_pose_when_asked() -> None:
+def test_world_poses_accept_another_base_pose() -> None:
     robot = robots(hinge())["adrift"]
     moved = t(1, 2, 3) @ rz(1.0)
     placed = body_poses(robot, {"j": 0.2}, as_pose(moved))
     assert as_matrix(placed[0]) == pytest.approx(moved)
-    assert as_matrix(placed[1]) == pytest.approx(moved @ inv(relative("revolute", 0.2)), abs=1e-13)
+    assert as_matrix(placed[1]) == pytest.approx(moved @ inv(arm_in_base("revolute", 0.2)), abs=1e-13)
 
 
-def test_totals_are_the_same_in_every_mode() -> None:
+def test_total_mass_is_equal_in_every_mode() -> None:
     found = hinge()
     for robot in robots(found).values():
         q = {"j": 0.9}
         got = mass_properties(robot, q)
         frame = as_matrix(occurrence_poses(robot, q, as_pose(np.eye(4)))[0])
-        X_BA = relative("revolute", 0.9)
+        X_BA = arm_in_base("revolute", 0.9)
         m1, m2 = 1000 * 0.1 * 0.06 * 0.04, 1000 * 0.2 * 0.03 * 0.03
         centre = (m1 * np.zeros(3) + m2 * (X_BA @ [0.1, 0, 0, 1])[:3]) / (m1 + m2)
         assert got.mass == pytest.approx(m1 + m2, rel=1e-14)
@@ -347,7 +348,8 @@ def test_bodies_are_depth_first_in_document_order() -> None:
     assert [joint.mimic.joint for b in made["foot"].bodies for joint in b.joints if joint.mimic] == ["swing_a"]
 
 
-def test_sites_are_the_same_in_every_mode_but_for_the_body() -> None:
+def test_sites_are_equal_in_every_mode() -> None:
+    """Names and world poses of sites are equal; only their bodies differ."""
     found = spider()
     made = robots(found)
     names = [
@@ -373,13 +375,13 @@ def test_sites_are_the_same_in_every_mode_but_for_the_body() -> None:
         assert world["top"] == pytest.approx(as_matrix(by_path["lid"]) @ t(0, 0, 0.1), abs=1e-13)
 
 
-def test_a_mount_root_faces_the_ground() -> None:
+def test_mount_root_faces_the_ground() -> None:
     robot = robots(spider())["foot"]
     site = next(s for s in robot.sites if s.path == "leg_a/sole")
     assert as_matrix(body_poses(robot, {})[site.body] @ site.pose) == pytest.approx(MATE, abs=1e-15)
 
 
-def test_neighbours_are_excluded_alike_in_every_mode() -> None:
+def test_neighbours_are_excluded_in_every_mode() -> None:
     found = spider()
     neighbours = [("leg_b/thigh", "leg_b/shin"), ("leg_b/thigh", "hub"), ("leg_a/thigh", "leg_a/shin"), ("hub", "leg_a/thigh")]
     for name, robot in robots(found).items():
@@ -405,7 +407,7 @@ def test_neighbours_are_excluded_alike_in_every_mode() -> None:
         ]
 
 
-def test_keyframes_have_every_joint_in_joint_order() -> None:
+def test_keyframes_contain_all_joints_in_order() -> None:
     made = robots(spider())
     assert [k.name for k in made["stand"].keyframes] == ["low", "home"]
     home = made["foot"].keyframes[0]
@@ -413,7 +415,7 @@ def test_keyframes_have_every_joint_in_joint_order() -> None:
     assert made["eye"].keyframes == ()
 
 
-def test_actuators_and_adhesion_of_a_mode() -> None:
+def test_modes_select_actuators_and_adhesion() -> None:
     made = robots(spider())
     assert made["stand"].present == ("swing_a", "leg_b/knee", "leg_a/knee")
     assert made["foot"].present == ("swing_a", "leg_b/knee")
@@ -422,7 +424,7 @@ def test_actuators_and_adhesion_of_a_mode() -> None:
     assert made["eye"].gravity == (0.0, 0.0, -9.81)
 
 
-def test_a_long_chain_needs_no_recursion() -> None:
+def test_long_chain_does_not_exceed_recursion_limit() -> None:
     count = 2500
     chain = [component(f"c{k}", "p:Rod") for k in range(count)]
     joints = [joint(f"j{k}", f"c{k - 1}.high", f"c{k}.low") for k in range(1, count)]
@@ -436,7 +438,7 @@ def test_a_long_chain_needs_no_recursion() -> None:
         assert np.linalg.norm(np.subtract(step, a.translation)) == pytest.approx(0.2, rel=1e-9)
 
 
-def test_a_link_out_of_reach_is_a_diagnostic() -> None:
+def test_unconnected_link_is_reported() -> None:
     found = replace(hinge(), mates=())
     report = Report()
     assert root(found, found.modes[0], report) is None

@@ -1,9 +1,7 @@
 """Random trees of joints with random roots: the same robot in every mode.
 
-Poses are compared with chains of matrices built from the description of the tree itself. The dynamics oracle knows the
-bodies, axes, anchors and link inertias of a `Robot` and nothing of how it was made: Jacobians in numpy, relative to the
-link that is held.
-"""
+Poses are compared with chains of matrices built from the description of the tree. The oracle for dynamics uses only bodies, axes,
+anchors and link inertias of a `Robot`: Jacobians in numpy, relative to the held link."""
 
 from __future__ import annotations
 
@@ -50,15 +48,15 @@ from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Robot
 
 COUNTS = {name: len(kind.twists) for name, kind in KINDS.items() if kind.moves and not kind.at_once}
-"""Kinds that move, coordinate by coordinate, and how many they have."""
+"""Moving kinds whose coordinates act one after another, and their number of coordinates."""
 WITHOUT_LEAD = tuple(name for name in COUNTS if not KINDS[name].leads)
-"""MuJoCo has no screw: its trees are without."""
+"""Kinds without a lead. MuJoCo has no screw, so its trees exclude them."""
 STILL = ("fixed", "attach", "at")
 
 
 @dataclass
 class Twig:
-    """How occurrence `child` stands on occurrence `parent`."""
+    """Placement of occurrence `child` on occurrence `parent`."""
 
     parent: int
     child: int
@@ -70,7 +68,7 @@ class Twig:
 
 @dataclass
 class Tree:
-    """A random robot: its model, and the same in matrices."""
+    """A random robot: its model, and the same robot as matrices."""
 
     count: int
     twigs: list[Twig]
@@ -80,7 +78,7 @@ class Tree:
     q: dict[str, float]
 
     def world(self, start: int) -> list[Array]:
-        """Poses of all occurrences in the frame of `start`, chained by hand over the twigs."""
+        """Poses of all occurrences in the frame of `start`, chained over the twigs."""
         at: dict[int, Array] = {start: np.eye(4)}
         while len(at) < self.count:
             for twig in self.twigs:
@@ -106,7 +104,7 @@ def frame(rng: np.random.Generator) -> Array:
 
 
 def paths_of(twig: Twig) -> list[str]:
-    """The paths of the coordinates of a twig that moves."""
+    """Paths of the coordinates of a moving twig."""
     count = COUNTS.get(twig.kind, 0)
     return [f"j{twig.child}"] if count == 1 else [f"j{twig.child}_{k}" for k in range(count)]
 
@@ -161,7 +159,7 @@ def robots(found: Assembly) -> dict[str, Robot]:
 
 
 def world_of(tree: Tree, mode_name: str) -> list[Array]:
-    """Where a mode puts every occurrence, by hand."""
+    """World poses of all occurrences in a mode, by chains of matrices."""
     kind, _, number = mode_name.partition("_")
     k = int(number)
     linked_mode = next(m for m in tree.assembly.modes if m.name == mode_name)
@@ -176,7 +174,7 @@ trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 7))
 
 @settings(max_examples=30)
 @given(trees)
-def test_every_occurrence_is_where_the_matrices_say_in_every_mode(tree: Tree) -> None:
+def test_poses_match_matrices_in_every_mode(tree: Tree) -> None:
     plain = poses(tree.assembly, tree.q)
     from_base = tree.world(0)
     for position, k in enumerate(tree.order):
@@ -190,7 +188,7 @@ def test_every_occurrence_is_where_the_matrices_say_in_every_mode(tree: Tree) ->
 
 @settings(max_examples=30)
 @given(trees)
-def test_pairwise_poses_do_not_depend_on_the_root(tree: Tree) -> None:
+def test_relative_poses_do_not_depend_on_the_root(tree: Tree) -> None:
     found = [[as_matrix(p) for p in occurrence_poses(robot, tree.q)] for robot in robots(tree.assembly).values()]
     first = [inv(found[0][0]) @ p for p in found[0]]
     for world in found[1:]:
@@ -200,7 +198,7 @@ def test_pairwise_poses_do_not_depend_on_the_root(tree: Tree) -> None:
 
 @settings(max_examples=30)
 @given(trees)
-def test_total_mass_centre_and_inertia_do_not_depend_on_the_root(tree: Tree) -> None:
+def test_total_inertia_does_not_depend_on_the_root(tree: Tree) -> None:
     own = {o.index: o.properties for o in tree.assembly.occurrences}
     world = tree.world(tree.order[0])
     points, weights, spins = [], [], []
@@ -230,18 +228,17 @@ def skew(v: Array) -> Array:
     return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
 
 
-def turned(axis: Array, angle: float) -> Array:
-    """Rodrigues' formula."""
+def rotation_about(axis: Array, angle: float) -> Array:
+    """Rotation matrix by Rodrigues' formula."""
     k = skew(axis)
     return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
 
 
 def held(robot: Robot, q: dict[str, float], held_link: int, down: Array) -> tuple[list[str], Array, Array]:
-    """Joint names (sorted), mass matrix and gravity torque with `held_link` still; `down` is gravity in that link's frame.
+    """Joint names (sorted), mass matrix and gravity torque with `held_link` at rest; `down` is gravity in that link's frame.
 
-    From each body's twist Jacobian J_b (angular and linear at the root's origin, one column per joint), relative to that
-    of the held link: M = sum (J_b - J_L)^T I_b (J_b - J_L), and the torque is - sum m_b g . d c_b / d q.
-    """
+    J_b is the twist Jacobian of each body (angular, and linear at the root's origin, one column per joint), relative to that of the held
+    link: M = sum (J_b - J_L)^T I_b (J_b - J_L), and the torque is - sum m_b g . d c_b / d q."""
     names = sorted(joint.path for body in robot.bodies for joint in body.joints)
     column = {name: k for k, name in enumerate(names)}
     frames: list[Array] = []
@@ -275,7 +272,7 @@ def held(robot: Robot, q: dict[str, float], held_link: int, down: Array) -> tupl
 
 @settings(max_examples=16)
 @given(trees, st.integers(0, 6))
-def test_with_a_link_held_still_the_dynamics_do_not_depend_on_the_root(tree: Tree, which: int) -> None:
+def test_dynamics_with_a_held_link_do_not_depend_on_root(tree: Tree, which: int) -> None:
     if not tree.q:
         return
     link = which % len(tree.assembly.links)
@@ -291,8 +288,8 @@ def test_with_a_link_held_still_the_dynamics_do_not_depend_on_the_root(tree: Tre
         assert np.abs(other_torque - torque).max() <= 1e-9 * max(np.abs(torque).max(), 1e-3)
 
 
-def test_modes_that_hold_different_links_do_differ() -> None:
-    """The oracle can tell them apart: a light and a heavy box on a hinge."""
+def test_holding_different_links_changes_the_dynamics() -> None:
+    """The oracle distinguishes the two links: a light and a heavy box on a hinge."""
     turn = {"a": t(0.1, 0, 0), "b": t(-0.1, 0, 0) @ rx(np.pi)}
     found = linked(
         assembly(

@@ -1,4 +1,4 @@
-"""`at: {on: floor}`: the lowest point of what MuJoCo touches is on the plane of the scene, by MuJoCo's own distances."""
+"""`at: {on: floor}`: the lowest point of the collision shapes is on the plane of the scene, by MuJoCo's own distances."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, Options, attempted
+from thingc.driver.environment import Environment, Options, with_environment
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
 from thingc.model.resolve.resolver import Settings
@@ -119,7 +119,7 @@ def files_of(folder: Path, shared_store: str) -> Callable[[str], dict[str, bytes
         (folder / "robot.yaml").write_text(text)
         with Environment(str(folder / "robot.yaml"), Options(store=shared_store)) as environment:
             compilation = pipeline.compile(environment)
-            assert not compilation.report.failed, compilation.report.ordered()
+            assert not compilation.report.failed, compilation.report.sorted_diagnostics()
             files = pipeline.build(environment, compilation, ["mjcf"])["mjcf"].files
             return {path: one if isinstance(one, bytes) else environment.store.read(one.sha256) for path, one in files.items()}
 
@@ -131,14 +131,14 @@ def scene(files: dict[str, bytes], mode: str) -> mujoco.MjModel:
 
 
 def height(data: mujoco.MjData) -> float:
-    """The least distance [m] of any geom that collides from the floor, by MuJoCo."""
+    """Smallest distance [m] of any collision geom from the floor, by MuJoCo."""
     model = data.model
     touching = [g for g in range(model.ngeom) if model.geom_contype[g] and model.geom(g).name != "floor"]
     assert touching
     return min(mujoco.mj_geomDistance(model, data, model.geom("floor").id, geom, 10.0, None) for geom in touching)
 
 
-def posed(model: mujoco.MjModel, pose: str | None = None) -> mujoco.MjData:
+def in_pose(model: mujoco.MjModel, pose: str | None = None) -> mujoco.MjData:
     data = mujoco.MjData(model)
     if pose is not None:
         mujoco.mj_resetDataKeyframe(model, data, model.key(pose).id)
@@ -147,16 +147,16 @@ def posed(model: mujoco.MjModel, pose: str | None = None) -> mujoco.MjData:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_lowest_point_of_what_collides_touches_the_floor(kind: str, files_of: Callable[[str], dict[str, bytes]]) -> None:
+def test_lowest_collision_point_touches_the_floor(kind: str, files_of: Callable[[str], dict[str, bytes]]) -> None:
     files = files_of(LAMP.replace("KIND", kind))
     for mode in ("flat", "askew", "hung"):
-        assert height(posed(scene(files, mode))) == pytest.approx(0.0, abs=2e-7), mode
+        assert height(in_pose(scene(files, mode))) == pytest.approx(0.0, abs=2e-7), mode
 
 
-def test_the_hull_is_that_of_what_is_drawn(files_of: Callable[[str], dict[str, bytes]]) -> None:
-    """By the vertices of the mesh, read by trimesh, and the pose that the model has."""
+def test_hull_height_matches_the_visual_mesh(files_of: Callable[[str], dict[str, bytes]]) -> None:
+    """Computed from the mesh vertices, read by trimesh, and the pose in the model."""
     files = files_of(LAMP.replace("KIND", "hull"))
-    data = posed(scene(files, "askew"))
+    data = in_pose(scene(files, "askew"))
     mesh = trimesh.load(io.BytesIO(files["mjcf/assets/lamps.Lamp.obj"]), file_type="obj", process=False)
     placed = mesh.vertices @ data.body("lamp").xmat.reshape(3, 3).T + data.body("lamp").xpos
     assert placed[:, 2].min() == pytest.approx(0.0, abs=2e-7)
@@ -164,51 +164,53 @@ def test_the_hull_is_that_of_what_is_drawn(files_of: Callable[[str], dict[str, b
 
 
 def bent_height(angle: float, length: float) -> float:
-    """Of the bar of 20 mm that hangs down by `angle`, its far lower corner; of the first bar its lower side."""
+    """Height of the first bar's centre: the far lower corner of the 20 mm bar that hangs down by `angle`, or the lower side of the first
+    bar."""
     return max(0.01, length * np.sin(angle) + 0.01 * np.cos(angle))
 
 
-def test_a_floating_robot_stands_in_every_keyframe(files_of: Callable[[str], dict[str, bytes]]) -> None:
+def test_floating_robot_is_on_the_floor_in_every_keyframe(files_of: Callable[[str], dict[str, bytes]]) -> None:
     files = files_of(ARM)
     model = scene(files, "afloat")
     expected = {"bent": bent_height(np.radians(30.0), 0.06), "level": 0.01, "raised": 0.01}
     modes = Modes.parse(files["modes.json"])
     for pose, z in expected.items():
-        data = posed(model, pose)
+        data = in_pose(model, pose)
         assert data.body("upper").xpos == pytest.approx([0.01, 0.0, z], abs=1e-7)
         assert height(data) == pytest.approx(0.0, abs=2e-7)
         assert modes["afloat"].state(pose).base_pose[:3, 3] == pytest.approx([0.01, 0.0, z], abs=1e-7)
-    assert posed(model).body("upper").xpos[2] == pytest.approx(expected["bent"], abs=1e-7)  # at qpos0, too
+    assert in_pose(model).body("upper").xpos[2] == pytest.approx(expected["bent"], abs=1e-7)  # at qpos0, too
     assert list(json.loads(files["modes.json"])["afloat"]["bases"]) == ["level", "raised"]
 
 
-def test_one_that_does_not_float_has_the_height_of_its_start_pose(files_of: Callable[[str], dict[str, bytes]]) -> None:
+def test_held_base_has_the_height_of_its_start_pose(files_of: Callable[[str], dict[str, bytes]]) -> None:
     files = files_of(ARM.replace("base: free", "base: held"))
     for pose in ("bent", "level"):
-        assert posed(scene(files, "afloat"), pose).body("upper").xpos[2] == pytest.approx(bent_height(np.radians(30.0), 0.06), abs=1e-7)
+        assert in_pose(scene(files, "afloat"), pose).body("upper").xpos[2] == pytest.approx(bent_height(np.radians(30.0), 0.06), abs=1e-7)
     assert "bases" not in json.loads(files["modes.json"])["afloat"]
 
 
-def test_it_starts_at_rest(files_of: Callable[[str], dict[str, bytes]]) -> None:
-    """Two boxes on a plane: in the first step nothing is pushed out of the floor, and nothing falls onto it."""
+def test_robot_on_the_floor_starts_at_rest(files_of: Callable[[str], dict[str, bytes]]) -> None:
+    """Two boxes on a plane: in the simulation nothing is pushed out of the floor or falls onto it."""
     files = files_of(ARM.replace("pose: bent", "pose: level"))
-    data = posed(scene(files, "afloat"), "level")
+    data = in_pose(scene(files, "afloat"), "level")
     for _ in range(500):
         mujoco.mj_step(data.model, data)
         assert abs(data.qvel).max() < 0.05
     assert data.body("upper").xpos[2] == pytest.approx(0.01, abs=2e-4)
 
 
-def test_here_holds_where_it_stands(files_of: Callable[[str], dict[str, bytes]]) -> None:
+def test_hold_here_uses_the_floor_height(files_of: Callable[[str], dict[str, bytes]]) -> None:
     files = files_of(ARM + "  held: {extends: afloat, base: fixed, hold: {lower.tip: here}}\n")
-    data = posed(scene(files, "held"), "bent")
+    data = in_pose(scene(files, "held"), "bent")
     z = bent_height(np.radians(30.0), 0.06)
     assert data.body("upper").xpos[2] == pytest.approx(z, abs=1e-7)
     held = np.array(json.loads(files["modes.json"])["held"]["holds"]["lower/tip"]["X_WM"])
     assert held[2, 3] == pytest.approx(z - 0.06 * np.sin(np.radians(30.0)), abs=1e-7)
 
 
-def test_the_nearer_mode_says_how_high(compiled: Compiled) -> None:
+def test_height_is_inherited_and_overridden(compiled: Compiled) -> None:
+    """A height or `on: floor` of a mode overrides that of the mode it extends."""
     compilation = compiled(ARM + (
         "  dropped: {extends: afloat, at: {xyz: 0 0 300 mm}}\n"
         "  landed: {extends: dropped, at: {on: floor}}\n"
@@ -221,8 +223,8 @@ def test_the_nearer_mode_says_how_high(compiled: Compiled) -> None:
     assert at["landed"] == (0.0, 0.0, z) and at["shifted"] == (0.0, 0.05, z) and at["afloat"] == (0.01, 0.0, z)
 
 
-def test_a_session_finds_every_height(folder: Path, shared_store: str) -> None:
-    """Other lengths, again and again: what is kept from one compilation is never that of another."""
+def test_session_recomputes_the_height(folder: Path, shared_store: str) -> None:
+    """Lengths change repeatedly; a cached height is never used for another length."""
     (folder / "robot.yaml").write_text(ARM)
     with Session(str(folder / "robot.yaml"), Options(store=shared_store)) as session:
         for length in (60, 80, 60, 70, 80):
@@ -231,8 +233,8 @@ def test_a_session_finds_every_height(folder: Path, shared_store: str) -> None:
             assert robot.bodies[0].X_PL.translation[2] == pytest.approx(expected, abs=1e-7)
 
 
-def test_check_needs_no_meshes(compiled: Compiled, folder: Path) -> None:
-    """From the lock alone, with nothing in the store: the boxes of these parts are the parts."""
+def test_check_works_without_meshes(compiled: Compiled, folder: Path) -> None:
+    """From the lock file alone with an empty store, the boxes of these parts equal the parts."""
     (folder / "robot.yaml").write_text(ARM)
     out = io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.chdir(folder):
@@ -244,7 +246,7 @@ def test_check_needs_no_meshes(compiled: Compiled, folder: Path) -> None:
     assert z == pytest.approx(bent_height(np.radians(30.0), 0.06), abs=1e-6)
 
 
-def test_a_damaged_mesh_is_made_anew(folder: Path, tmp_path: Path) -> None:
+def test_damaged_mesh_is_rebuilt(folder: Path, tmp_path: Path) -> None:
     (folder / "robot.yaml").write_text(LAMP.replace("KIND", "hull"))
     options = Options(store=str(tmp_path / "store"))
     with Environment(str(folder / "robot.yaml"), options) as environment:
@@ -258,35 +260,36 @@ def test_a_damaged_mesh_is_made_anew(folder: Path, tmp_path: Path) -> None:
     stamp = path.stat()
     path.write_bytes(damaged)
     os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
-    compilation = attempted(str(folder / "robot.yaml"), options, pipeline.compile)
+    compilation = with_environment(str(folder / "robot.yaml"), options, pipeline.compile)
     assert [robot.bodies[0].X_PL for robot in compilation.robots] == expected and compilation.modelled == ["lamps:Lamp"]
 
 
-def test_info_says_where_it_stands(compiled: Compiled) -> None:
+def test_info_shows_the_floor_height(compiled: Compiled) -> None:
     compilation = compiled(ARM.replace("pose: bent", "pose: level"))
     assert compilation.assembly is not None
     text = "\n".join(info.as_text(compilation.assembly, compilation.robots))
     assert "\nmode afloat: root upper/origin, base free, on the floor with its root at 10 0 10 mm\n" in text
 
 
-def said(compilation: Compilation) -> list[tuple[str, str, str | None]]:
-    return [(d.code.code, d.message, d.help) for d in compilation.report.ordered()]
+def diagnostics_of(compilation: Compilation) -> list[tuple[str, str, str | None]]:
+    return [(d.code.code, d.message, d.help) for d in compilation.report.sorted_diagnostics()]
 
 
-def test_a_height_is_said_once(compiled: Compiled) -> None:
-    found = said(compiled(ARM.replace("xyz: [10 mm, 0, 0]", "xyz: [10 mm, 0, 5 mm]")))
+def test_conflicting_heights_are_reported(compiled: Compiled) -> None:
+    found = diagnostics_of(compiled(ARM.replace("xyz: [10 mm, 0, 0]", "xyz: [10 mm, 0, 5 mm]")))
     assert found == [(
         "TC606", "mode `afloat` sets the height of the robot twice: by `on: floor` and by a height of 5 mm",
         "set z to `0`, or remove `on: floor`",
     )]
-    found = said(compiled(ARM + "  held: {extends: afloat, hold: {lower.tip: {xyz: 100 0 0 mm}}}\n"))
+    found = diagnostics_of(compiled(ARM + "  held: {extends: afloat, hold: {lower.tip: {xyz: 100 0 0 mm}}}\n"))
     assert found == [(
         "TC606", "mode `held` sets the height of the robot twice: by `on: floor` and by the hold of `lower.tip` at a fixed place",
         "write `lower.tip: here`, or set a height in `at`",
     )]
 
 
-def test_nothing_is_said_of_the_floor_while_a_part_is_unknown(compiled: Compiled) -> None:
+def test_floor_check_requires_exact_parts(compiled: Compiled) -> None:
+    """While a part is not exact, no diagnostic about the floor is given."""
     whole = compiled(ARM.replace("part: lamps:Bar", "collision: none, part: lamps:Bar")).assembly
     assert whole is not None and len(whole.occurrences) == 2
     for unknown in ((), (0,), (1,), (0, 1)):
@@ -299,8 +302,8 @@ def test_nothing_is_said_of_the_floor_while_a_part_is_unknown(compiled: Compiled
         assert {found.code for found in report.diagnostics} == (set() if unknown else {Code.NOTHING_TOUCHES})
 
 
-def test_something_has_to_touch(compiled: Compiled) -> None:
-    found = said(compiled(LAMP.replace("KIND", "none")))
+def test_on_floor_without_collision_shapes_is_reported(compiled: Compiled) -> None:
+    found = diagnostics_of(compiled(LAMP.replace("KIND", "none")))
     assert found == [
         ("TC607", f"mode `{mode}` is `on: floor`, but no part of `robot` can touch the floor",
          "set `collision` of a part to a value other than `none`, or write `at: {xyz: ...}`") for mode in ("flat", "askew", "hung")

@@ -1,4 +1,4 @@
-"""A workspace with the robots of the repository, and a lock made for it."""
+"""A workspace with the robots of the repository, and a lock file for it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from harness import ran
 
 @pytest.fixture(scope="session")
 def locked(tmp_path_factory: pytest.TempPathFactory, root: Path, shared_store: str) -> Path:
-    """The arm and MInchW in a folder of their own, with `parts.lock.json`. Not to be changed: copy it."""
+    """Return a folder with the arm, MInchW and `parts.lock.json`. Tests must copy it instead of changing it."""
     folder = tmp_path_factory.mktemp("locked") / "workspace"
     folder.mkdir()
     ignored = shutil.ignore_patterns("__pycache__", "thingc_stock")
@@ -28,7 +28,7 @@ def locked(tmp_path_factory: pytest.TempPathFactory, root: Path, shared_store: s
 
 @pytest.fixture
 def workspace(locked: Path, tmp_path: Path) -> Path:
-    """A copy of `locked` for one test."""
+    """Return a copy of `locked` for one test."""
     folder = tmp_path / "workspace"
     shutil.copytree(locked, folder)
     return folder

@@ -1,4 +1,4 @@
-"""Whole processes, and what they cost."""
+"""Run complete processes and measure their CPU time and memory."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ print(json.dumps([done.returncode, done.stdout[:2_000_000], done.stderr[:20_000]
 
 @dataclass(frozen=True)
 class Ran:
-    """A process that ended: its exit code, what it printed, CPU seconds and peak memory [MB] of it and its children."""
+    """A finished process: exit code, output, and CPU seconds and peak memory [MB] of it and its children."""
 
     code: int
     out: str
@@ -33,13 +33,13 @@ class Ran:
 
 
 def environment(**more: str) -> dict[str, str]:
-    """An environment in which nothing of the caller's decides where Python looks for modules."""
+    """Return an environment without variables that change where Python looks for modules."""
     kept = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "THINGC_STORE", "PYTHONSTARTUP")}
     return {**kept, "COLUMNS": "100", **more}
 
 
 def ran(words: Sequence[str], folder: Path, more: Mapping[str, str] | None = None, program: Sequence[str] = (THINGC,)) -> Ran:
-    """Run `thingc` with these words in a folder, to its end."""
+    """Run `thingc` with these arguments in a folder until it ends."""
     done = subprocess.run(
         [sys.executable, "-I", "-S", "-c", _MEASURE, *program, *words], cwd=folder, env=environment(**(more or {})),
         capture_output=True, text=True, check=True, timeout=600,
@@ -69,7 +69,7 @@ for line in sys.stdin:
 
 @contextlib.contextmanager
 def forked(folder: Path) -> Iterator[Callable[[Sequence[str], Path], Ran]]:
-    """Yield a function like `ran` whose processes are forked from one that has imported what `thingc check --no-code` needs."""
+    """Yield a function like `ran` that forks its processes from one that has imported the modules of `thingc check --no-code`."""
     example, streams = folder / "example.yaml", (folder / "out", folder / "err")
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
     example.write_text("thingc: assembly/1\nname: example\ncomponents: {body: {frame: true}}\n")

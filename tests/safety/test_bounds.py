@@ -1,5 +1,5 @@
-"""`thingc check --no-code` of documents that are made to exhaust it: a diagnostic within five seconds and a gigabyte, whatever it is
-given. Each is a process, and what it used is what the kernel says it used."""
+"""`thingc check --no-code` of documents designed to exhaust it: a diagnostic within five seconds and a gigabyte for every input. Each
+check is a process, measured by the kernel."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from thingc.tools.cli import sandboxed_check as bounds
 pytestmark = pytest.mark.slow
 
 LONGER = ["--time-limit", "20 s"]
-"""For what is refused before it meets the limit, on a slow machine, too."""
+"""A limit for inputs that are rejected before they reach it, even on a slow machine."""
 SECONDS = 22.0
-"""What the check may compute, and what it takes to start and to print."""
+"""The time limit of the check, plus the time to start and to print."""
 MEMORY = 1000.0
 
 SHORTER = ["--time-limit", "0.2 s"]
-"""For what may meet the limit, which need not be waited for."""
+"""A limit for inputs that may reach it, to keep the test short."""
 
 SAID = {
     "doubling": "TC331", "doubling_with_parameters": "TC331", "repeats_of_repeats": "TC331", "repeats_beside": "TC331",
@@ -37,7 +37,7 @@ SAID = {
     "large_python": "TC343", "settings": "TC108", "deep_settings": "TC108", "toml_deep": "TC108", "toml_deep_table": "TC108",
     "toml_deep_header": "TC108", "toml_digits": "TC103",
 }
-"""Of those that take far less than the limit on any machine: what is said, which is not that a limit was met."""
+"""The code reported for inputs that are rejected far below the limit on any machine; it is not the code of a reached limit."""
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Sequence
 
 
 @pytest.mark.parametrize("name", BOMBS)
-def test_what_is_made_to_exhaust_it_does_not(name: str, tmp_path: Path, ran: Callable[[Sequence[str], Path], Ran]) -> None:
+def test_bombs_end_within_time_and_memory_limits(name: str, tmp_path: Path, ran: Callable[[Sequence[str], Path], Ran]) -> None:
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "blocks.py").write_text("class Block: pass\n")
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
@@ -62,7 +62,7 @@ def test_what_is_made_to_exhaust_it_does_not(name: str, tmp_path: Path, ran: Cal
         assert f"error[{SAID[name]}]" in done.out and "TC346" not in done.out
 
 
-def test_a_limit_that_is_met_is_one_diagnostic(tmp_path: Path, ran: Callable[[Sequence[str], Path], Ran]) -> None:
+def test_reached_time_limit_is_one_diagnostic(tmp_path: Path, ran: Callable[[Sequence[str], Path], Ran]) -> None:
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "parts.lock.json").write_text('{"thingc": "lock/1"}')
     document = BOMBS["as_many_as_allowed"](tmp_path)
@@ -72,20 +72,20 @@ def test_a_limit_that_is_met_is_one_diagnostic(tmp_path: Path, ran: Callable[[Se
     assert done.seconds < 4.0
 
 
-def test_a_limit_below_a_second_is_kept() -> None:
+def test_time_limit_below_one_second() -> None:
     def endlessly() -> None:
         while True:
             pass
 
     before = os.times()
-    ended = bounds.confined(endlessly, 0.1)
+    ended = bounds.run_confined(endlessly, 0.1)
     after = os.times()
     assert isinstance(ended, Diagnostic) and ended.message == "the check was stopped: it needs more than 0.1 s of CPU time"
     used = after.children_user + after.children_system - before.children_user - before.children_system
     assert 0.05 < used < 0.5
 
 
-def test_who_waits_for_ever_is_ended_and_who_computes_slowly_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hanging_check_is_stopped_but_slow_one_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bounds, "PATIENCE", 0.3)
 
     def slowly() -> str:
@@ -96,6 +96,6 @@ def test_who_waits_for_ever_is_ended_and_who_computes_slowly_is_not(monkeypatch:
                 pass
         return "done"
 
-    assert bounds.confined(slowly, 5.0) == "done"
-    hung = bounds.confined(lambda: select.select([], [], []), 1.0)
+    assert bounds.run_confined(slowly, 5.0) == "done"
+    hung = bounds.run_confined(lambda: select.select([], [], []), 1.0)
     assert isinstance(hung, Diagnostic) and hung.message == "the check was stopped: it made no progress for 0.3 s"

@@ -1,4 +1,4 @@
-"""Repositories, archives and batches that somebody has made to write or run something outside of their folder."""
+"""Hostile repositories, archives and batches that try to write or run something outside their folder."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def commit_of(folder: Path, entries: list[tuple[str, str, bytes | str]]) -> str:
-    """A commit of files, links and trees (by hash) that `git add` would not make."""
+    """Return a commit with files, links and trees (by hash) that `git add` would not create."""
     lines = [
         f"{mode} {'tree' if mode == '040000' else 'blob'} "
         f"{data if isinstance(data, str) else git(folder, 'hash-object', '-w', '--stdin', given=data)}\t{name}\0"
@@ -48,8 +48,8 @@ def commit_of(folder: Path, entries: list[tuple[str, str, bytes | str]]) -> str:
 
 
 @pytest.mark.parametrize("how", ["lock", "document", "parts", "file"])
-def test_a_path_that_is_a_link_and_a_folder_is_refused(repository: Path, capsys: pytest.CaptureFixture[str], how: str) -> None:
-    """The old state writes through the link into a folder outside of the temporary one."""
+def test_path_that_is_both_link_and_folder_is_refused(repository: Path, capsys: pytest.CaptureFixture[str], how: str) -> None:
+    """The old revision tries to write through the link into a folder outside the temporary one."""
     outside = repository.parent / "outside"
     outside.mkdir()
     (outside / "y.yaml").write_text("mine")
@@ -68,8 +68,8 @@ def test_a_path_that_is_a_link_and_a_folder_is_refused(repository: Path, capsys:
     assert (outside / "y.yaml").read_text() == "mine" and os.listdir(outside) == ["y.yaml"]
 
 
-def test_no_file_is_written_through_a_link(tmp_path: Path) -> None:
-    """Also a link of an earlier call, and one of a name that a file system takes for the same."""
+def test_files_are_not_written_through_links(tmp_path: Path) -> None:
+    """This includes links of an earlier call, and hard links."""
     root, outside = tmp_path / "root", tmp_path / "outside"
     root.mkdir()
     outside.mkdir()
@@ -88,18 +88,18 @@ def test_no_file_is_written_through_a_link(tmp_path: Path) -> None:
 @pytest.mark.parametrize("paths", [
     ["../a"], ["a/../../b"], ["/a"], ["a//b"], ["a/."], [""], ["a\0b"], ["a", "a"], ["a", "a/b"], ["a/b/c", "a/b"],
 ])
-def test_paths_that_are_no_tree(paths: list[str]) -> None:
+def test_invalid_tree_paths_are_refused(paths: list[str]) -> None:
     with pytest.raises(BadPath):
         check_tree(paths)
 
 
-def test_paths_that_are_a_tree() -> None:
+def test_valid_tree_paths_are_accepted() -> None:
     check_tree(["a", "a.b/c", "a..b/..c", "A/b", "caf\udce9/\n", "a\\b"])
 
 
 @pytest.mark.parametrize("name", ["../../x", "", "a" * 63, "A" * 64, "a" * 64 + "\n", "/" + "a" * 63, "\uff11" * 64])
-def test_the_store_takes_no_path_for_a_hash(tmp_path: Path, name: str) -> None:
-    """A blob of another size is thrown away: no other file must be."""
+def test_store_does_not_accept_a_path_as_a_hash(tmp_path: Path, name: str) -> None:
+    """The store deletes a blob of the wrong size, so it must not delete any other file."""
     store = Store(str(tmp_path / "store"))
     store.put(b"x")
     victim = tmp_path / "x"
@@ -135,7 +135,7 @@ RUNS = {
 
 
 @pytest.mark.parametrize("way", RUNS)
-def test_nothing_that_the_repository_configures_is_run(
+def test_configured_commands_of_a_repository_are_not_run(
     repository: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], way: str,
 ) -> None:
     mark, evil = tmp_path / "mark", tmp_path / "hooks" / "post-index-change"
@@ -166,8 +166,8 @@ def test_nothing_that_the_repository_configures_is_run(
         assert mark.exists()
 
 
-def test_filters_of_a_repository_run_where_its_code_may(repository: Path) -> None:
-    """`git lfs install --local` makes such a filter."""
+def test_filters_run_only_in_trusted_repositories(repository: Path) -> None:
+    """`git lfs install --local` creates such a filter."""
     (repository / ".gitattributes").write_text("*.yaml filter=own\n")
     git(repository, "config", "filter.own.smudge", "tr a-z A-Z")
     commit = git(repository, "rev-parse", "HEAD")
@@ -177,7 +177,7 @@ def test_filters_of_a_repository_run_where_its_code_may(repository: Path) -> Non
             assert Path(revision.file("robot.yaml")).read_text() == text
 
 
-def test_a_change_inside_a_submodule_is_not_looked_for(repository: Path, tmp_path: Path) -> None:
+def test_changes_inside_a_submodule_are_not_examined(repository: Path, tmp_path: Path) -> None:
     mark = tmp_path / "mark"
     git(repository, "-c", "protocol.file.allow=always", "submodule", "--quiet", "add", str(repository), "parts")
     git(repository, "commit", "-qm", "with itself")
@@ -190,7 +190,7 @@ def test_a_change_inside_a_submodule_is_not_looked_for(repository: Path, tmp_pat
 
 
 @pytest.mark.parametrize("target", [b"", b"a\0b"])
-def test_a_link_that_no_system_can_have_is_left_out(repository: Path, capsys: pytest.CaptureFixture[str], target: bytes) -> None:
+def test_invalid_link_target_is_omitted(repository: Path, capsys: pytest.CaptureFixture[str], target: bytes) -> None:
     robot = ROBOT + "description: x.yaml\n"
     commit = commit_of(repository, [("100644", "robot.yaml", robot.encode()), ("120000", "x.yaml", target)])
     code = main(["diff", "--no-code", f"main...{commit}"])

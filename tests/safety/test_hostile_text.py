@@ -1,4 +1,5 @@
-"""Names, texts and file names that are written to be obeyed by a terminal, or not to be seen: no command hands them on."""
+"""Names, texts and file names that contain terminal escape sequences or invisible characters: no command prints or writes them
+unescaped."""
 
 from __future__ import annotations
 
@@ -16,9 +17,9 @@ from thingc.tools.cli.main import main
 
 TEXT = "\x1b[31m\x1b]0;owned\x07\x9b1m\u202e\u2067\u200b\r\n\n::error::forged\n"
 EVIL = TEXT + "\ud800"
-"""With half a character, which Python takes for a text but neither prints nor has in a docstring."""
+"""The text with a lone surrogate: a valid Python string that cannot be printed or used in a docstring."""
 IN_YAML = r"\e[31m\e]0;owned\a\x9b1m\u202e\u2067\u200b\r\n\n::error::forged\n"
-"""`TEXT` in double quotes of YAML."""
+"""`TEXT` as a double-quoted YAML string."""
 
 PART = f'''\
 import sys
@@ -79,7 +80,7 @@ list: [{choices: {components.a.part: odd:Odd}}]
 
 @pytest.fixture
 def hostile(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A workspace in which everything that a person may choose is hostile. It is the working folder."""
+    """Return a workspace in which all user-defined names and texts are hostile. It is the working folder."""
     folder = tmp_path / "a\x1b[31m\nb\u202e"
     (folder / "parts").mkdir(parents=True)
     (folder / "parts" / "odd.py").write_text(PART)
@@ -92,7 +93,7 @@ def hostile(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) 
 
 
 def printed(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
-    """The exit code and both streams of a command."""
+    """Return the exit code and the combined output of a command."""
     capsys.readouterr()
     code = main(words)
     out, err = capsys.readouterr()
@@ -100,7 +101,7 @@ def printed(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
 
 
 def harmless(text: str) -> None:
-    """Fails unless every line is printable, nobody has begun a line of their own, and no defect was met."""
+    """Assert that all characters are printable, that no text starts a new line, and that no internal error occurred."""
     hidden = [line for line in text.split("\n") if not line.replace("\t", " ").isprintable()]
     assert hidden == []
     assert "\n::error::forged" not in text and "\nforged" not in text
@@ -129,7 +130,7 @@ COMMANDS: list[Sequence[str]] = [
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=lambda words: " ".join(words).encode("unicode_escape").decode())
-def test_no_command_hands_it_on(hostile: Path, capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+def test_commands_escape_hostile_text(hostile: Path, capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     code, text = printed(capsys, *words)
     assert text or words[0] == "lock"
     harmless(text)
@@ -139,7 +140,7 @@ def test_no_command_hands_it_on(hostile: Path, capsys: pytest.CaptureFixture[str
         assert code == 1 and "q\\x1b[31m\\x1b]0;owned\\x07\\x9b1m\\u202e\\u2067\\u200b\\r\\n" in text
 
 
-def test_check_without_code_and_with_a_hostile_lock(hostile: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_without_code_escapes_a_hostile_lock_file(hostile: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (hostile / "bad\x1b[31m\n.yaml").unlink()
     (hostile / "wrong.yaml").unlink()
     assert printed(capsys, "lock")[0] == 0
@@ -155,8 +156,8 @@ def test_check_without_code_and_with_a_hostile_lock(hostile: Path, capsys: pytes
     harmless(ran.stdout + ran.stderr)
 
 
-def test_what_is_written_holds_nothing_hidden(hostile: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every text file of a build, a batch, a lock and an editor's schemas: people open those in a terminal, too."""
+def test_written_files_are_escaped(hostile: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every text file of a build, a batch, a lock and the editor schemas: these may be printed in a terminal, too."""
     monkeypatch.setenv("THINGC_STORE", str(hostile.parent / "store"))  # the journal of the batch has what the part prints
     for words in (["batch", "many.yaml", "--pictures", "none", "--jobs", "1"], ["build", "odd.yaml"], ["schema", "--no-model"]):
         code, text = printed(capsys, *words)
@@ -171,8 +172,8 @@ def test_what_is_written_holds_nothing_hidden(hostile: Path, capsys: pytest.Capt
     assert seen > 12
 
 
-def test_a_terminal_gets_no_sequence_but_ours(hostile: Path) -> None:
-    """On a terminal colours and the progress line are escape sequences; nobody else's are."""
+def test_terminal_receives_only_own_escape_sequences(hostile: Path) -> None:
+    """thingc itself uses escape sequences for colours and the progress line."""
     parent, child = pty.openpty()
     process = subprocess.Popen([THINGC, "check", "wrong.yaml", "odd.yaml"], stdout=child, stderr=child, env=environment(TERM="xterm"))
     os.close(child)
@@ -194,7 +195,7 @@ def test_a_terminal_gets_no_sequence_but_ours(hostile: Path) -> None:
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
-def test_a_terminal_that_knows_few_letters(hostile: Path, encoding: str) -> None:
+def test_terminal_with_limited_encoding(hostile: Path, encoding: str) -> None:
     (hostile / "odd.yaml").write_text(ROBOT.lstrip().replace("odd:Odd", "odd:Ödd漢"))
     ran = subprocess.run([THINGC, "check", "odd.yaml"], capture_output=True, env=environment(PYTHONIOENCODING=encoding, LC_ALL="C"))
     text = ran.stdout.decode(encoding)

@@ -1,4 +1,4 @@
-"""`thingc lock` and what is said of a lock that is stale, broken, tampered with, or that does not hold what a document asks for."""
+"""`thingc lock`, and the diagnostics for a lock file that is stale, broken, modified or incomplete."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def edit(file: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new, 1))
 
 
-def test_the_lock_is_readable_and_the_same_wherever_it_is_made(workspace: Path, locked: Path, shared_store: str, root: Path) -> None:
+def test_lock_file_is_readable_and_reproducible(workspace: Path, locked: Path, shared_store: str, root: Path) -> None:
     text = (workspace / "parts.lock.json").read_text()
     (workspace / "parts.lock.json").unlink()
     assert thingc_here("lock", store=shared_store, cwd=workspace).code == 0
@@ -50,7 +50,7 @@ def test_the_lock_is_readable_and_the_same_wherever_it_is_made(workspace: Path, 
     assert max(len(line) for line in text.splitlines() if '"doc"' not in line) < 400  # a line is one thing
 
 
-def test_a_lock_says_of_the_robots_what_the_store_says(workspace: Path, shared_store: str) -> None:
+def test_lock_file_gives_the_same_robots_as_the_store(workspace: Path, shared_store: str) -> None:
     for document in (ARM, MINCHW):
         masses = []
         for options in (Options(store=shared_store), Options(lock=True, code=False)):
@@ -66,14 +66,14 @@ def test_a_lock_says_of_the_robots_what_the_store_says(workspace: Path, shared_s
             assert held[1:] == pytest.approx(stored[1:], rel=1e-9, abs=1e-15)
 
 
-def test_comments_and_docstrings_are_no_change_of_code(workspace: Path, shared_store: str) -> None:
+def test_comments_and_docstrings_do_not_make_it_stale(workspace: Path, shared_store: str) -> None:
     part = workspace / "parts" / "arm.py"
     part.write_text("# a comment\n\n" + part.read_text())
     assert checked(workspace).code == 0
     assert thingc_here("lock", "--check", store=shared_store, cwd=workspace).code == 0
 
 
-def test_whole_numbers_are_locked_with_their_bounds() -> None:
+def test_integer_parameters_keep_their_bounds() -> None:
     whole = PartSchema(
         reference="gears:Gear", kind="thing", doc="", material=None, actuator=False, file="", line=0, parameters=(
             ParameterSchema(name="teeth", kind="count", required=False, default=12, minimum=0),
@@ -88,7 +88,7 @@ def test_whole_numbers_are_locked_with_their_bounds() -> None:
         read_schema("gears:Gear", values, "things")
 
 
-def test_a_stale_lock_is_said_at_the_part(workspace: Path, shared_store: str) -> None:
+def test_stale_lock_is_reported_at_the_part(workspace: Path, shared_store: str) -> None:
     edit(workspace / "parts" / "arm.py", "shaft = Cylinder(diameter / 2, length)", "shaft = Cylinder(diameter * 0.5, length)")
     done = checked(workspace, "assemblies/end_effector.yaml", "--format", "json")
     assert done.code == 1
@@ -109,7 +109,7 @@ def test_a_stale_lock_is_said_at_the_part(workspace: Path, shared_store: str) ->
     assert checked(workspace).code == 0
 
 
-def test_lock_check_says_what_changed(workspace: Path, shared_store: str) -> None:
+def test_lock_check_lists_changes(workspace: Path, shared_store: str) -> None:
     lock = workspace / "parts.lock.json"
     held = json.loads(lock.read_text())
     del held["things"]["arm:PenDummy"]
@@ -128,8 +128,8 @@ def test_lock_check_says_what_changed(workspace: Path, shared_store: str) -> Non
     assert done.out.count("error[TC341]") == 4
 
 
-def test_a_process_that_the_lock_does_not_hold(workspace: Path, shared_store: str) -> None:
-    """How a part is sliced is in the lock; another percentage needs no other slices, more walls do."""
+def test_process_that_is_not_in_the_lock_file(workspace: Path, shared_store: str) -> None:
+    """The slicing of a part is in the lock file. Another infill percentage needs no other slices, but another number of walls does."""
     arm = workspace / ARM
     edit(arm, "process: {infill: 30 %}", "process: {infill: 25 %}")
     assert checked(workspace).out == f"{ARM}: ok\n"
@@ -149,7 +149,7 @@ def test_a_process_that_the_lock_does_not_hold(workspace: Path, shared_store: st
         assert plate.properties.mass == pytest.approx(build.assembly.occurrences[0].properties.mass, rel=1e-9)
 
 
-def test_parameters_that_the_lock_does_not_hold(workspace: Path) -> None:
+def test_parameters_that_are_not_in_the_lock_file(workspace: Path) -> None:
     arm = workspace / ARM
     edit(arm, "{part: arm:BasePlate,", "{part: arm:BasePlate, params: {size: 120 mm},")
     done = checked(workspace)
@@ -166,7 +166,7 @@ def test_parameters_that_the_lock_does_not_hold(workspace: Path) -> None:
     assert misspelt.code == 1 and "did you mean `servo_seat`?" in misspelt.out
 
 
-def test_names_of_mounts_that_parameters_may_change_are_not_judged(workspace: Path, shared_store: str) -> None:
+def test_mount_names_that_depend_on_parameters_are_not_checked(workspace: Path, shared_store: str) -> None:
     (workspace / "parts" / "many.py").write_text(
         "from build123d import Box, Location\nfrom thingc import MountPoint, Thing\n\n\nclass Comb(Thing):\n    \"\"\"A comb.\"\"\"\n\n"
         "    def __init__(self, teeth: int = 2) -> None:\n        super().__init__(material='petg')\n"
@@ -187,7 +187,7 @@ def test_names_of_mounts_that_parameters_may_change_are_not_judged(workspace: Pa
     assert "TC303" in checked(workspace, "comb.yaml").out
 
 
-def test_files_that_are_parts_are_compared_with_the_lock(workspace: Path, shared_store: str) -> None:
+def test_file_parts_are_compared_with_the_lock_file(workspace: Path, shared_store: str) -> None:
     (workspace / "motor.stl").write_text(TETRAHEDRON)
     (workspace / "filed.yaml").write_text(
         "thingc: assembly/1\nname: filed\ncomponents:\n  motor: {file: motor.stl, mass: 1 kg}\n"
@@ -203,7 +203,7 @@ def test_files_that_are_parts_are_compared_with_the_lock(workspace: Path, shared
     assert "TC343" in checked(workspace, "other.yaml").out
 
 
-def test_a_file_is_locked_in_each_unit_that_it_is_used_in(workspace: Path, shared_store: str) -> None:
+def test_file_is_locked_once_per_unit(workspace: Path, shared_store: str) -> None:
     (workspace / "motor.stl").write_text(TETRAHEDRON)
     text = "thingc: assembly/1\nname: filed\ncomponents:\n  motor: {file: motor.stl, unit: cm, mass: 1 kg}\n"
     (workspace / "filed.yaml").write_text(text + "  small: {file: motor.stl, mass: 1 g, at: {in: motor.origin}}\n")
@@ -227,7 +227,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_broken_lock_is_a_diagnostic(name: str, workspace: Path) -> None:
+def test_broken_lock_file_is_a_diagnostic(name: str, workspace: Path) -> None:
     (workspace / "parts.lock.json").write_text(BROKEN[name])
     done = checked(workspace)
     assert done.code == 1 and "error[TC342]: `parts.lock.json` is invalid" in done.out and "Traceback" not in done.err
@@ -242,7 +242,7 @@ def test_a_broken_lock_is_a_diagnostic(name: str, workspace: Path) -> None:
     (("records", "arm:BasePlate", "mounts"), {"servo_seat": {"pose": [1] * 12}}), (("records", "arm:BasePlate", "mass"), {"value": 1}),
     (("records", "arm:BasePlate", "actuator"), {"kind": "rocket"}), (("records", "arm:BasePlate", "expectations"), [["a"]]),
 ])
-def test_a_lock_that_was_tampered_with_is_a_diagnostic(path: tuple[str, ...], value: object, workspace: Path) -> None:
+def test_modified_lock_file_is_a_diagnostic(path: tuple[str, ...], value: object, workspace: Path) -> None:
     lock = workspace / "parts.lock.json"
     held = json.loads(lock.read_text())
     at = held["things"]["arm:BasePlate"]
@@ -254,7 +254,7 @@ def test_a_lock_that_was_tampered_with_is_a_diagnostic(path: tuple[str, ...], va
     assert done.code == 1 and "error[TC342]: `parts.lock.json` is invalid at `things.arm:BasePlate" in done.out
 
 
-def test_a_broken_lock_is_a_warning_where_code_may_run(workspace: Path, tmp_path: Path) -> None:
+def test_broken_lock_file_is_a_warning_if_code_may_run(workspace: Path, tmp_path: Path) -> None:
     (workspace / "parts.lock.json").write_text("{")
     with Environment(str(workspace / "assemblies" / "end_effector.yaml"), Options(store=str(tmp_path / "store"), lock=True)) as environment:
         compilation = pipeline.compile(environment)
@@ -262,7 +262,7 @@ def test_a_broken_lock_is_a_warning_where_code_may_run(workspace: Path, tmp_path
         assert compilation.report.diagnostics[0].severity is Severity.WARNING
 
 
-def test_a_part_that_cannot_be_made_is_not_locked(workspace: Path, shared_store: str) -> None:
+def test_failing_part_is_not_locked(workspace: Path, shared_store: str) -> None:
     before = (workspace / "parts.lock.json").read_bytes()
     (workspace / "parts" / "torn.py").write_text("from thingc import Thing\n\n\nclass Torn(Thing):\n    x = 1 / 0\n")
     (workspace / "parts" / "short.py").write_text(

@@ -1,5 +1,5 @@
-"""`thingc check --no-code` runs nothing of the workspace and reads nothing outside of it; with a lock, `thingc check` needs no CAD
-kernel. Judged from outside: by Python's audit hook, by strace, and by traps that leave a mark."""
+"""`thingc check --no-code` runs no code of the workspace and reads no file outside it; with a lock file, `thingc check` needs no CAD
+kernel. Verified from outside: with Python's audit hook, with strace, and with traps that leave a file."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ TRAP = "import os\nopen(os.path.join({folder!r}, 'SPRUNG-' + __name__ + '-' + st
 
 
 def trapped(folder: Path, marks: Path) -> None:
-    """Put code that leaves a mark wherever somebody might import it: modules named like those that a check needs, at the root and in
-    the part folders, hooks of Python and pytest, and the parts themselves."""
+    """Put code that creates a marker file wherever it might be imported: modules named like those that a check needs, in the root and in
+    the part folders, startup hooks of Python and pytest, and the parts themselves."""
     trap = TRAP.format(folder=str(marks))
     for name in ("json", "yaml", "pydantic", "thingc", "argparse", "re", "tomllib", "tree_sitter", "build123d", "bd_materials", "conftest",
                  "sitecustomize", "usercustomize", "setup", "evil", "dataclasses"):
@@ -68,7 +68,7 @@ def trapped(folder: Path, marks: Path) -> None:
 
 @pytest.fixture
 def hostile(workspace: Path, tmp_path: Path) -> Iterator[Path]:
-    """A workspace full of traps, whose marks would lie beside it."""
+    """Yield a workspace full of traps, whose marker files would be created next to it."""
     trapped(workspace, tmp_path)
     (workspace / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts", "."]\npackages = ["thingc_stock", "evil", "os"]\n')
     (workspace / "hostile.yaml").write_text(
@@ -93,7 +93,7 @@ def sprung(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.rglob("SPRUNG*"))
 
 
-def test_no_trap_is_sprung_and_no_secret_told(hostile: Path, tmp_path: Path) -> None:
+def test_no_trap_runs_and_no_secret_is_printed(hostile: Path, tmp_path: Path) -> None:
     store = tmp_path / "store"
     for words in (["hostile.yaml"], ["root.yaml"], ["pipe.yaml"], ["zero.yaml"], list(DOCUMENTS)):
         done = ran(["check", "--no-code", *words], hostile, {"THINGC_STORE": str(store)})
@@ -104,7 +104,7 @@ def test_no_trap_is_sprung_and_no_secret_told(hostile: Path, tmp_path: Path) -> 
     assert not store.exists()
 
 
-def test_python_m_thingc_is_refused_where_it_would_take_modules_of_the_change(workspace: Path) -> None:
+def test_python_m_is_refused_if_it_would_import_local_modules(workspace: Path) -> None:
     words = ["check", "--no-code", DOCUMENTS[0]]
     unsafe = ran(words, workspace, program=(sys.executable, "-m", "thingc"))
     assert unsafe.code == 2 and "Python imports modules from the working folder" in unsafe.out
@@ -112,7 +112,7 @@ def test_python_m_thingc_is_refused_where_it_would_take_modules_of_the_change(wo
     assert safe.code == 0, safe
 
 
-def test_the_audit_hook_sees_nothing_of_the_workspace_run_and_nothing_outside_opened(hostile: Path, tmp_path: Path) -> None:
+def test_audit_hook_sees_no_foreign_code_or_files(hostile: Path, tmp_path: Path) -> None:
     answer = tmp_path / "audit.json"
     words = ["hostile.yaml", "root.yaml", *DOCUMENTS]
     subprocess.run(
@@ -142,7 +142,7 @@ def test_the_audit_hook_sees_nothing_of_the_workspace_run_and_nothing_outside_op
 
 
 @pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
-def test_strace_agrees(hostile: Path, tmp_path: Path) -> None:
+def test_strace_confirms_the_audit_hook(hostile: Path, tmp_path: Path) -> None:
     log = tmp_path / "strace.log"
     done = subprocess.run(
         ["strace", "-f", "-qq", "-e", "trace=%file,execve,connect", "-o", str(log), THINGC, "check", "--no-code", "hostile.yaml",
@@ -194,7 +194,7 @@ sys.exit(code)
 """
 
 
-def test_with_a_lock_check_needs_no_kernel_on_a_fresh_clone(workspace: Path, tmp_path: Path) -> None:
+def test_check_with_lock_needs_no_kernel_on_a_fresh_clone(workspace: Path, tmp_path: Path) -> None:
     program = (sys.executable, "-I", "-c", _WATCHED)
     words = ["check", "--store", str(tmp_path / "empty"), *DOCUMENTS]
     done = ran(words, workspace, program=program)

@@ -1,4 +1,4 @@
-"""Disguised robots are recognised with their maps, and robots with a small physical change are not. MuJoCo checks the maps."""
+"""Disguised robots are recognized with their maps, and robots with a small physical change are not. MuJoCo verifies the maps."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", [*NAMES, "five_bar.xml"])
-def test_a_disguise_is_recognised_with_its_map(robots: dict[str, Subject], name: str, seed: int, tmp_path: Path) -> None:
+def test_disguised_robot_is_recognized_with_its_map(robots: dict[str, Subject], name: str, seed: int, tmp_path: Path) -> None:
     robot, draw = robots[name], random.Random(f"{name} {seed}")
     disguise, _, model, other = readable(robot.graph, tmp_path, draw)
     assert compare_mechanisms(robot.original, other).same
@@ -91,7 +91,8 @@ CHANGES.append(("constructs.xml", "coupling"))  # the others have none
 
 
 @pytest.mark.parametrize(("name", "kind"), CHANGES)
-def test_a_physical_change_is_found(robots: dict[str, Subject], name: str, kind: str, tmp_path: Path) -> None:
+def test_physical_change_is_found(robots: dict[str, Subject], name: str, kind: str, tmp_path: Path) -> None:
+    """A change of 1e-4 of one property, in a disguised robot, is reported as a difference of that property."""
     robot, draw = robots[name], random.Random(f"{name} {kind}")
     new = changed(robot.graph, draw, kind)
     assert new is not None
@@ -110,7 +111,8 @@ def gripper(path: Path, first: str, second: str) -> Path:
     return path
 
 
-def test_a_symmetric_robot_is_ambiguous_and_names_are_preserved(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_symmetric_robot_is_ambiguous_and_keeps_names(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two assignments are possible. The one with equal names is selected."""
     gripper(here / "a.urdf", "left", "right")
     gripper(here / "b.urdf", "right", "left")
     assert main(["same", "a.urdf", "b.urdf"]) == 0
@@ -130,7 +132,7 @@ def test_equal_fingers_at_one_place_are_counted(here: Path, count: int, complete
     assert found.maps == found.assignments == 6 if complete else 6 < found.assignments <= 64
 
 
-def test_a_coupling_decides_between_symmetric_fingers(here: Path) -> None:
+def test_coupling_resolves_symmetric_fingers(here: Path) -> None:
     def coupled(name: str, leader: str, follower: str, multiplier: float) -> Path:
         path = gripper(here / name, "left", "right")
         mimic = f'<mimic joint="j_{leader}" multiplier="{multiplier}"/></joint>'
@@ -145,7 +147,8 @@ def test_a_coupling_decides_between_symmetric_fingers(here: Path) -> None:
     assert [one.what for one in compare_mechanisms(one, mechanism(coupled("c.urdf", "left", "right", 0.9))).differences] == ["coupling"]
 
 
-def test_the_zero_of_a_wheel_follows_from_its_limits(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wheel_zero_follows_from_limits(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing else determines the zero of a rotationally symmetric wheel."""
     def cart(name: str, kind: str, lower: float, upper: float, pitch: float = 0.0) -> Path:
         (here / name).write_text(WHEEL.format(kind=kind, lower=lower, upper=upper, pitch=pitch))
         return here / name
@@ -165,7 +168,7 @@ def test_the_zero_of_a_wheel_follows_from_its_limits(here: Path, capsys: pytest.
     assert "limits of spin: -57.3 deg, 57.3 deg -> -85.94 deg, 85.94 deg" in capsys.readouterr().out
 
 
-def test_other_numbers_and_arrangements(robots: dict[str, Subject], here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_different_joints_and_arrangements_are_reported(robots: dict[str, Subject], here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "a.xml").write_text(FIVE_BAR)
     (here / "b.xml").write_text(FIVE_BAR[: FIVE_BAR.index("<equality>")] + "</mujoco>")
     on_ground = FIVE_BAR.replace('<body name="c"', '</body><body name="c"').replace('"0.15 0 0"/></body></body>', '"0.15 0 0"/></body>')
@@ -181,7 +184,7 @@ def test_other_numbers_and_arrangements(robots: dict[str, Subject], here: Path, 
         assert capsys.readouterr().out.splitlines()[1:][: len(expected)] == [f"  {line}" for line in expected]
 
 
-def test_a_mirror_image_is_another_robot(robots: dict[str, Subject], here: Path) -> None:
+def test_mirror_image_is_a_different_robot(robots: dict[str, Subject], here: Path) -> None:
     source = robots["five_bar.xml"]
     assert not compare_mechanisms(source.written, robots["cranks.xml"].written).same
     mirrored = FIVE_BAR.replace('pos="0.05 0.002 0.001"', 'pos="0.05 0.002 -0.001"')
@@ -213,7 +216,7 @@ modes:
 """
 
 
-def test_documents_builds_and_revisions(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_documents_builds_and_revisions_are_compared(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     document = here / "crane.yaml"
     document.write_text(DOCUMENT)
     for words in (["init", "-q"], ["add", "."], ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "first"]):
@@ -251,28 +254,28 @@ SIDE = """
     ("0 -0.1 0.001", 0.001),  # no longer on the line of the left axis, which is nearer than its old place
     ("0.3 -0.1 0.4", 0.5),
 ])
-def test_one_of_two_wheels_moved(here: Path, right: str, by: float) -> None:
+def test_moved_wheel_is_identified(here: Path, right: str, by: float) -> None:
     for name, xyz in (("a.urdf", "0 -0.1 0"), ("b.urdf", right)):
         wheels = ((one, "body", place, "0 1 0") for one, place in (("left", "0 0.1 0"), ("right", xyz)))
-        (here / name).write_text(PAIR.format(wheels=side(*wheels)))
+        (here / name).write_text(PAIR.format(wheels=wheels_xml(*wheels)))
     found = compare_mechanisms(mechanism(here / "a.urdf"), mechanism(here / "b.urdf"))
     assert [(one.what, one.one, one.other) for one in found.differences] == [("axis position", "spin_right", "spin_right")]
     assert found.differences[0].by == pytest.approx(by)
 
 
-def test_a_link_moved_along_the_axis_of_its_joint(here: Path) -> None:
+def test_shift_along_a_joint_axis_is_reported(here: Path) -> None:
     for name, xyz in (("a.urdf", "0 0.1 0"), ("b.urdf", "0 0.11 0")):
         wheels = (("left", "body", xyz, "0 1 0"), ("right", "left", "0.2 0.1 0", "1 0 0"), ("rear", "body", "0 0.3 0.1", "1 0 0"))
-        (here / name).write_text(PAIR.format(wheels=side(*wheels)))
+        (here / name).write_text(PAIR.format(wheels=wheels_xml(*wheels)))
     found = compare_mechanisms(mechanism(here / "a.urdf"), mechanism(here / "b.urdf"))
     assert [(one.what, one.one, one.by) for one in found.differences] == [("axis position", "spin_left", pytest.approx(0.01))]
 
 
-def side(*wheels: tuple[str, str, str, str]) -> str:
+def wheels_xml(*wheels: tuple[str, str, str, str]) -> str:
     return "".join(SIDE.format(name=name, on=on, xyz=xyz, axis=axis) for name, on, xyz, axis in wheels)
 
 
-def test_all_masses_of_a_robot_differ(here: Path) -> None:
+def test_changed_masses_keep_the_joint_map(here: Path) -> None:
     (here / "a.xml").write_text(FIVE_BAR)
     other = FIVE_BAR.replace('pos="0 0.01 0.02"', 'pos="0.3 0.01 0.02"').replace('mass="', 'mass="1')
     twice = re.sub(r'fullinertia="(.*?)"', lambda found: f'fullinertia="{" ".join(str(2 * float(x)) for x in found[1].split())}"', other)
@@ -289,7 +292,7 @@ def commit(message: str) -> None:
 
 
 @pytest.mark.parametrize("command", ["same", "diff"])
-def test_revisions_of_a_robot_file(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str], command: str) -> None:
+def test_revisions_of_a_robot_file_are_compared(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str], command: str) -> None:
     subprocess.run(["git", "init", "-q"], check=True)
     (here / "pkg/mjcf").mkdir(parents=True)
     (here / "pkg/package.xml").write_text("<package><name>pkg</name></package>")
@@ -314,7 +317,7 @@ def test_revisions_of_a_robot_file(here: Path, shared_store: str, capsys: pytest
     assert "cannot compare robot files" in capsys.readouterr().err
 
 
-def test_a_revision_of_a_robot_with_meshes_of_another_package(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_revision_with_meshes_of_another_package(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     subprocess.run(["git", "init", "-q"], check=True)
     for name in ("pkg", "other"):
         (here / name).mkdir()
@@ -344,7 +347,8 @@ def test_options_for_robot_files(here: Path, capsys: pytest.CaptureFixture[str])
     assert "inertia of wheel: differs by" in out
 
 
-def test_the_zero_of_a_screw_moves_along_its_axis(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_screw_zero_includes_the_travel(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A rotation by 30 deg with its travel of 3 mm is only another zero. Without the travel, it is a difference."""
     screw = DOCUMENT.replace("type: universal,", "type: screw, lead: 36 mm, limit: {lower: -1 rad, upper: 1 rad},")
     (here / "a.yaml").write_text(screw)
     # a turn by 30 deg, with and without the travel of 3 mm that belongs to it
@@ -360,7 +364,7 @@ def test_the_zero_of_a_screw_moves_along_its_axis(here: Path, shared_store: str,
     assert main(["same", "b.yaml", "build/crane", "--store", shared_store]) == 0
 
 
-def test_a_diff_of_zeros_begins_with_the_mechanism(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_diff_reports_the_same_mechanism_first(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     revolute = DOCUMENT.replace("type: universal", "type: continuous")
     (here / "a.yaml").write_text(revolute)
     (here / "b.yaml").write_text(revolute.replace("{heel: {rpy: 90 0 0 deg}}", "{heel: {rpy: 90 30 0 deg}}"))
@@ -382,7 +386,7 @@ def test_a_diff_of_zeros_begins_with_the_mechanism(here: Path, shared_store: str
     (["a.urdf", "a.urdf", "--tolerance", "1"], 2, "--tolerance"),
     (["a.urdf", "a.urdf", "--repair", "mass=nearest"], 2, "expected `inertia=nearest` or `inertia=shapes`"),
 ])
-def test_bad_input(here: Path, words: list[str], code: int, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_input_is_reported(here: Path, words: list[str], code: int, message: str, capsys: pytest.CaptureFixture[str]) -> None:
     gripper(here / "a.urdf", "left", "right")
     (here / "broken.urdf").write_text("<robot name='x'><link name='a'></robot>")
     (here / "parts.lock.json").write_text("{}")
@@ -391,7 +395,7 @@ def test_bad_input(here: Path, words: list[str], code: int, message: str, capsys
     assert message in out + err
 
 
-def test_a_reversed_wheel_has_reversed_limits(here: Path) -> None:
+def test_reversed_wheel_has_reversed_limits(here: Path) -> None:
     for name, axis, lower, upper in (("a.urdf", 1, -1.0, 0.5), ("b.urdf", -1, -0.3, 1.2)):
         (here / name).write_text(WHEEL.format(kind="revolute", lower=lower, upper=upper, pitch=0).replace('"0 1 0"', f'"0 {axis} 0"'))
     found = compare_mechanisms(mechanism(here / "a.urdf"), mechanism(here / "b.urdf"))
@@ -399,7 +403,7 @@ def test_a_reversed_wheel_has_reversed_limits(here: Path) -> None:
     assert (found.joints[0].sign, found.joints[0].zero) == (-1, pytest.approx(0.2))
 
 
-def test_the_place_where_a_loop_closes_is_compared(robots: dict[str, Subject], here: Path) -> None:
+def test_loop_closing_point_is_compared(robots: dict[str, Subject], here: Path) -> None:
     (here / "moved.xml").write_text(FIVE_BAR.replace('name="pd" pos="0.16 0 0"', 'name="pd" pos="0.1601 0 0"'))
     found = compare_mechanisms(robots["five_bar.xml"].original, mechanism(here / "moved.xml"))
     assert [(one.what, one.by) for one in found.differences] == [("axis position", pytest.approx(1e-4))]
@@ -442,7 +446,7 @@ modes:
 """
 
 
-def test_a_loop_can_be_cut_at_another_joint(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_loop_may_be_cut_at_another_joint(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     other = LOOP.replace("child: rod.b}", "child: rod.b, loop: true}").replace("child: rocker.c, loop: true}", "child: rocker.c}")
     other = other.replace("parent: rod.c, child: rocker.c}", "parent: rocker.c, child: rod.c}")
     (here / "a.yaml").write_text(LOOP)
@@ -460,7 +464,7 @@ def test_a_loop_can_be_cut_at_another_joint(here: Path, shared_store: str, capsy
     assert main(["same", "a.yaml", "c.yaml", "--store", shared_store]) == 1
 
 
-def test_links_that_a_loop_fixes_are_one_link(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_links_fixed_by_a_loop_are_one_link(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     rod = LOOP[LOOP.index("  rod:") : LOOP.index("  rocker:")]
     halves = """
   right:

@@ -1,4 +1,5 @@
-"""Several processes on one store: a part that two of them need is modelled once, and nobody waits for the dead."""
+"""Several processes with one store. If two processes need the same part, it is built once, and processes do not wait for a process that
+has ended."""
 
 from __future__ import annotations
 
@@ -74,7 +75,7 @@ workers.close()
 
 
 class Client:
-    """A process with a kernel of its own, which models blocks of `first` to `last` mm after each line that it reads."""
+    """A process with its own CAD kernel. After each line that it reads, it builds blocks with sizes from `first` to `last` mm."""
 
     def __init__(self, folder: Path, part: str) -> None:
         arguments = [sys.executable, "-c", CLIENT, str(folder), part]
@@ -93,7 +94,7 @@ class Client:
 
 
 def workspace(folder: Path) -> Path:
-    """A workspace whose parts take a while."""
+    """Create a workspace whose parts take long to build."""
     folder.joinpath("parts").mkdir()
     folder.joinpath("parts/blocks.py").write_text(textwrap.dedent(PARTS))
     return folder
@@ -114,8 +115,9 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Client, Cli
         client.process.communicate(timeout=60)
 
 
-def test_two_processes_model_each_part_once(both: tuple[Client, Client], tmp_path: Path) -> None:
-    """One goes up, the other comes down: in between each needs what the other has begun."""
+def test_each_part_is_built_by_one_process(both: tuple[Client, Client], tmp_path: Path) -> None:
+    """One process starts with the smallest block, and the other one with the largest block. In the middle, each process needs parts that
+    the other process has begun."""
     for client, first, last in zip(both, (10, 19), (20, 9), strict=True):
         client.go(tmp_path / "store", first, last)
     one, other = (client.answer() for client in both)
@@ -126,7 +128,7 @@ def test_two_processes_model_each_part_once(both: tuple[Client, Client], tmp_pat
     assert one["records"] == other["records"]
 
 
-def test_a_killed_process_is_not_waited_for(folder: Path) -> None:
+def test_no_process_waits_for_a_killed_process(folder: Path) -> None:
     store = Store(str(folder / "store"))
     store.check()
     first = Client(folder, "Endless")
@@ -143,7 +145,7 @@ def test_a_killed_process_is_not_waited_for(folder: Path) -> None:
 
 
 def _key_under_way(folder: Path) -> str:
-    """The build key of the endless part, found as a service would."""
+    """Return the build key of the endless part, computed as in a geometry service."""
     from thingc.documents.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
     from thingc.geometry.record import PartDefinition, PartFailure
     from thingc.geometry.service import GeometryService
@@ -156,7 +158,7 @@ def _key_under_way(folder: Path) -> str:
         reference="blocks:Endless", kind="code", parameters=(("width", 0.01),), text="blocks:Endless(width=0.01)", label="blocks:Endless",
     )
     with GeometryService(workspace, Store(str(folder / "store")), 1, 60.0) as service:
-        prepared = service._requests.prepared(definition)
+        prepared = service._requests.prepare(definition)
     assert not isinstance(prepared, PartFailure)
     key = prepared.build_key.key
     deadline = time.monotonic() + 30.0
@@ -169,8 +171,8 @@ def _key_under_way(folder: Path) -> str:
     return key
 
 
-def test_without_locks_both_model_and_agree(both: tuple[Client, Client], tmp_path: Path) -> None:
-    """A file that cannot be locked (here: a folder in its place) hinders nobody."""
+def test_without_locks_both_processes_build_equal_parts(both: tuple[Client, Client], tmp_path: Path) -> None:
+    """A lock file that cannot be opened (here, a folder has its name) does not prevent builds."""
     (tmp_path / "store" / build_locks.FILE).mkdir(parents=True)
     for client in both:
         client.go(tmp_path / "store", 10, 12)
@@ -179,8 +181,8 @@ def test_without_locks_both_model_and_agree(both: tuple[Client, Client], tmp_pat
     assert len(one["modelled"]) + len(other["modelled"]) >= 2
 
 
-def test_a_claim_is_of_one_process(tmp_path: Path) -> None:
-    """Another process is refused until it is given back; other keys are free."""
+def test_only_one_process_can_claim_a_part(tmp_path: Path) -> None:
+    """Another process cannot claim the part before it is released. It can claim other keys."""
     store = Store(str(tmp_path / "store"))
     own = BuildLocks(store)
     program = (
@@ -203,8 +205,8 @@ def test_a_claim_is_of_one_process(tmp_path: Path) -> None:
     assert other_takes(one) == "True"
 
 
-def test_who_models_nothing_waits_for_nobody(folder: Path) -> None:
-    """Without workers it is said at once that a part is not in the store, though another process models it."""
+def test_a_service_without_workers_does_not_wait(folder: Path) -> None:
+    """Without workers, the failure is immediate if a part is not in the store, even if another process builds the part."""
     (folder / "store").mkdir(exist_ok=True)
     program = "import fcntl, sys; f = open(sys.argv[1], 'w'); fcntl.lockf(f, fcntl.LOCK_EX); print('ready', flush=True); input()"
     holding = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""What is kept of pure functions: the last answer of each place, and no more."""
+"""The cache for pure functions stores only the last result of each call site."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_equal_inputs_give_the_same_object() -> None:
     assert asked == [(1, "a"), (1, "a"), (2, "a"), (1, "a")]
 
 
-def test_what_is_equal_stays_the_same_object() -> None:
+def test_equal_results_are_the_same_object() -> None:
     memo = Memo()
     first = memo.same("here", (1.0, [2.0]))
     assert memo.same("here", (1.0, [2.0])) is first
@@ -30,14 +30,14 @@ def test_what_is_equal_stays_the_same_object() -> None:
     assert other is not first and memo.same("here", (1.0, [3.0])) is other
 
 
-def test_answers_that_are_noted_by_hand() -> None:
+def test_results_can_be_stored_explicitly() -> None:
     memo = Memo()
     assert memo.last("here", (1,)) is None
     memo.keep("here", (1,), "one")
     assert memo.last("here", (1,)) == "one" and memo.last("here", (2,)) is None
 
 
-def test_what_is_kept_is_bounded(monkeypatch) -> None:
+def test_cache_is_bounded(monkeypatch) -> None:
     monkeypatch.setattr(module, "PLACES", 10)
     memo = Memo()
     for place in range(1000):

@@ -1,4 +1,4 @@
-"""A session gives, for any settings in any order, the files and the diagnostics of a compilation by itself."""
+"""For any settings in any order, a session gives the same files and diagnostics as separate compilations."""
 
 from __future__ import annotations
 
@@ -127,13 +127,13 @@ VALUES = {
     "inner": ("20 g", "10 g", "0", "1e-17 g"),
     "nothing": ("1",),
 }
-"""Texts for each parameter of the rig: sound ones, and ones that fail in every pass."""
+"""Values for each parameter of the rig: valid values, and values that fail in each compiler pass."""
 
 
 def outcome(
     environment: Environment, compilation: Compilation, targets: Sequence[str],
 ) -> tuple[list[Diagnostic], dict[str, object], list[Loss], dict[str, object]]:
-    """Everything that comes of a compilation: what was said, files, losses, and what was decided about parts."""
+    """Return all results of a compilation: diagnostics, files, losses, and the decisions about parts."""
     files: dict[str, object] = {}
     losses: list[Loss] = []
     if not compilation.report.failed:
@@ -149,14 +149,14 @@ def outcome(
 
 
 def by_itself(document: Path, store: str, settings: Settings, targets: Sequence[str]) -> tuple[object, ...]:
-    """The outcome of a compilation that shares nothing with another one."""
+    """Return the results of a compilation that shares nothing with another one."""
     with Environment(str(document), Options(store=store, parameters=settings.parameters, choices=settings.choices)) as environment:
         compilation = pipeline.compile(environment)
         return outcome(environment, compilation, targets)
 
 
 def check(document: Path, store: str, many: Sequence[Settings], targets: Sequence[str] = TARGETS) -> int:
-    """Compile all in one session, then each by itself; how many were sound."""
+    """Compile all settings in one session, then each of them separately. Return the number of settings without errors."""
     sound = 0
     with Session(str(document), Options(store=store)) as session:
         for settings in many:
@@ -176,7 +176,7 @@ def check(document: Path, store: str, many: Sequence[Settings], targets: Sequenc
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Path:
-    """A workspace with a robot whose parameters reach into every section of its document."""
+    """A workspace with a robot whose parameters affect every section of its document."""
     tmp_path.joinpath("thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
     tmp_path.joinpath("parts").mkdir()
     for name, text in {"parts/blocks.py": PARTS, "rig.yaml": RIG, "finger.yaml": FINGER}.items():
@@ -184,8 +184,8 @@ def rig(tmp_path: Path) -> Path:
     return tmp_path / "rig.yaml"
 
 
-def test_a_sweep_over_everything_that_a_document_may_depend_on(rig: Path, shared_store: str) -> None:
-    """Parameters at random, sound and unsound, so that after any variant any other one may come."""
+def test_random_parameters_of_a_whole_document(rig: Path, shared_store: str) -> None:
+    """The parameters are random, valid and invalid, so that each variant can follow any other one."""
     choose = random.Random(5)
     many = [Settings()]
     for _ in range(50):
@@ -197,14 +197,15 @@ def test_a_sweep_over_everything_that_a_document_may_depend_on(rig: Path, shared
     assert 12 < sound < 45, "the sweep has good and bad variants"
 
 
-def test_every_value_after_every_other(rig: Path, shared_store: str) -> None:
-    """One parameter at a time goes through its texts and back: what was kept of the one before never shows."""
+def test_each_value_after_each_other_value(rig: Path, shared_store: str) -> None:
+    """One parameter at a time takes all of its values and returns to the first one. Cached results of earlier values must have no
+    effect."""
     for name in ("swing", "width", "turn", "inner"):
         texts = VALUES[name]
         assert check(rig, shared_store, [Settings(parameters={name: text}) for text in (*texts, *reversed(texts))], ("mjcf",))
 
 
-def test_the_arm(shared_store: str) -> None:
+def test_arm(shared_store: str) -> None:
     many = [
         Settings(parameters=parameters) for parameters in (
             {}, {"pen_diameter": "10 mm"}, {"reach": "120 mm"}, {"reach": "60 mm", "brace_thickness": "5 mm"}, {"reach": "20 mm"},
@@ -215,7 +216,7 @@ def test_the_arm(shared_store: str) -> None:
 
 
 def test_minchw(shared_store: str) -> None:
-    """Loops are closed anew in each, and its two legs are one document with different parameters."""
+    """Loops are closed again for each setting. Both legs of the robot are instances of one document with different parameters."""
     many = [
         Settings(parameters=parameters) for parameters in (
             {}, {"front_leg": "80 mm"}, {"leg_length": "80 mm"}, {"rear_leg": "80 mm"}, {"leg_length": "10 mm"}, {},
@@ -224,19 +225,19 @@ def test_minchw(shared_store: str) -> None:
     assert check(ROOT / "assemblies" / "minchw" / "minchw.yaml", shared_store, many, ("mjcf", "bom", "hag")) == 5
 
 
-def test_faults_of_the_documents_are_those_of_the_session_and_of_each_compilation(rig: Path, shared_store: str) -> None:
+def test_errors_in_documents_are_reported_by_every_compilation(rig: Path, shared_store: str) -> None:
     rig.write_text(rig.read_text().replace("swing: {value: 40 deg, max: 170 deg}", "swing: {value: 40 deg, mix: 170 deg}"))
     with Session(str(rig), Options(store=shared_store)) as session:
         assert [d.code.code for d in session.report.diagnostics] == ["TC201"]
     assert check(rig, shared_store, [Settings(), Settings(parameters={"mass": "3 mm"}), Settings()]) == 0
 
 
-def test_no_document(tmp_path: Path, shared_store: str) -> None:
+def test_missing_document(tmp_path: Path, shared_store: str) -> None:
     assert check(tmp_path / "nothing.yaml", shared_store, [Settings(), Settings()]) == 0
 
 
-def test_what_documents_say_is_known_before_a_part_is_modelled(rig: Path, tmp_path: Path) -> None:
-    """`pipeline.model` with any settings, with a store in which nothing is."""
+def test_documents_are_resolved_before_parts_are_built(rig: Path, tmp_path: Path) -> None:
+    """`pipeline.model` runs with any settings and an empty store."""
     with Session(str(rig), Options(store=str(tmp_path / "store"), jobs=1)) as session:
         assert session.sources is not None
         for width, message in (("40 mm", None), ("5 mm", "parameter `width` must be at least 10 mm, found `5 mm`"), ("40 mm", None)):
@@ -249,7 +250,7 @@ def test_what_documents_say_is_known_before_a_part_is_modelled(rig: Path, tmp_pa
         assert session.environment.geometry.modelled == [] == session.environment.geometry.reused
 
 
-def test_modes_are_chosen_for_each(rig: Path, shared_store: str) -> None:
+def test_each_compilation_chooses_modes(rig: Path, shared_store: str) -> None:
     with Session(str(rig), Options(store=shared_store, parameters={"mass": "300 g"})) as session:
         one = session.compile(Settings(), ["held"])
         other = session.compile(Settings(parameters={"mass": "200 g"}))
@@ -261,7 +262,7 @@ def test_modes_are_chosen_for_each(rig: Path, shared_store: str) -> None:
             session.compile(Settings(), ["flying"])
 
 
-def test_a_variant_without_new_geometry_models_nothing(rig: Path, shared_store: str) -> None:
+def test_variant_without_new_geometry_builds_no_part(rig: Path, shared_store: str) -> None:
     with Session(str(rig), Options(store=shared_store)) as session:
         session.compile(Settings())
         for text in ("110 g", "120 g"):
@@ -272,7 +273,7 @@ def test_a_variant_without_new_geometry_models_nothing(rig: Path, shared_store: 
         assert wide.modelled == ["blocks:Block(width=0.03125)"], "what was said of one compilation stays"
 
 
-def test_a_session_reads_the_documents_once(rig: Path, shared_store: str, tmp_path: Path) -> None:
+def test_session_reads_documents_once(rig: Path, shared_store: str, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     with Session(str(rig), Options(store=shared_store)) as session:
         first = outcome(session.environment, session.compile(Settings()), TARGETS)

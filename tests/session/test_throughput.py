@@ -1,4 +1,4 @@
-"""The benchmark of variants runs, and a session keeps no more after many of them than after a few."""
+"""The benchmark of variants runs, and the memory of a session does not grow with the number of variants."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ SCRIPT = ROOT / "benchmarks" / "variants" / "throughput.py"
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it reads /proc")
-def test_the_benchmark_says_what_it_measures(shared_store: str) -> None:
+def test_benchmark_of_files(shared_store: str) -> None:
     command = [sys.executable, str(SCRIPT), "--count", "1", "--models", "1", "--rounds", "1", "--scale", "100", "--store", shared_store]
     out = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
     labels = [line.split()[0] for line in out.splitlines()]
     assert labels == ["plain", "passed", "loaded", "compiled", "unseen", "by", "modelled", "loaded,", "compiled,", "10", "100", "time"], out
 
 
-def test_the_benchmark_in_memory_says_what_it_measures(shared_store: str) -> None:
+def test_benchmark_in_memory(shared_store: str) -> None:
     command = [sys.executable, str(SCRIPT.with_name("memory.py")), "--count", "1", "--rounds", "1", "--pens", "1", "--store", shared_store]
     out = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
     labels = [line[:9].strip() for line in out.splitlines()]
@@ -34,8 +34,8 @@ def test_the_benchmark_in_memory_says_what_it_measures(shared_store: str) -> Non
     assert labels == ["lent", "own", "results", "fields", "a mesh", "a part", "seen", *by_hand], out
 
 
-def test_nothing_piles_up(shared_store: str, tmp_path: Path) -> None:
-    """Places of the memo and records at hand do not grow with variants that model nothing, whatever their numbers."""
+def test_caches_do_not_grow(shared_store: str, tmp_path: Path) -> None:
+    """The number of cached results and records does not grow with variants that build no parts, whatever their values."""
     document = tmp_path / "scale.yaml"
     document.write_text(
         "thingc: assembly/1\nname: scale\nparameters: {mass: 1 kg, lift: 0 deg}\n"

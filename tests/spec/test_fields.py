@@ -1,4 +1,4 @@
-"""The types of fields: what good values become."""
+"""Field types of documents: conversion of valid values."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def value(name: str, raw: Any) -> Any:
      "3 USD", "3 USD"),
     ("RawField", {"a": {"b": "0.01 1", "c": 1.5}}, {"a": {"b": "0.01 1", "c": 1.5}}), ("RawField", False, False),
 ])
-def test_good_values(name: str, raw: Any, expected: Any) -> None:
+def test_valid_values_are_converted(name: str, raw: Any, expected: Any) -> None:
     found = value(name, raw)
     assert found == expected
     assert type(found) is type(expected)
@@ -51,25 +51,25 @@ def test_good_values(name: str, raw: Any, expected: Any) -> None:
 
 @pytest.mark.parametrize("name",
     ["LengthField", "AnyQuantityField", "JointValueField", "CountField", "NumberField", "InertiaField"])
-def test_expressions_stand_anywhere(name: str) -> None:
+def test_expressions_are_accepted_in_fields(name: str) -> None:
     found = value(name, "=reach / 2")
     assert isinstance(found, Expression)
     assert found.text == "=reach / 2"
 
 
-def test_expressions_in_vectors() -> None:
+def test_expressions_are_accepted_in_vectors() -> None:
     found = value("Vector3Length", ["=reach", 0, "4 mm"])
     assert isinstance(found[0], Expression)
 
 
-def test_an_expression_is_no_short_vector() -> None:
+def test_expression_is_rejected_for_a_whole_vector() -> None:
     with pytest.raises(ValidationError) as caught:
         value("Vector3Length", "=reach")
     assert caught.value.errors()[0]["ctx"]["message"] == "expected three values, each a length, found the string `=reach`"
 
 
 @given(st.text(max_size=12))
-def test_names_are_what_the_language_says(text: str) -> None:
+def test_names_match_the_documented_pattern(text: str) -> None:
     import re
 
     good = re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", text, re.ASCII) is not None
@@ -80,8 +80,8 @@ def test_names_are_what_the_language_says(text: str) -> None:
         assert not good
 
 
-def test_colours_are_those_of_css() -> None:
-    """By the table of Pillow, which has one more name."""
+def test_colour_names_match_css() -> None:
+    """The oracle is the table of Pillow, which has one more name."""
     named = {name: value for name, value in ImageColor.colormap.items() if name != "rebeccapurple"}
     assert len(named) == 147
     assert {name: value("ColorField", name.title()) for name in named} == named
@@ -97,7 +97,7 @@ _fields = [name for name in dir(fields) if name.endswith("Field") or name.starts
 
 
 @given(st.sampled_from(_fields), _anything)
-def test_any_value_is_taken_or_refused_in_words(name: str, raw: Any) -> None:
+def test_random_values_are_accepted_or_rejected_with_a_message(name: str, raw: Any) -> None:
     try:
         value(name, raw)
     except ValidationError as error:

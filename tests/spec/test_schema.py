@@ -1,4 +1,4 @@
-"""The JSON Schemas for editors: committed, current, and agreeing with the compiler."""
+"""The JSON Schemas for editors: committed, up to date, and consistent with the compiler."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DOCUMENTS = sorted(
 )
 
 
-def test_the_committed_schemas_are_current() -> None:
+def test_committed_schemas_are_up_to_date() -> None:
     files = schema_files()
     assert {*files} == {*(ROOT / "schemas").iterdir()} and {ROOT / "schemas" / f"{kind}-1.json" for kind in KINDS} < {*files}
     for path, text in files.items():
@@ -32,7 +32,7 @@ def test_the_committed_schemas_are_current() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_it_is_a_schema(kind: str) -> None:
+def test_schemas_are_valid(kind: str) -> None:
     schema = json_schema(kind)
     jsonschema.Draft202012Validator.check_schema(schema)
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
@@ -40,8 +40,8 @@ def test_it_is_a_schema(kind: str) -> None:
     assert '"null"' not in json.dumps(schema)
 
 
-def test_every_field_of_every_kind_has_a_title_a_description_and_examples() -> None:
-    """They are what an editor shows of a key; the examples are right for the field as its schema has it."""
+def test_fields_have_title_description_and_examples() -> None:
+    """An editor shows these for a key. The examples must be valid for the schema of the field."""
     silent, wrong = [], []
     for kind in KINDS:
         schema = json.loads((ROOT / "schemas" / f"{kind}-1.json").read_text(encoding="utf-8"))
@@ -57,7 +57,7 @@ def test_every_field_of_every_kind_has_a_title_a_description_and_examples() -> N
     assert wrong == []
 
 
-def test_a_field_that_takes_a_mapping_is_told_by_the_mapping() -> None:
+def test_mapping_fields_refer_to_their_definition() -> None:
     schema = json_schema("assembly")
     limit = schema["$defs"]["JointSpec"]["properties"]["limit"]
     assert limit["anyOf"][0] == {"$ref": "#/$defs/LimitSpec"} and limit["title"] == "Limit"
@@ -67,7 +67,8 @@ def test_a_field_that_takes_a_mapping_is_told_by_the_mapping() -> None:
     assert schema["$defs"]["DriveSpec"]["properties"]["kind"]["examples"] == ["position", "velocity", "motor"]
 
 
-def test_docstrings_are_descriptions_also_of_inherited_fields() -> None:
+def test_field_docstrings_are_descriptions() -> None:
+    """Inherited fields have descriptions too."""
     definitions = json_schema("assembly")["$defs"]
     assert definitions["ComponentSpec"]["properties"]["material"]["description"] == "A material that this document can use."
     assert definitions["ComponentSpec"]["properties"]["part"]["description"] == "The class of a part, as `module:Class`."
@@ -87,7 +88,7 @@ def plain(path: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
-def test_every_document_of_the_repository_fits_its_schema(path: Path) -> None:
+def test_documents_of_the_repository_match_their_schema(path: Path) -> None:
     document = plain(path)
     kind = document["thingc"].partition("/")[0]
     jsonschema.Draft202012Validator(json_schema(kind)).validate(document)
@@ -104,14 +105,14 @@ GOOD = {"thingc": "assembly/1", "name": "x", "components": {"p": {"part": "a:B"}
     {"joints": {"j": {"type": "revolute", "parent": "a.b"}}}, {"modes": {"b": {"at": {"xyz": ["0 mm", 0]}}}},
     {"components": {"p": {"part": "a:B", "com": [1, 2, 3]}}}, {"modes": {"b": {"contacts": {"exclude": [["a"]]}}}},
 ])
-def test_an_editor_marks_what_the_compiler_refuses(change: dict[str, Any]) -> None:
+def test_schema_rejects_invalid_documents(change: dict[str, Any]) -> None:
     validator = jsonschema.Draft202012Validator(json_schema("assembly"))
     validator.validate(GOOD)
     with pytest.raises(jsonschema.ValidationError):
         validator.validate({**GOOD, **change})
 
 
-def test_an_editor_accepts_what_the_compiler_accepts() -> None:
+def test_schema_accepts_valid_documents() -> None:
     validator = jsonschema.Draft202012Validator(json_schema("assembly"))
     for change in (
         {"$schema": "../schemas/assembly-1.json"},

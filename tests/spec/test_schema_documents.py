@@ -1,8 +1,7 @@
-"""The committed schemas by a second implementation, `check-jsonschema`: are they schemas, do they take every right document of
-the repository, and how many of the wrong ones do they refuse, fault by fault?
+"""The committed schemas checked by a second implementation, `check-jsonschema`: whether they are valid schemas, accept every valid document
+of the repository, and which share of the faults in invalid documents they reject.
 
-What they cannot refuse is listed with its reason. `check-jsonschema` reads YAML and TOML with readers of its own, too.
-"""
+Faults that they cannot reject are listed with the reason. `check-jsonschema` also has its own parsers of YAML and TOML."""
 
 from __future__ import annotations
 
@@ -33,7 +32,7 @@ SCHEMAS = [ROOT / "schemas" / f"{kind}-1.json" for kind in sorted(KINDS)]
 BEYOND = {
     "TC209": "whether a text is an expression takes a parser: brackets nest, names have to be functions",
 }
-"""Codes most of whose faults no JSON Schema can see, and why."""
+"""Codes for which a JSON Schema cannot detect most faults, and the reason."""
 EXCEPTIONS = {
     ("spec/expressions.yaml", "parameters.k"): "a unit inside an expression",
     ("modes/gravity.yaml", "modes.bench.gravity[2]"): "the dimension of a product of units",
@@ -44,16 +43,16 @@ EXCEPTIONS = {
     ("spec/quaternions.yaml", "modes.one.hold.base.long.quat"): "a hold that carries force alone takes no angles",
     ("TC211.yaml", "materials.petg.color"): "colours are taken in any case, and JSON Schema's patterns know no case",
 }
-"""Other faults that the schemas let through: document and key path, and why."""
+"""Other faults that the schemas accept: document and key path, and the reason."""
 SHARES = {
     "TC201": 1.0, "TC202": 1.0, "TC203": 1.0, "TC204": 1.0, "TC205": 1.0, "TC206": 0.9, "TC207": 0.9, "TC208": 0.85, "TC209": 0.0,
     "TC210": 1.0, "TC211": 0.7, "TC212": 0.9, "TC213": 1.0, "TC214": 1.0,
 }
-"""Of the faults of each code in `tests/cases` and `docs/codes`, the share that the schemas refuse, at least."""
+"""For each code, the minimum share of the faults in `tests/cases` and `docs/codes` that the schemas reject."""
 
 
 def run(*words: object) -> dict[str, object]:
-    """The answer of `check-jsonschema`, as JSON."""
+    """Result of `check-jsonschema` as JSON."""
     with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.suppress(SystemExit):
         check_jsonschema.main(["--output-format", "json", *map(str, words)])
     answer: dict[str, object] = json.loads(out.getvalue())
@@ -61,13 +60,13 @@ def run(*words: object) -> dict[str, object]:
 
 
 def kind_of(path: Path) -> str | None:
-    """The kind that a document's first key states, or None where it states none of ours."""
+    """The kind in the first key of a document, or None if it is not a known kind."""
     found = re.search(r"^[\"']?thingc[\"']?\s*[:=]\s*[\"']?(\w+)/1", path.read_text(encoding="utf-8", errors="replace"), re.MULTILINE)
     return found.group(1) if found and found.group(1) in KINDS else None
 
 
 def faults(paths: Iterable[Path]) -> dict[str, list[tuple[str, ...]]]:
-    """The key paths of what the schema of its kind refuses of each document, by file name."""
+    """Key paths that the schema of its kind rejects in each document, by file name."""
     by_kind: dict[str, list[Path]] = defaultdict(list)
     for path in paths:
         by_kind[kind_of(path) or "assembly"].append(path)
@@ -75,21 +74,21 @@ def faults(paths: Iterable[Path]) -> dict[str, list[tuple[str, ...]]]:
     for kind, some in by_kind.items():
         answer = run("--schemafile", ROOT / "schemas" / f"{kind}-1.json", *some)
         for error in answer.get("errors", []):  # type: ignore[attr-defined]
-            refused[error["filename"]].append(keys(error["path"]))
+            refused[error["filename"]].append(split_key_path(error["path"]))
         assert not answer.get("parse_errors"), answer
     return refused
 
 
-def keys(path: str) -> tuple[str, ...]:
-    """The words of a key path, however its brackets and dots are written."""
+def split_key_path(path: str) -> tuple[str, ...]:
+    """The names in a key path, independent of its brackets and dots."""
     return tuple(re.findall(r"\w+", path))
 
 
-def test_the_schemas_are_schemas() -> None:
+def test_schemas_match_the_metaschema() -> None:
     assert run("--check-metaschema", *SCHEMAS)["status"] == "ok"
 
 
-def test_it_would_say_so_if_they_were_not(tmp_path: Path) -> None:
+def test_metaschema_check_detects_a_broken_schema(tmp_path: Path) -> None:
     broken = json.loads(SCHEMAS[0].read_text())
     broken["properties"]["name"]["type"] = "txet"
     (tmp_path / "broken.json").write_text(json.dumps(broken))
@@ -97,7 +96,8 @@ def test_it_would_say_so_if_they_were_not(tmp_path: Path) -> None:
 
 
 def checked(folder: Path) -> Iterator[tuple[str, Path, str]]:
-    """Every case and every example of a code (written into `folder`) that is checked without options: name, path, what is printed."""
+    """Name, path and expected output of every case, and of every example of a code (written into `folder`), that is checked without
+    options."""
     for path in sorted(CASES.rglob("*")):
         text = path.with_suffix(".txt")
         if path.suffix in (".yaml", ".yml", ".toml") and text.exists() and not path.read_text("latin-1").startswith("# $ "):
@@ -110,8 +110,9 @@ def checked(folder: Path) -> Iterator[tuple[str, Path, str]]:
                 yield example.document, folder / f"{code.code}_{side}" / example.document, example.printed
 
 
-def right_documents(folder: Path) -> list[Path]:
-    """Every right document of the repository: robots, what pages show (written into `folder`), cases and examples that are `ok`."""
+def valid_documents(folder: Path) -> list[Path]:
+    """All valid documents of the repository: robots, examples of documentation pages (written into `folder`), and cases and examples
+    with the result `ok`."""
     robots = [path for path in (ROOT / "assemblies").rglob("*") if path.suffix in (".yaml", ".yml", ".toml")]
     shown = []
     for page in PAGES:
@@ -125,13 +126,13 @@ def right_documents(folder: Path) -> list[Path]:
     return [path for path in (*robots, *shown, *cases, ROOT / "thingc.toml") if kind_of(path) is not None]
 
 
-def test_every_right_document_is_valid(tmp_path: Path) -> None:
-    paths = right_documents(tmp_path)
+def test_valid_documents_are_accepted(tmp_path: Path) -> None:
+    paths = valid_documents(tmp_path)
     assert dict(faults(paths)) == {}
 
 
-def test_wrong_documents_are_refused_fault_by_fault(shared_store: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A fault is refused where the schema complains of its key, of one that holds it, or of what is in it."""
+def test_invalid_documents_are_rejected_at_each_fault(shared_store: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A fault counts as rejected if the schema reports its key, a key that contains it, or a value in it."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     wrong = {path: name for name, path, printed in checked(tmp_path) if re.search(r"\[TC2\d\d\]", printed)}
     assert len(wrong) > 50
@@ -149,7 +150,7 @@ def test_wrong_documents_are_refused_fault_by_fault(shared_store: str, monkeypat
         for d in json.loads(out.getvalue())["diagnostics"]:
             if not d["code"].startswith("TC2") or d["file"] != path.name:
                 continue
-            own = keys(d["path"] or "")
+            own = split_key_path(d["path"] or "")
             near = any(
                 (own[: len(of)] == of and (of or len(own) <= 1)) or of[: len(own)] == own for of in refused.get(str(copies[path]), [])
             )
@@ -193,7 +194,7 @@ CHECKED = {
 
 @settings(max_examples=500)
 @given(name=st.sampled_from(sorted(CHECKED)), text=_PIECES)
-def test_no_pattern_refuses_what_the_compiler_takes(name: str, text: str) -> None:
+def test_patterns_accept_all_values_the_compiler_accepts(name: str, text: str) -> None:
     checked = CHECKED[name]
     try:
         checked.validate(text)
@@ -209,7 +210,7 @@ def test_no_pattern_refuses_what_the_compiler_takes(name: str, text: str) -> Non
     ("Vector3Length", "1 2 3 deg"), ("JointValueField", "about 90 deg"), ("ReferenceField", "plate..top"), ("ReferenceField", "plate/top"),
     ("AnyQuantityField", "3 zz"), ("NumberField", "many"),
 ])
-def test_patterns_refuse_what_is_no_value(name: str, text: str) -> None:
+def test_patterns_reject_invalid_values(name: str, text: str) -> None:
     with pytest.raises(Exception, match="."):
         CHECKED[name].validate(text)
     assert not matches(CHECKED[name].schema, text)

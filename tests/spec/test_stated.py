@@ -1,4 +1,4 @@
-"""What an assembly says at the paths at which something may be set or chosen."""
+"""Values of an assembly at paths that can be set or chosen."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ def test_values_are_found_in_nested_documents(tmp_path: Path) -> None:
     assert isinstance(own, Expression) and own.text == "=reach / 2"
 
 
-def test_what_is_said_nowhere_is_none(tmp_path: Path) -> None:
+def test_missing_values_are_none(tmp_path: Path) -> None:
     found = documents(tmp_path)
     for path in ("joints.hip.limit.lower", "joints.hip.limit", "components.plate.joints.knee.limit.upper", "joints.elbow.limit.upper"):
         assert current_value(found, path) is None
     assert current_value(found, "components.leg.components.foot.mass") is None  # its parameters are not those of the root
 
 
-def test_choices_are_those_of_the_documents_own_components(tmp_path: Path) -> None:
+def test_choices_include_only_own_components(tmp_path: Path) -> None:
     spec = validate(documents(tmp_path), Report())["robot.yaml"]
     assert isinstance(spec, AssemblySpec)
     assert stated_choices(spec) == {

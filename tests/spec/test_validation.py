@@ -1,4 +1,4 @@
-"""`validate`: every error once, at its place, in the words of documents."""
+"""`validate`: every error is reported once, at its position, in terms of the document."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from thingc.documents.workspace import Workspace
 HEAD = "thingc: assembly/1\nname: x\ncomponents: {p: {part: a:B}}\n"
 
 
-def read(folder: Path, text: str, others: dict[str, str] | None = None, name: str = "a.yaml") -> tuple[Documents, Report]:
+def load_document(folder: Path, text: str, others: dict[str, str] | None = None, name: str = "a.yaml") -> tuple[Documents, Report]:
     for file, content in {name: text, **(others or {})}.items():
         (folder / file).write_text(content, encoding="utf-8")
     report = Report()
@@ -34,15 +34,15 @@ def read(folder: Path, text: str, others: dict[str, str] | None = None, name: st
     return documents, report
 
 
-def said(report: Report) -> list[tuple[Code, str, str | None, tuple[int, int, int]]]:
+def diagnostics_of(report: Report) -> list[tuple[Code, str, str | None, tuple[int, int, int]]]:
     return [
         (d.code, d.message, d.help,
-         (d.span.line, d.span.column, d.span.end_column)) for d in report.ordered() if d.span is not None
+         (d.span.line, d.span.column, d.span.end_column)) for d in report.sorted_diagnostics() if d.span is not None
     ]
 
 
-def in_doubt(documents: Documents, report: Report) -> bool:
-    """Whether the document fails: nothing of it is left, or it is known that something was left out."""
+def is_incomplete(documents: Documents, report: Report) -> bool:
+    """Whether the document failed: it has no model, or parts of it are known to be omitted."""
     specs = validate(documents, report)
     return "a.yaml" not in specs or bool(specs.doubts["a.yaml"])
 
@@ -145,13 +145,13 @@ def in_doubt(documents: Documents, report: Report) -> bool:
      "write a value after the colon, indent the lines that belong to the key, or remove the key", "~"),
     ("materials: [a.yaml, ]\nmounts: {a: null}", None, None, None, None),
 ])
-def test_one_fault_of_an_assembly(
+def test_assembly_faults_are_reported_once(
     tmp_path: Path, line: str, code: Code | None, message: str | None, help: str | None, written: str | None,
 ) -> None:
-    documents, report = read(tmp_path, HEAD + line + "\n", {"m.yaml": "thingc: materials/1\nmaterials: {}\n"})
+    documents, report = load_document(tmp_path, HEAD + line + "\n", {"m.yaml": "thingc: materials/1\nmaterials: {}\n"})
     report = Report()
-    assert in_doubt(documents, report)
-    found = said(report)
+    assert is_incomplete(documents, report)
+    found = diagnostics_of(report)
     assert len(found) == 1, found
     if code is None:
         return
@@ -203,13 +203,13 @@ def test_one_fault_of_an_assembly(
     ("{part: a:B, process: {infill: 15 mm}}", Code.WRONG_DIMENSION, "expected a number (such as 2), found a length (`15 mm`)",
      None, "15 mm"),
 ])
-def test_one_fault_of_a_component(
+def test_component_faults_are_reported_once(
     tmp_path: Path, body: str, code: Code, message: str, help: str | None, written: str,
 ) -> None:
     text = f"thingc: assembly/1\nname: x\ncomponents:\n  c: {body}\n"
-    documents, report = read(tmp_path, text)
-    assert in_doubt(documents, report)
-    found = said(report)
+    documents, report = load_document(tmp_path, text)
+    assert is_incomplete(documents, report)
+    found = diagnostics_of(report)
     assert len(found) == 1, found
     assert found[0][:3] == (code, message, help)
     row, start, end = found[0][3]
@@ -217,7 +217,7 @@ def test_one_fault_of_a_component(
 
 
 JOINT_KINDS = " or ".join(", ".join(f"`{name}`" for name in KINDS).rsplit(", ", 1))
-"""As a message lists them."""
+"""Joint kinds as listed in messages."""
 
 
 @pytest.mark.parametrize(("body", "code", "message", "written"), [
@@ -237,11 +237,11 @@ JOINT_KINDS = " or ".join(", ".join(f"`{name}`" for name in KINDS).rsplit(", ", 
      "expected a number or a length per angle or an angle per length (such as 2 or 10 mm/rad or 10 rad/m), "
      "found a mass (`3 g`)", "3 g"),
 ])
-def test_one_fault_of_a_joint(tmp_path: Path, body: str, code: Code, message: str, written: str) -> None:
+def test_joint_faults_are_reported_once(tmp_path: Path, body: str, code: Code, message: str, written: str) -> None:
     text = f"{HEAD}joints:\n  j: {body}\n"
-    documents, report = read(tmp_path, text)
+    documents, report = load_document(tmp_path, text)
     validate(documents, report)
-    found = said(report)
+    found = diagnostics_of(report)
     assert [entry[:2] for entry in found] == [(code, message)]
     row, start, end = found[0][3]
     assert text.split("\n")[row - 1][start - 1 : end - 1] == written
@@ -255,31 +255,31 @@ def test_one_fault_of_a_joint(tmp_path: Path, body: str, code: Code, message: st
     ("friction: {}", "`materials.m.friction` needs the key `slide`", "add the key `slide`, whose value is a number"),
     ("friction: {slide: 1, torsion: 5 g}", "expected a length (such as 120 mm), found a mass (`5 g`)", None),
 ])
-def test_one_fault_of_a_material(tmp_path: Path, body: str, message: str, help: str | None) -> None:
-    documents, report = read(tmp_path, f"thingc: materials/1\nmaterials:\n  m:\n    {body}\n")
+def test_material_faults_are_reported_once(tmp_path: Path, body: str, message: str, help: str | None) -> None:
+    documents, report = load_document(tmp_path, f"thingc: materials/1\nmaterials:\n  m:\n    {body}\n")
     validate(documents, report)
-    assert [entry[1:3] for entry in said(report)] == [(message, help)]
+    assert [entry[1:3] for entry in diagnostics_of(report)] == [(message, help)]
 
 
-def test_missing_keys_of_a_document_point_at_its_first_key(tmp_path: Path) -> None:
-    documents, report = read(tmp_path, "thingc: assembly/1\n")
+def test_missing_keys_are_reported_at_the_first_key(tmp_path: Path) -> None:
+    documents, report = load_document(tmp_path, "thingc: assembly/1\n")
     validate(documents, report)
-    assert said(report) == [
+    assert diagnostics_of(report) == [
         (Code.MISSING_KEY, "the document needs the key `name`", "add the key `name`, whose value is a name", (1, 1, 7)),
         (Code.MISSING_KEY, "the document needs the key `components`", "add the key `components`, whose value is a mapping", (1, 1, 7)),
     ]
-    documents, report = read(tmp_path, "thingc: assembly/1\nname: x\ncomponents: {}\n")
+    documents, report = load_document(tmp_path, "thingc: assembly/1\nname: x\ncomponents: {}\n")
     validate(documents, report)
-    assert said(report) == [(Code.WRONG_LENGTH, "`components` is empty; at least one entry is required", None, (3, 13, 15))]
+    assert diagnostics_of(report) == [(Code.WRONG_LENGTH, "`components` is empty; at least one entry is required", None, (3, 13, 15))]
 
 
-def test_values_over_several_lines_are_pointed_at_by_their_key(tmp_path: Path) -> None:
-    documents, report = read(tmp_path, HEAD + "description:\n  - a\n  - b\n")
+def test_multiline_values_are_reported_at_their_key(tmp_path: Path) -> None:
+    documents, report = load_document(tmp_path, HEAD + "description:\n  - a\n  - b\n")
     validate(documents, report)
-    assert said(report) == [(Code.WRONG_TYPE, "expected a string, found a list of 2 items", None, (4, 1, 12))]
+    assert diagnostics_of(report) == [(Code.WRONG_TYPE, "expected a string, found a list of 2 items", None, (4, 1, 12))]
 
 
-def test_everything_wrong_is_said_at_once_with_its_path(tmp_path: Path) -> None:
+def test_all_faults_are_reported_with_their_path(tmp_path: Path) -> None:
     text = textwrap.dedent("""\
         thingc: assembly/1
         name: my arm
@@ -289,9 +289,9 @@ def test_everything_wrong_is_said_at_once_with_its_path(tmp_path: Path) -> None:
         joints:
           j: {type: hinge, parent: a, child: 5, limit: {lower: 30}}
     """)
-    documents, report = read(tmp_path, text)
+    documents, report = load_document(tmp_path, text)
     validate(documents, report)
-    assert [(d.path, d.code) for d in report.ordered()] == [
+    assert [(d.path, d.code) for d in report.sorted_diagnostics()] == [
         ("name", Code.BAD_NAME), ("components.a.visual", Code.WRONG_TYPE), ("components.a.mass", Code.BAD_UNIT),
         ("components.b.at.xyz[1]", Code.WRONG_DIMENSION), ("components.b.at.xyz[2]", Code.BAD_EXPRESSION),
         ("joints.j.type", Code.UNKNOWN_CHOICE),
@@ -299,8 +299,8 @@ def test_everything_wrong_is_said_at_once_with_its_path(tmp_path: Path) -> None:
     ]
 
 
-def test_a_good_document_gives_its_model_and_nothing_else(tmp_path: Path) -> None:
-    documents, report = read(
+def test_valid_document_gives_a_model_without_diagnostics(tmp_path: Path) -> None:
+    documents, report = load_document(
         tmp_path,
         HEAD + "$schema: x.json\nmaterials: [m.yaml]\nposes: {home: {j: 30 deg, leg_*: folded, k: 0, l: =pi * 1 rad}}\n",
         {"m.yaml": "thingc: materials/1\nmaterials: {petg: {color: '#8Af', density: 1270 kg/m^3}}\n"},
@@ -315,14 +315,14 @@ def test_a_good_document_gives_its_model_and_nothing_else(tmp_path: Path) -> Non
     assert assembly.poses["home"]["leg_*"] == "folded"
 
 
-def test_no_more_faults_than_anybody_reads(tmp_path: Path) -> None:
-    documents, report = read(tmp_path, HEAD + "".join(f"k{n}: 1\n" for n in range(300)))
+def test_number_of_reported_faults_is_limited(tmp_path: Path) -> None:
+    documents, report = load_document(tmp_path, HEAD + "".join(f"k{n}: 1\n" for n in range(300)))
     validate(documents, report)
     assert [d.code for d in report.diagnostics] == [Code.UNKNOWN_KEY] * 200 + [Code.TOO_LARGE]
 
 
-def test_documents_that_failed_and_documents_of_a_cycle_are_absent(tmp_path: Path) -> None:
-    documents, report = read(tmp_path, HEAD.replace("{part: a:B}", "{assembly: b.yaml}"), {
+def test_failed_and_cyclic_documents_are_omitted(tmp_path: Path) -> None:
+    documents, report = load_document(tmp_path, HEAD.replace("{part: a:B}", "{assembly: b.yaml}"), {
         "b.yaml": HEAD.replace("{part: a:B}", "{assembly: c.yaml}, q: {assembly: d.yaml}"),
         "c.yaml": HEAD.replace("{part: a:B}", "{assembly: b.yaml}"), "d.yaml": HEAD.replace("name: x", "author: x"),
     })
@@ -331,8 +331,8 @@ def test_documents_that_failed_and_documents_of_a_cycle_are_absent(tmp_path: Pat
     assert [d.code for d in report.diagnostics] == [Code.DOCUMENT_CYCLE, Code.MISSING_KEY, Code.UNKNOWN_KEY]
 
 
-def test_part_references_in_the_order_written(tmp_path: Path) -> None:
-    documents, report = read(
+def test_part_references_are_in_document_order(tmp_path: Path) -> None:
+    documents, report = load_document(
         tmp_path, "thingc: assembly/1\nname: x\ncomponents:\n  p: {part: a:B}\n  n: {assembly: b.yaml}\n  q: {part: c.d:E}\n",
         {"b.yaml": HEAD.replace("a:B", "f:G")},
     )
@@ -342,18 +342,18 @@ def test_part_references_in_the_order_written(tmp_path: Path) -> None:
     ]
 
 
-def test_toml_documents_are_checked_alike(tmp_path: Path) -> None:
+def test_toml_documents_are_validated(tmp_path: Path) -> None:
     text = 'thingc = "assembly/1"\nname = "x"\n[components.p]\npart = "a:B"\nmass = "12 mmm"\n[modes.b]\nrot = "p"\n'
-    documents, report = read(tmp_path, text, name="a.toml")
+    documents, report = load_document(tmp_path, text, name="a.toml")
     validate(documents, report)
-    assert said(report) == [
+    assert diagnostics_of(report) == [
         (Code.BAD_UNIT, "unknown unit `mmm`; did you mean `mm`?", None, (5, 12, 15)),
         (Code.UNKNOWN_KEY, "unknown key `rot` in `modes.b`", "did you mean `root`?", (7, 1, 4)),
     ]
 
 
-def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
-    """Every kind of value in every place: no pydantic words, one diagnostic per wrong value at most."""
+def test_messages_contain_no_pydantic_terms(tmp_path: Path) -> None:
+    """Every kind of value is tried at every place, with at most one diagnostic per wrong value."""
     base = textwrap.dedent("""\
         thingc: assembly/1
         name: x
@@ -385,7 +385,7 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
         allow: {TC407: r}
         sensors: {s: {type: camera, at: p.a, fovy: 3 deg}}
     """)
-    documents, report = read(tmp_path, base)
+    documents, report = load_document(tmp_path, base)
     assert validate(documents, report)
     assert not report.diagnostics
     tree = documents.root.tree.plain()
@@ -406,7 +406,7 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
             for step in path[:-1]:
                 inner = inner[step]
             inner[path[-1]] = wrong
-            documents, _ = read(tmp_path, json.dumps(changed))
+            documents, _ = load_document(tmp_path, json.dumps(changed))
             report = Report()
             validate(documents, report)
             assert len(report.diagnostics) <= (6 if wrong in ({}, {"?!": 1}) else 1), (path, wrong,
@@ -419,12 +419,13 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
     assert checked > 500
 
 
-def test_a_kind_of_joint_is_no_word_for_another() -> None:
+def test_joint_kinds_are_not_foreign_keywords() -> None:
+    """A joint kind must not be listed as a foreign keyword for another one."""
     taken = sorted({*keywords()[1]} & {*KINDS})
     assert not taken, f"{taken}: kinds now; take them out of the table `words` in compiler/thingc/documents/spec/foreign_keywords.toml"
 
 
-def test_keywords_of_other_formats_belong_to_models_and_mean_keys_of_them() -> None:
+def test_foreign_keywords_refer_to_existing_keys() -> None:
     rooms = (assembly, drives, link_shapes, materials, modes, poses, sensors, variants, workspace)
     for name, meant in keywords()[0].items():
         model = next(vars(room)[name] for room in rooms if name in vars(room))

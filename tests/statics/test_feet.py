@@ -1,8 +1,7 @@
-"""Robots on their feet: least squares within friction cones against balances written by hand on MuJoCo's Jacobians, and against MuJoCo's
-simulation of the same robot standing on its floor.
+"""Robots on their feet: least squares within friction cones, compared with balances computed from MuJoCo's Jacobians and with MuJoCo
+simulations of the robot on its floor.
 
-The hexapod of `hexapod/` weighs 1.3 kg; in `tripod` three of its legs stand.
-"""
+The hexapod of `hexapod/` has 1.3 kg; in `tripod` three of its legs stand."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ from thingc.model.assembly.kinematics import joints_of
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
 from thingc.model.statics.efforts import static_efforts
-from thingc.model.statics.support import lifted, stance
+from thingc.model.statics.support import lifted_feet, stance
 from thingc.model.statics.types import Efforts
 from thingc.modes import Modes
 from thingc.tools.cli import info
@@ -42,12 +41,12 @@ Array = Any
 
 
 class Hexapod:
-    """The document, compiled: its robots, and MuJoCo's models of them."""
+    """The compiled document: its robots and their MuJoCo models."""
 
     def __init__(self, document: Path, store: str) -> None:
         with Environment(str(document), Options(store=store)) as environment:
             compilation = pipeline.compile(environment)
-            self.said = [(d.code.code, d.message) for d in compilation.report.ordered()]
+            self.said = [(d.code.code, d.message) for d in compilation.report.sorted_diagnostics()]
             self.compilation = compilation
             self.files: dict[str, bytes] = {}
             if not compilation.report.failed:
@@ -62,7 +61,7 @@ class Hexapod:
         return mujoco.MjModel.from_xml_string(self.files[f"mjcf/scene_{mode}.xml"].decode(), beside)
 
     def efforts(self, mode: str, *, friction: float | None = None, pose: str | None = None) -> Efforts:
-        """What statics says of a mode; `friction` in the place of its feet's own."""
+        """Static efforts of a mode; `friction` replaces that of its feet."""
         robot = self.robot(mode)
         if friction is not None:
             robot = replace(robot, mode=replace(robot.mode, feet=tuple(replace(f, friction=friction) for f in robot.mode.feet)))
@@ -90,7 +89,7 @@ def hexapod(shared_store: str) -> Hexapod:
 
 
 class Balance:
-    """A keyframe by MuJoCo: what gravity wants of the base and of the joints, and how the feet move."""
+    """A keyframe in MuJoCo: gravity forces on base and joints, and Jacobians of the feet."""
 
     def __init__(self, model: mujoco.MjModel, pose: str, feet: list[str]) -> None:
         self.data = data = mujoco.MjData(model)
@@ -110,14 +109,14 @@ class Balance:
         self.centre = np.array(data.subtree_com[0])
 
     def efforts(self, forces: Array) -> dict[str, float]:
-        """Of the drives, at these forces (3 n) on the feet; the base must be in balance."""
+        """Efforts of the drives with these forces (3 n) on the feet. The base must be in balance."""
         left = self.wanted - self.J.T @ np.asarray(forces).ravel()
         assert np.abs(left[:6]).max() < 1e-6 * self.weight
         return dict(zip(self.paths, left[self.dofs].tolist(), strict=True))
 
     def least(self, edges: Array) -> dict[str, float]:
-        """Of all forces that are sums of these edges (k x 3) at every foot, those with the least sum of squares of efforts: by a method
-        of its own (sequential quadratic programming, SciPy)."""
+        """Efforts with the smallest sum of squares over all forces that are sums of these cone edges (k x 3) at every foot, found with
+        sequential quadratic programming in SciPy."""
         G = np.kron(np.eye(len(self.soles)), edges.T) * self.weight
         even = self.J.T @ G
         base, base_due = even[:6], self.wanted[:6]
@@ -143,8 +142,8 @@ def least_margin(efforts: dict[str, float]) -> float:
 # --- a tripod ----------------------------------------------------------------------------------------------------------------
 
 
-def test_vertical_forces_are_those_of_the_balance_of_three_feet(hexapod: Hexapod) -> None:
-    """By hand: three forces, their sum the weight, their moments those of the weight at the centre of mass."""
+def test_frictionless_tripod_matches_force_balance(hexapod: Hexapod) -> None:
+    """Three forces whose sum is the weight, and whose moments are those of the weight at the centre of mass."""
     balance = Balance(hexapod.scene("three"), "tripod", THREE)
     x, y = balance.soles[:, 0], balance.soles[:, 1]
     vertical = np.linalg.solve(np.array([np.ones(3), x, y]), balance.weight * np.array([1.0, balance.centre[0], balance.centre[1]]))
@@ -156,8 +155,8 @@ def test_vertical_forces_are_those_of_the_balance_of_three_feet(hexapod: Hexapod
     assert hexapod.efforts("slippery").by_joint == pytest.approx(expected, abs=1e-9)  # the mode that says so
 
 
-def test_with_friction_to_spare_it_is_plain_least_squares(hexapod: Hexapod) -> None:
-    """At 0.8 no foot is at its cone, so that nine unknown forces are left six equations and the least efforts."""
+def test_tripod_inside_cones_is_plain_least_squares(hexapod: Hexapod) -> None:
+    """At 0.8 no foot is at its cone, so nine unknown forces satisfy six equations with least efforts."""
     balance = Balance(hexapod.scene("three"), "tripod", THREE)
     A, B = balance.J[:, :6].T, balance.J[:, balance.dofs].T
     particular = np.linalg.lstsq(A, balance.wanted[:6], rcond=None)[0]
@@ -171,7 +170,7 @@ def test_with_friction_to_spare_it_is_plain_least_squares(hexapod: Hexapod) -> N
 
 
 @pytest.mark.parametrize(("mode", "pose", "friction"), [("three", "tripod", 0.02), ("three", "tripod", 0.1), ("six", "stand", 0.2)])
-def test_at_the_cones_by_another_method(hexapod: Hexapod, mode: str, pose: str, friction: float) -> None:
+def test_efforts_at_friction_cones_match_scipy(hexapod: Hexapod, mode: str, pose: str, friction: float) -> None:
     feet = THREE if mode == "three" else [f"leg_{k}/sole" for k in range(6)]
     balance = Balance(hexapod.scene(mode), pose, feet)
     found = hexapod.efforts(mode, friction=friction)
@@ -182,8 +181,8 @@ def test_at_the_cones_by_another_method(hexapod: Hexapod, mode: str, pose: str, 
     assert found.by_joint == pytest.approx(expected, abs=2e-4)
 
 
-def test_more_friction_helps_and_clamps_flatter(hexapod: Hexapod) -> None:
-    """The sizes of the answers: without friction, a little, more, point contacts that may pull, clamps."""
+def test_efforts_decrease_with_friction_and_holds(hexapod: Hexapod) -> None:
+    """The sum of squares decreases: without friction, with little, with more, with point contacts that may pull, with clamps."""
     def size(found: Efforts) -> float:
         return sum(value * value for value in found.by_joint.values())
 
@@ -194,7 +193,7 @@ def test_more_friction_helps_and_clamps_flatter(hexapod: Hexapod) -> None:
 
 
 @pytest.mark.parametrize(("mode", "rows"), [("points", 9), ("clamps", 18)])
-def test_a_floating_base_on_holds_by_mujoco_s_equalities(hexapod: Hexapod, mode: str, rows: int) -> None:
+def test_floating_base_on_holds_matches_mujoco(hexapod: Hexapod, mode: str, rows: int) -> None:
     model = hexapod.scene(mode)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("tripod").id)
@@ -211,7 +210,7 @@ def test_a_floating_base_on_holds_by_mujoco_s_equalities(hexapod: Hexapod, mode:
 
 @pytest.fixture(scope="module")
 def simulated(hexapod: Hexapod) -> dict[str, float]:
-    """The least margin of the position drives at rest on MuJoCo's floor, by mode."""
+    """Smallest margin of the position drives at rest on MuJoCo's floor, by mode."""
     found = {}
     for mode, pose in (("six", "stand"), ("three", "tripod")):
         model = hexapod.scene(mode)
@@ -225,9 +224,8 @@ def simulated(hexapod: Hexapod) -> dict[str, float]:
     return found
 
 
-def test_position_drives_at_rest_are_between_no_friction_and_least_squares(hexapod: Hexapod, simulated: dict[str, float]) -> None:
-    """What rests on the floor was put there without sideways forces, and stays nearly so; a controller could do better; clamps tell
-    another story."""
+def test_simulated_margin_is_within_the_static_bounds(hexapod: Hexapod, simulated: dict[str, float]) -> None:
+    """A robot placed on the floor has nearly no lateral forces. A controller could do better. Clamps give a much larger margin."""
     for mode, margin in simulated.items():
         upright, least = hexapod.efforts(mode, friction=0.0).least_margin, hexapod.efforts(mode).least_margin
         assert upright is not None and least is not None
@@ -238,8 +236,8 @@ def test_position_drives_at_rest_are_between_no_friction_and_least_squares(hexap
     assert 1.3 * simulated["three"] < least and clamped > 10.0 * simulated["three"]
 
 
-def test_the_table_of_the_language(hexapod: Hexapod, simulated: dict[str, float]) -> None:
-    """docs/language/tests.md says these figures, to three digits."""
+def test_documented_margins_match(hexapod: Hexapod, simulated: dict[str, float]) -> None:
+    """The table in docs/language/tests.md shows these values to three digits."""
     text = (Path(__file__).parents[2] / "docs/language/tests.md").read_text().partition("<!-- hexapod -->\n")[2].partition("\n\n")[0]
     said = [float(row.split("|")[2]) for row in text.split("\n")[2:]]
     modes = ("three", "slippery", None, "points", "clamps")
@@ -253,7 +251,7 @@ def test_the_table_of_the_language(hexapod: Hexapod, simulated: dict[str, float]
 
 
 def distance_outside(soles: Array, centre: Array) -> float:
-    """How far a point is outside of a triangle, by the distances from its sides' lines (nearest to the middle of one)."""
+    """Distance of a point outside a triangle, by its distances from the lines of the sides (nearest to the middle of a side)."""
     middle = soles[:, :2].mean(axis=0)
     worst = -np.inf
     for k in range(3):
@@ -265,7 +263,7 @@ def distance_outside(soles: Array, centre: Array) -> float:
 
 
 HEAVY = ("body: {part: hexapod:Body}", "body: {part: hexapod:Body, mass: 3 kg, com: 100 -70 10 mm}")
-"""Its mass far on the side of leg_3, which is in the air."""
+"""The mass is far on the side of leg_3, which is in the air."""
 
 
 @pytest.fixture(scope="module")
@@ -276,7 +274,8 @@ def heavy(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Hexapo
     return found
 
 
-def test_it_falls_over_and_by_how_much(heavy: Hexapod) -> None:
+def test_tipping_distance_is_computed(heavy: Hexapod) -> None:
+    """The distance of the centre of mass from the support triangle equals the geometric one, and in the simulation the robot tips over."""
     balance = Balance(heavy.scene("three"), "tripod", THREE)
     expected = distance_outside(balance.soles, balance.centre)
     found = heavy.efforts("three")
@@ -286,7 +285,7 @@ def test_it_falls_over_and_by_how_much(heavy: Hexapod) -> None:
 
 
 def hexapod_tilts(model: mujoco.MjModel, pose: str) -> float:
-    """How far its body leans over after a second on the floor [rad]."""
+    """Tilt of the body after one second on the floor [rad]."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(pose).id)
     for _ in range(1000):
@@ -294,12 +293,12 @@ def hexapod_tilts(model: mujoco.MjModel, pose: str) -> float:
     return float(np.arccos(data.body("body").xmat[8]))
 
 
-def test_what_stands_does_not_tilt(hexapod: Hexapod) -> None:
+def test_stable_robot_does_not_tilt(hexapod: Hexapod) -> None:
     assert hexapod_tilts(hexapod.scene("three"), "tripod") < np.radians(1.0)
     assert hexapod.efforts("three").fall is None
 
 
-def test_the_test_of_a_document_says_it(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_document_test_reports_tipping(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     with changed(tmp_path / "w", shared_store, HEAVY, ("mode: all, min: 2", "mode: three, pose: [tripod, stand], min: 2")) as document:
         assert main(["test", str(document), "--store", shared_store, "--format", "json"]) == 1
     answer = json.loads(capsys.readouterr().out)
@@ -315,11 +314,11 @@ def test_the_test_of_a_document_says_it(tmp_path: Path, shared_store: str, capsy
     assert words is not None and float(words[1]) == pytest.approx(1000.0 * far, rel=1e-3)
 
 
-def test_feet_in_the_air_carry_nothing(hexapod: Hexapod, tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """On six feet in the pose that lifts three of them."""
+def test_feet_in_the_air_are_reported(hexapod: Hexapod, tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The mode has six feet, but the pose lifts three of them."""
     robot = hexapod.robot("six")
     frame = next(frame for frame in robot.keyframes if frame.name == "tripod")
-    high = lifted(stance(robot, frame.q, body_poses(robot, frame.q, frame.base)).feet)
+    high = lifted_feet(stance(robot, frame.q, body_poses(robot, frame.q, frame.base)).feet)
     data = Balance(hexapod.scene("six"), "tripod", [f"leg_{k}/sole" for k in range(6)])
     assert high == pytest.approx({f"leg_{k}/sole": data.soles[k, 2] - data.soles[0, 2] for k in (1, 3, 5)}, abs=1e-12)
     with changed(tmp_path / "w", shared_store, ("mode: all, min: 2", "mode: six, pose: tripod, min: 2")) as document:
@@ -328,8 +327,8 @@ def test_feet_in_the_air_carry_nothing(hexapod: Hexapod, tmp_path: Path, shared_
     assert said["code"] == "TC661" and "`leg_1/sole` by 38.7 mm, `leg_3/sole` by 38.7 mm, `leg_5/sole` by 38.7 mm" in said["message"]
 
 
-def test_magnets_hold_on_to_a_ceiling_and_friction_with_them_on_a_wall(tmp_path: Path, shared_store: str) -> None:
-    """Upside down each foot has to be pulled by what it carries upright: the balance of three feet again, with the sign turned."""
+def test_adhesive_feet_on_ceiling_and_wall(tmp_path: Path, shared_store: str) -> None:
+    """On a ceiling, each foot must carry the force that it carries upright, with the opposite sign."""
     modes = "".join(
         f"  {place}_{force}: {{extends: three, gravity: {place}, contacts: {{adhesion: {{"
         + ", ".join(f"leg_{k}.sole: {force} N" for k in (0, 2, 4)) + "}}}\n"
@@ -352,7 +351,7 @@ def test_magnets_hold_on_to_a_ceiling_and_friction_with_them_on_a_wall(tmp_path:
     assert wall[3].fall is not None and wall[3].fall.how == "slides" and wall[40].fall is None and wall[40].unheld < 1e-8
 
 
-def test_a_leg_without_a_drive_gives_way(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_leg_without_drive_cannot_hold_the_pose(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     changes = (
         ("standing_on: [\"leg_[024].sole\"]}", "standing_on: [\"leg_[024].sole\"], actuators: [\"hip_*\", \"*.lift\"]}"),
         ("drive: \"*\", mode: all, min: 2", "drive: \"hip_*\", mode: three, min: 2"),
@@ -366,13 +365,13 @@ def test_a_leg_without_a_drive_gives_way(tmp_path: Path, shared_store: str, caps
 # --- what else knows of it ---------------------------------------------------------------------------------------------------
 
 
-def test_a_batch_has_the_same_margin_and_none_where_it_falls(hexapod: Hexapod, heavy: Hexapod) -> None:
+def test_batch_margin_is_equal_or_missing_if_falling(hexapod: Hexapod, heavy: Hexapod) -> None:
     assert measure(hexapod.robot("three"), None, None)["torque_margin"] == hexapod.efforts("three").least_margin
     assert measure(heavy.robot("three"), None, None)["torque_margin"] is None
     assert "torque_margin" not in measure(hexapod.robot("six"), "tripod", None)  # three of the six are in the air
 
 
-def test_modes_json_sites_and_info(hexapod: Hexapod) -> None:
+def test_feet_are_in_modes_json_sites_and_info(hexapod: Hexapod) -> None:
     described = json.loads(hexapod.files["modes.json"])
     assert described["three"]["standing_on"] == THREE and "standing_on" not in described["clamps"]
     assert Modes.parse(hexapod.files["modes.json"])["three"].standing_on == tuple(THREE)
@@ -385,8 +384,8 @@ def test_modes_json_sites_and_info(hexapod: Hexapod) -> None:
     assert "\n  stands on leg_4/sole (friction 0.8)\n" in text and "\n  stands on leg_4/sole (friction 0)\n" in text
 
 
-def test_friction_is_that_of_the_material_as_mujoco_has_it(hexapod: Hexapod, tmp_path: Path, shared_store: str) -> None:
-    """Of a contact between a sole and the floor; without a material's own, what MuJoCo makes of its two defaults."""
+def test_foot_friction_matches_mujoco_contacts(hexapod: Hexapod, tmp_path: Path, shared_store: str) -> None:
+    """Friction of a contact between a sole and the floor. Without one in the material, MuJoCo combines its two defaults."""
     with changed(tmp_path / "w", shared_store, (", friction: {slide: 0.8}", ""), file="materials.yaml") as document:
         plain = Hexapod(document, shared_store)
     for found, expected in ((hexapod, 0.8), (plain, 1.0)):
@@ -412,7 +411,7 @@ def test_friction_is_that_of_the_material_as_mujoco_has_it(hexapod: Hexapod, tmp
         ("{extends: three, standing_on: {mounts: []}}", ("TC214", None)),
     ],
 )
-def test_what_cannot_stand(mode: str, said: tuple[str, str | None], tmp_path: Path, shared_store: str) -> None:
+def test_invalid_standing_on_is_reported(mode: str, said: tuple[str, str | None], tmp_path: Path, shared_store: str) -> None:
     changes = (("simulation:", f"  m: {mode}\nmounts: {{left: leg_0.sole}}\nsimulation:"),)
     with changed(tmp_path / "w", shared_store, *changes) as document:
         found = Hexapod(document, shared_store)

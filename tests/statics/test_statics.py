@@ -1,5 +1,5 @@
-"""Static efforts against MuJoCo: its inverse dynamics at rest, and the Jacobian of its own equalities, which are the oracle of
-how loops, holds and joints that mimic share the load."""
+"""Static efforts, compared with MuJoCo: its inverse dynamics at rest, and the Jacobian of its equalities as the oracle for load sharing
+in loops, holds and mimics."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ modes:
   by_hook: {{root: hook, base: held, at: {{xyz: 0 0 500 mm, rpy: 10 20 30 deg}}}}
   few: {{root: mast, actuators: [swing, lift, two]}}
 """
-"""Turns and slides, springs, three drives on one coordinate with limits of their own (the third in another unit), and a joint
-that nothing drives."""
+"""Rotations and slides, springs, three drives on one coordinate with separate limits (the third with another unit), and a joint without
+a drive."""
 
 LIMITS = {"swing": 9.0, "lift": 40.0, "one": 0.5, "two": 2.0, "three": 15.0}
 
@@ -72,7 +72,7 @@ def crane(tmp_path_factory: pytest.TempPathFactory) -> Built:
 
 
 def at_rest(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """What holds the state of `data` without equalities and contacts: MuJoCo's inverse dynamics, by degree of freedom."""
+    """Generalized forces that hold the state of `data` without equalities and contacts, by MuJoCo's inverse dynamics."""
     flags = model.opt.disableflags
     model.opt.disableflags = flags | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data.qvel[:] = data.qacc[:] = 0.0
@@ -81,8 +81,8 @@ def at_rest(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     return np.array(data.qfrc_inverse)
 
 
-def allowed(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """A basis of the velocities that MuJoCo's equalities (holds, loops, joints that mimic, a held base) leave free."""
+def free_velocities(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """A basis of the velocities that MuJoCo's equalities (holds, loops, mimics, a held base) leave free."""
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     mujoco.mj_forward(model, data)
     J = np.array(data.efc_J).reshape(data.nefc, model.nv)[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
@@ -90,9 +90,9 @@ def allowed(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def oracle(model: mujoco.MjModel, data: mujoco.MjData, weights: dict[str, float]) -> tuple[dict[str, float], float, int]:
-    """The efforts of the model's drives with the least sum of (effort / weight)^2 that hold the state, by the normal equations;
-    what of the load is left, as a part of the greatest; and in how many directions the efforts could be otherwise."""
-    N, f = allowed(model, data), at_rest(model, data)
+    """Drive efforts with the smallest sum of (effort / weight)^2 that hold the state, by the normal equations; the remaining load
+    relative to the largest; and the dimension of the set of solutions."""
+    N, f = free_velocities(model, data), at_rest(model, data)
     paths = [model.joint(model.actuator_trnid[k, 0]).name for k in range(model.nu)]
     paths = [path for k, path in enumerate(paths) if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT]
     S = np.zeros((model.nv, len(paths)))
@@ -105,24 +105,24 @@ def oracle(model: mujoco.MjModel, data: mujoco.MjData, weights: dict[str, float]
     return dict(zip(paths, t.tolist(), strict=True)), left, len(paths) - int(np.linalg.matrix_rank(A, tol=1e-7))
 
 
-def close_to(found: Efforts, other: Efforts, size: float) -> None:
-    """Two ways to one answer."""
+def assert_equal_efforts(found: Efforts, other: Efforts, size: float) -> None:
+    """Assert that two computations of the efforts agree."""
     assert found.by_joint == pytest.approx(other.by_joint, rel=1e-9, abs=1e-12 * size)
     assert found.choices == other.choices and found.unheld == pytest.approx(other.unheld, rel=1e-9, abs=1e-11)
     if found.unheld > 1e-9:
         assert found.where == other.where
 
 
-def both_ways(robot: Robot, q: dict[str, float]) -> tuple[Efforts, Efforts]:
-    """Of a tree: the closed form, and least squares over no loops."""
+def solve_both_ways(robot: Robot, q: dict[str, float]) -> tuple[Efforts, Efforts]:
+    """Efforts of a tree by the closed form and by least squares without loops."""
     bodies = body_poses(robot, q)
     load, drives = problem(robot, q, bodies)
     return balance_tree(load, drives), balance_shared(robot, q, bodies, load, drives)
 
 
 @pytest.mark.parametrize("mode", ["bench", "tipped", "by_hook", "few"])
-def test_a_tree_in_closed_form_by_least_squares_and_by_mujoco(crane: Built, mode: str) -> None:
-    """In random poses. `few` leaves joint `one`, which `two` follows, without a drive of its own."""
+def test_tree_efforts_match_least_squares_and_mujoco(crane: Built, mode: str) -> None:
+    """Random poses. In `few`, joint `one`, which `two` mimics, has no drive of its own."""
     robot, model = crane.robot(mode), crane.model(mode)
     joints = joints_of(robot.assembly)
     source = np.random.default_rng(7)
@@ -137,8 +137,8 @@ def test_a_tree_in_closed_form_by_least_squares_and_by_mujoco(crane: Built, mode
         held = at_rest(model, data)
         by_joint = {path: -float(held[model.joint(path).dofadr[0]]) for path in q}
         assert loads(robot, q, body_poses(robot, q)) == pytest.approx(by_joint, rel=1e-9, abs=1e-9)
-        closed, squares = both_ways(robot, q)
-        close_to(closed, squares, 10.0)
+        closed, squares = solve_both_ways(robot, q)
+        assert_equal_efforts(closed, squares, 10.0)
         expected, left, choices = oracle(model, data, LIMITS)
         assert closed.by_joint == pytest.approx(expected, rel=1e-6, abs=1e-8)
         assert closed.choices == choices == {"few": 0}.get(mode, 2)
@@ -148,9 +148,8 @@ def test_a_tree_in_closed_form_by_least_squares_and_by_mujoco(crane: Built, mode
         assert closed.margins == pytest.approx({path: LIMITS[path] / abs(expected[path]) for path in expected}, rel=1e-5)
 
 
-def test_variants_and_tests_of_a_document_mean_the_same_margin(tmp_path: Path) -> None:
-    """Three drives on one coordinate, which decide the margin here, share its load by the rule that the tests of a document
-    state, in a batch as well."""
+def test_batch_and_document_tests_use_the_same_margin(tmp_path: Path) -> None:
+    """Three drives on one coordinate determine the margin. A batch shares the load by the same rule as document tests."""
     limits = {**LIMITS, "swing": 900.0, "lift": 4000.0}
     built = compiled(tmp_path, CRANE.replace("effort: 9 N*m", "effort: 900 N*m").replace("effort: 40 N", "effort: 4000 N"))
     for mode in ("bench", "tipped"):
@@ -164,7 +163,8 @@ def test_variants_and_tests_of_a_document_mean_the_same_margin(tmp_path: Path) -
         assert measure(robot, None, None)["torque_margin"] == pytest.approx(min(margins.values()), rel=1e-6)
 
 
-def test_drives_without_a_limit_have_no_margin_and_those_without_load_an_infinite_one(tmp_path: Path) -> None:
+def test_margins_without_limit_or_load(tmp_path: Path) -> None:
+    """A drive without a limit has no margin, and a drive without load has an infinite one."""
     text = CRANE.replace(", effort: 9 N*m", "").replace(", effort: 40 N", "").replace(", effort: 15 N", "")
     text = text.replace(", rest: 40 deg", "").replace(", rest: 0.5 rad", "")
     text = text.replace("bench: {root: mast}", "bench: {root: mast}\n  afloat: {root: mast, gravity: [0, 0, 0 m/s^2]}")
@@ -193,8 +193,8 @@ LOOPED = FOURBAR.replace("bench: {root: ground}", f"bench: {{root: ground, {TIPP
 LOOPED = LOOPED.replace("base: held, cut", f"base: held, {TIPPED}, cut")
 
 
-def test_a_four_bar_linkage(tmp_path: Path) -> None:
-    """Two drives on one degree of freedom, one of them sprung. Whichever passive joint is cut, and wherever it stands."""
+def test_four_bar_efforts_match_mujoco(tmp_path: Path) -> None:
+    """Two drives on one degree of freedom, one with a spring. The result does not depend on the cut joint or the root."""
     built = compiled(tmp_path, LOOPED)
     assert not built.compilation.report.failed, built.said
     tried = 0
@@ -219,7 +219,7 @@ def test_a_four_bar_linkage(tmp_path: Path) -> None:
 
 
 def worm(folder: Path) -> Built:
-    """An inchworm, all of its joints driven, on its front foot (a tree) and with the rear one held where it is (a loop)."""
+    """An inchworm with all joints driven, on its front foot (a tree) and with the rear foot held in place (a loop)."""
     modes = "  front: {root: front.sole, base: fixed, pose: arched}\n  stay: {extends: front, hold: {rear.sole: here}}\n"
     text = inchworm(modes=modes)
     lines = [
@@ -231,9 +231,9 @@ def worm(folder: Path) -> Built:
     return built
 
 
-def test_an_answer_without_the_hold_is_one_of_those_with_it(tmp_path: Path) -> None:
-    """The same pose on one foot and on two: on one the efforts are those of inverse dynamics; they hold it on two as well, where
-    the answer differs from them by what the hold takes (MuJoCo's Jacobian), and is no greater."""
+def test_hold_reduces_the_efforts(tmp_path: Path) -> None:
+    """On one foot, efforts equal inverse dynamics. On two feet they differ only by forces that the hold takes (MuJoCo's Jacobian), and
+    the sum of squares is smaller."""
     built = worm(tmp_path)
     limits = {"ankle_f": 20.0, "knee_f": 20.0, "hip_f": 20.0, "hip_r": 7.0, "knee_r": 20.0, "ankle_r": 20.0}
     on_one, on_two = built.robot("front"), built.robot("stay")
@@ -242,7 +242,7 @@ def test_an_answer_without_the_hold_is_one_of_those_with_it(tmp_path: Path) -> N
     assert frame.q == pytest.approx(same.q, abs=1e-9)
     bodies = body_poses(on_one, frame.q)
     tree = static_efforts(on_one, frame.q, bodies)
-    close_to(*both_ways(on_one, frame.q), 10.0)
+    assert_equal_efforts(*solve_both_ways(on_one, frame.q), 10.0)
     model = built.model("front")
     held = at_rest(model, at_key(model, frame.name))
     assert tree.by_joint == pytest.approx({path: held[model.joint(path).dofadr[0]] for path in limits}, rel=1e-9, abs=1e-9)
@@ -257,17 +257,17 @@ def test_an_answer_without_the_hold_is_one_of_those_with_it(tmp_path: Path) -> N
     for path in limits:
         difference[model.joint(path).dofadr[0]] = looped.by_joint[path] - tree.by_joint[path]
     assert np.abs(difference).max() > 1e-3
-    assert np.abs(allowed(model, data).T @ difference).max(initial=0.0) < 1e-6
-    assert size_of(looped, limits) < size_of(tree, limits)
+    assert np.abs(free_velocities(model, data).T @ difference).max(initial=0.0) < 1e-6
+    assert weighted_sum_of_squares(looped, limits) < weighted_sum_of_squares(tree, limits)
 
 
-def size_of(efforts: Efforts, limits: dict[str, float]) -> float:
-    """The sum of squares that statics makes least."""
+def weighted_sum_of_squares(efforts: Efforts, limits: dict[str, float]) -> float:
+    """The sum of squares that statics minimizes."""
     return sum((value / limits[path]) ** 2 for path, value in efforts.by_joint.items())
 
 
-def test_a_hold_in_another_branch_changes_nothing(tmp_path: Path) -> None:
-    """Two arms on one stand; the hand of one is held. The other arm has the efforts that it has without the hold."""
+def test_hold_in_another_branch_has_no_effect(tmp_path: Path) -> None:
+    """Two arms on one stand, one of them held at its hand. The other arm has the same efforts as without the hold."""
     arm = (
         "  {0}_upper: {{frame: true, mass: 0.4 kg, BALL, com: [50 mm, 0, 5 mm], mounts: {{low: {{rpy: 90 0 0 deg}}, "
         "high: {{xyz: 100 0 0 mm, rpy: -90 0 0 deg}}}}}}\n"
@@ -304,8 +304,8 @@ def test_a_hold_in_another_branch_changes_nothing(tmp_path: Path) -> None:
     assert abs(free.by_joint["right_shoulder"]) > 0.1 and held.choices == 2 and free.choices == 0
 
 
-def test_the_way_of_trees_imports_no_numpy() -> None:
-    """A runner of a batch measures every variant, and starts without it."""
+def test_tree_statics_do_not_import_numpy() -> None:
+    """A batch worker measures every variant and starts without numpy."""
     program = "import sys, json, thingc.batch.measurements, thingc.model.statics; print(json.dumps(sorted(sys.modules)))"
     loaded: Any = json.loads(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout)
     assert not {name.split(".")[0] for name in loaded} & {"numpy", "scipy", "mujoco", "build123d", "OCP", "pyarrow"}
@@ -313,8 +313,8 @@ def test_the_way_of_trees_imports_no_numpy() -> None:
 
 
 @pytest.mark.parametrize("unit", [1e-300, 1.0, 1e300])
-def test_limits_count_by_their_ratio_however_great_or_small(unit: float) -> None:
-    """Two drives on a coordinate share its load as 1 to 4, by the squares of their limits; one alone holds all of it."""
+def test_load_sharing_depends_on_limit_ratios(unit: float) -> None:
+    """Two drives on a coordinate share its load as 1 to 4, by the squares of their limits. A single drive carries all of it."""
     drives = [
         DriveTransmission(path, ((coordinate, 1.0),), limit * unit, limit * unit)
         for path, coordinate, limit in (("a", "x", 1.0), ("b", "x", 2.0), ("c", "y", 3.0))

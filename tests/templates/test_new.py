@@ -1,4 +1,4 @@
-"""`thingc new`: what it writes is right, builds, passes its own tests and stands still in MuJoCo; names, and what is not written."""
+"""`thingc new`: the new robot is valid, builds, passes its tests and stands still in MuJoCo; names, and errors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def here(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.slow
-def test_a_new_robot_is_right_and_passes_its_tests(
+def test_new_robot_is_valid_and_passes_its_tests(
     begun: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("THINGC_STORE", shared_store)
@@ -49,7 +49,7 @@ def test_a_new_robot_is_right_and_passes_its_tests(
 
 
 @pytest.mark.slow
-def test_every_mode_of_a_new_robot_has_a_root_of_its_own_and_holds_its_pose(begun: Path) -> None:
+def test_modes_of_a_new_robot_have_different_roots(begun: Path) -> None:
     told = json.loads((begun.parent / "build/rover/modes.json").read_text())
     assert len(told) >= 2 and len({json.dumps(mode["root"]) for mode in told.values()}) == len(told)
     things = re.findall(r"^class \w+\(Thing\)", "".join(path.read_text() for path in (begun.parent / "parts").glob("*.py")), re.MULTILINE)
@@ -68,7 +68,7 @@ def test_every_mode_of_a_new_robot_has_a_root_of_its_own_and_holds_its_pose(begu
 
 @pytest.mark.slow
 @pytest.mark.parametrize("begun", ["legged"], indirect=True)
-def test_the_legged_robot_walks(begun: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_legged_robot_walks(begun: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(begun.parent / "walk.py"), run_name="__main__")
     ahead, aside, head = map(int, re.findall(r"(-?\d+) cm", capsys.readouterr().out))
     assert ahead > 40 and aside < ahead / 2 and head > 7
@@ -76,7 +76,7 @@ def test_the_legged_robot_walks(begun: Path, capsys: pytest.CaptureFixture[str])
 
 @pytest.mark.slow
 @pytest.mark.parametrize("begun", ["legged"], indirect=True)
-def test_what_is_added_to_a_new_robot_builds(begun: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_added_elements_build(begun: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copytree(begun.parent, here / "rover", ignore=shutil.ignore_patterns("build"))
     os.chdir(here / "rover")
     for words in (
@@ -91,7 +91,7 @@ def test_what_is_added_to_a_new_robot_builds(begun: Path, here: Path, capsys: py
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
-def test_what_is_written_beside_the_robot(template: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_written_files(template: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["new", "rover", "--template", template]) == 0
     said = capsys.readouterr().out
     folder = here / "rover"
@@ -115,7 +115,7 @@ def test_what_is_written_beside_the_robot(template: str, here: Path, capsys: pyt
     assert sorted(os.listdir(here)) == ["rover"]
 
 
-def test_the_gate_of_a_new_workspace_is_that_of_the_documentation() -> None:
+def test_gate_of_a_new_workspace_equals_the_documentation() -> None:
     job = YAML(typ="safe").load(files_of("arm", "rover")[".github/workflows/robots.yaml"])["jobs"]["robots"]
     action = next(step for step in job["steps"] if step.get("uses", "").startswith("thingc/"))
     assert action["uses"] == f"thingc/thingc@v{thingc.__version__}" and action["uses"] in (ROOT / "docs/gate.md").read_text()
@@ -130,12 +130,12 @@ def test_the_gate_of_a_new_workspace_is_that_of_the_documentation() -> None:
     ("numpy", "numpy"), ("../Rover_3", "Rover_3"), ("x-", "x"),
     ("über", "uber"), ("a/Größe 2", "Grosse_2"), ("rover.d", "rover_d"),
 ])
-def test_the_name_of_a_robot_is_the_last_word_of_its_folder(place: str, name: str) -> None:
+def test_robot_name_is_the_last_word_of_its_folder(place: str, name: str) -> None:
     assert robot_name(place) == name
 
 
 @pytest.mark.parametrize("name", ["class", "numpy", "arm"])
-def test_words_of_python_and_names_of_modules_are_names_of_robots(name: str, here: Path) -> None:
+def test_python_keywords_and_module_names_are_valid_names(name: str, here: Path) -> None:
     assert main(["new", name]) == 0
     assert main(["check", "--strict", f"{name}/{name}.yaml"]) == 0
 
@@ -163,7 +163,7 @@ def test_words_of_python_and_names_of_modules_are_names_of_robots(name: str, her
     (["full/file/rover"], "error[TC805]: cannot create `full/file/rover`: file exists (`full/file`)"),
     ([], "missing: NAME"),
 ])
-def test_what_cannot_be_made_is_said_and_nothing_is_written(
+def test_errors_write_nothing(
     words: list[str], said: str, here: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
     (here / "full").mkdir()
@@ -174,7 +174,7 @@ def test_what_cannot_be_made_is_said_and_nothing_is_written(
 
 
 @pytest.mark.parametrize("place", ["my-rover", "."])
-def test_a_folder_that_is_empty_but_for_git_is_taken_and_stays_the_one_that_it_is(
+def test_empty_folder_with_git_is_used(
     place: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
     (here / "my-rover/.git").mkdir(parents=True)
@@ -192,7 +192,7 @@ def test_a_folder_that_is_empty_but_for_git_is_taken_and_stays_the_one_that_it_i
 
 
 @pytest.mark.parametrize("instant", ["thingc.driver.output._write_files", "os.rename"])
-def test_interrupted_it_leaves_nothing(
+def test_interrupt_leaves_no_files(
     instant: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
     def interrupt(*_: object) -> None:
@@ -203,7 +203,7 @@ def test_interrupted_it_leaves_nothing(
     assert os.listdir(here) == []
 
 
-def test_interrupted_while_it_moves_files_into_a_folder_it_leaves_that_as_it_was(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupt_while_files_are_moved_restores_the_folder(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (here / "rover/.git").mkdir(parents=True)
     rename, moved = os.rename, []
 
@@ -218,7 +218,7 @@ def test_interrupted_while_it_moves_files_into_a_folder_it_leaves_that_as_it_was
     assert len(moved) == 3 and os.listdir(here) == ["rover"] and os.listdir(here / "rover") == [".git"]
 
 
-def test_killed_while_it_moves_files_into_a_folder_it_goes_on_when_it_is_called_again(
+def test_kill_while_files_are_moved_can_be_continued(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["new", "whole/rover", "--template", "empty"]) == 0

@@ -1,3 +1,5 @@
+"""Fixtures for the tests of `thingc test`."""
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -9,6 +11,6 @@ from testing.rig import Workspace
 
 @pytest.fixture
 def rig(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Workspace:
-    """A workspace of plain parts."""
+    """Return a workspace of plain parts."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     return Workspace(tmp_path / "workspace")

@@ -1,4 +1,4 @@
-"""A workspace of two plain parts, documents of them, and what `thingc test` answers."""
+"""A workspace of two plain parts, documents that use them, and the results of `thingc test`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from thingc.tools.cli.main import main
 
 LENGTHS = {name for kind in kinds().values() for name in kind.lengths}
 OTHERS = {"angle", "diverged", "effort", "margin", "margin_without_friction", "mass", "rest"}
-"""Measured numbers that are no lengths."""
+"""Measured numbers that are not lengths."""
 
 PARTS = '''
 from build123d import Align, Box, Location, Pos
@@ -111,12 +111,12 @@ modes:
 
 
 def two_links(lower: str = "-150 deg", upper: str = "150 deg", at: str = "0") -> str:
-    """Two bars of 100 and 60 mm that turn about y, the first one level along x at 0."""
+    """Return two bars of 100 and 60 mm that turn about y; at 0 the first one is level along x."""
     return TWO_LINKS.replace("LOWER", lower).replace("UPPER", upper).replace("AT}", f"{at}}}")
 
 
 class Workspace:
-    """A folder with the parts; `test` writes a document and runs its tests."""
+    """A folder with the parts. `test` writes a document and runs its tests."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -125,22 +125,21 @@ class Workspace:
         (folder / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
 
     def write(self, text: str, tests: str = "", name: str = "rig.yaml") -> Path:
-        """The document with a `tests:` block of these lines."""
+        """Write the document with a `tests:` block of these lines."""
         document = self.folder / name
         document.write_text(text + (f"tests:\n{tests}" if tests else ""))
         return document
 
     def run(self, *words: str) -> tuple[int, str, str]:
-        """Exit code, standard output and standard error of `thingc test`."""
+        """Return exit code, standard output and standard error of `thingc test`."""
         with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
             code = main(["test", *words])
         return code, out.getvalue(), err.getvalue()
 
     def test(self, text: str, tests: str, *words: str, others: Collection[str] = ()) -> dict[str, Any]:
-        """The JSON answer, and under `code` the exit code; `by_name` has the last result of each name.
+        """Return the JSON output; `code` is the exit code, and `by_name` has the last result of each name.
 
-        `others` are measured numbers of a new kind that are no lengths.
-        """
+        `others` are measured numbers of a new kind that are not lengths."""
         document = self.write(text, tests)
         code, out, err = self.run(str(document), "--format", "json", *words)
         answer: dict[str, Any] = json.loads(out)

@@ -1,4 +1,4 @@
-"""What `thingc test` prints and in which forms, what it runs, and what is said of tests that make no sense."""
+"""`thingc test`: output formats, selection of tests, and errors for invalid tests."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MIXED = (
 )
 
 
-def test_text_has_a_line_for_each_and_a_frame_for_each_failure(rig: Workspace) -> None:
+def test_text_output_has_a_line_per_test_and_failures(rig: Workspace) -> None:
     document = rig.write(two_links(), MIXED)
     code, out, _ = rig.run(str(document))
     lines = out.splitlines()
@@ -30,7 +30,7 @@ def test_text_has_a_line_for_each_and_a_frame_for_each_failure(rig: Workspace) -
     assert f"rig.yaml:{at}:24" in out and "the mass is 64 g, 4 g (6.67 %) above the maximum of 60 g" in out
 
 
-def test_only_and_mode_choose(rig: Workspace) -> None:
+def test_only_and_mode_select_tests(rig: Workspace) -> None:
     document = str(rig.write(two_links() + "  hung: {root: ground.far_hinge, base: held}\n", MIXED))
     for words, names in ((["--only", "weight"], {"weight"}), (["--only", "holds_*"], {"holds_one", "holds_two"}),
                          (["--mode", "hung"], {"weight"}), (["--mode", "bench"], {"weight", "holds_one", "holds_two"})):
@@ -43,14 +43,14 @@ def test_only_and_mode_choose(rig: Workspace) -> None:
     assert rig.run(document, "--mode", "bnch")[0] == 2
 
 
-def test_parameters_reach_the_bounds(rig: Workspace) -> None:
+def test_bounds_can_use_parameters(rig: Workspace) -> None:
     text = two_links().replace("components:", "parameters: {budget: 70 g}\ncomponents:", 1)
     document = str(rig.write(text, "  weight: {mass: {max: =budget}}\n"))
     assert rig.run(document)[0] == 0
     assert rig.run(document, "-p", "budget=60 g")[0] == 1
 
 
-def test_json(rig: Workspace) -> None:
+def test_json_output(rig: Workspace) -> None:
     answer = rig.test(two_links(), MIXED)
     assert set(answer) - {"code", "by_name"} == {"diagnostics", "tests"}
     for result in answer["tests"]:
@@ -60,7 +60,7 @@ def test_json(rig: Workspace) -> None:
     assert answer["by_name"]["weight"]["expected"] == {"max": pytest.approx(0.06)} and answer["by_name"]["weight"]["mode"] is None
 
 
-def test_junit_is_read_by_a_reader_of_junit(rig: Workspace, tmp_path: Path) -> None:
+def test_junit_output_is_read_by_junitparser(rig: Workspace, tmp_path: Path) -> None:
     document = rig.write(two_links(), MIXED)
     code, out, err = rig.run(str(document), "--format", "junit")
     assert code == 1 and err == ""
@@ -76,19 +76,19 @@ def test_junit_is_read_by_a_reader_of_junit(rig: Workspace, tmp_path: Path) -> N
     assert all(case.time is not None and case.time >= 0 for case in cases)
 
 
-def test_junit_of_a_document_with_errors_is_an_error(rig: Workspace) -> None:
+def test_junit_reports_document_errors(rig: Workspace) -> None:
     document = rig.write(two_links(), "  weight: {mass: {max: 60 mm}}\n")
     code, out, _ = rig.run(str(document), "--format", "junit")
     suite = ElementTree.fromstring(out)[0]
     assert code == 1 and suite.get("errors") == "1" and suite.find("testcase/error") is not None
 
 
-def test_a_document_without_tests_says_so(rig: Workspace) -> None:
+def test_document_without_tests_is_reported(rig: Workspace) -> None:
     code, out, _ = rig.run(str(rig.write(two_links())))
     assert code == 0 and out.endswith("rig.yaml: no tests\n")
 
 
-def test_tests_of_nested_documents_are_their_own(rig: Workspace) -> None:
+def test_tests_of_nested_documents_are_not_run(rig: Workspace) -> None:
     inner = rig.write(two_links(), "  light: {mass: {max: 1 g}}\n", name="inner.yaml")
     outer = rig.write(
         "thingc: assembly/1\nname: outer\ncomponents:\n  pair: {assembly: inner.yaml}\n", "  weight: {mass: {of: pair.lower, max: 30 g}}\n",
@@ -97,7 +97,7 @@ def test_tests_of_nested_documents_are_their_own(rig: Workspace) -> None:
     assert rig.run(str(outer))[0] == 0 and rig.run(str(inner))[0] == 1
 
 
-def test_modes_and_poses_by_patterns(rig: Workspace) -> None:
+def test_modes_and_poses_are_selected_by_patterns(rig: Workspace) -> None:
     text = two_links().replace("poses:\n", "poses:\n  a_one: {}\n  a_two: {}\n")
     text += "  hung: {root: ground.far_hinge, base: held, poses: [a_two]}\n"
     answer = rig.test(text, "  some: {centre: {mode: all, pose: 'a_*', within: {x: [-1 m, 1 m]}}}\n"
@@ -109,7 +109,7 @@ def test_modes_and_poses_by_patterns(rig: Workspace) -> None:
     ]
 
 
-def test_the_answer_is_the_same_twice(rig: Workspace) -> None:
+def test_results_are_deterministic(rig: Workspace) -> None:
     tests = MIXED + "  far: {reach: {of: tip, from: base, min: 1 mm}}\n  there: {point: {mount: tip, at: 60 0 -70 mm, within: 1 um}}\n"
     first, second = (rig.test(two_links(), tests) for _ in range(2))
     for one, other in zip(first["tests"], second["tests"], strict=True):

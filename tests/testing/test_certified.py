@@ -1,4 +1,4 @@
-"""Proofs of clearance over joint ranges: random mechanisms whose distances are known, thin parts, mimics, loops, and wrong bounds."""
+"""Certified clearance over joint ranges: random mechanisms with known distances, thin parts, mimics, loops, and invalid bounds."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from thingc.model.solids.shapes import solid_of
 Array = NDArray[np.float64]
 
 EACH = 25
-"""Mechanisms of one document."""
+"""Number of mechanisms per document."""
 
 
 class Mechanism:
-    """A ball on a hinge or a slide, and a shape beside it that does not move. Lengths in metres."""
+    """A ball on a hinge or a slide, and a fixed shape next to it. Lengths in metres."""
 
     def __init__(self, source: np.random.Generator) -> None:
         self.turns = bool(source.random() < 0.7)
@@ -40,7 +40,7 @@ class Mechanism:
         self.low, self.high = sorted((source.uniform(-3.0, 3.0, 2) if self.turns else source.uniform(-0.2, 0.2, 2)).tolist())
 
     def gap(self, q: Array) -> Array:
-        """Distance of the ball from the shape at positions of the joint: a formula for each shape, below zero if they overlap."""
+        """Return the distance of the ball from the shape at joint positions: a formula for each shape, negative if they overlap."""
         z = np.outer(q, [0.0, 0.0, 1.0])
         moved = Rotation.from_rotvec(z).apply(self.offset) if self.turns else self.offset + z
         p = self.turn.inv().apply(self.joint + self.axis.apply(moved) - self.place)
@@ -54,7 +54,7 @@ class Mechanism:
         return np.asarray(out - self.radius)
 
     def least(self) -> float:
-        """The smallest distance over the range, from nested grids around the best point."""
+        """Return the smallest distance over the range, from nested grids around the best point."""
         low, high = self.low, self.high
         for _ in range(4):
             q = np.linspace(low, high, 2001)
@@ -63,7 +63,7 @@ class Mechanism:
         return float(self.gap(np.array([best]))[0])
 
     def written(self, name: str) -> tuple[str, str, str]:
-        """Its components, its mount on the ground, and its joint. Mated mounts face each other, with x and y swapped."""
+        """Return the text of its components, its mount on the ground, and its joint. Mated mounts face each other, with x and y swapped."""
         radius, length, _ = (float(value) for value in self.size)
         shape = {
             "sphere": f"sphere: {{radius: {radius!r} m}}", "box": f"box: {vector(2.0 * self.size)}",
@@ -89,7 +89,7 @@ def pose(place: Array, turn: Rotation) -> str:
 
 
 def sweeps(folder: Path, mechanisms: list[Mechanism]) -> Iterator[tuple[Sweep, ComparedPair, Mechanism]]:
-    """The range of each mechanism with its two parts, from a document of all of them."""
+    """Yield the range of each mechanism with its two parts, from one document with all of them."""
     texts = [one.written(f"m{number}") for number, one in enumerate(mechanisms)]
     document = folder / "many.yaml"
     document.write_text(
@@ -126,8 +126,9 @@ def fresh(pair: ComparedPair, required: float) -> ComparedPair:
     return ComparedPair(pair.one, pair.other, pair.bodies, False, required, pair.deep)
 
 
-def test_of_a_thousand_mechanisms_none_is_missed(thousand: Mechanisms) -> None:
-    """Contact, or a clearance that is just kept or just not kept. Facets of a cylinder are off by 0.1 % of its radius at most."""
+def test_verdicts_for_random_mechanisms(thousand: Mechanisms) -> None:
+    """The ball touches, or the required clearance is barely met or barely missed. Facets of a cylinder deviate by at most 0.1 % of its
+    radius."""
     source, counts = np.random.default_rng(38), {"clear": 0, "touches": 0, "undecided": 0}
     for sweep, pair, mechanism in thousand:
         least, off = mechanism.least(), 2e-3 * mechanism.size.max() * (mechanism.shape == "cylinder") + 3e-5
@@ -144,8 +145,8 @@ def test_of_a_thousand_mechanisms_none_is_missed(thousand: Mechanisms) -> None:
     assert counts["clear"] > 300 and counts["touches"] > 200 and counts["undecided"] < 50, counts
 
 
-def test_a_bound_that_is_too_small_is_caught(thousand: Mechanisms, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With half the speed, some pairs that touch are taken for clear."""
+def test_wrong_speed_bound_gives_wrong_verdicts(thousand: Mechanisms, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With half the speed bound, some touching pairs are reported as clear, so the other tests would detect such an error."""
     right = clearance.speed
     monkeypatch.setattr(clearance, "speed", lambda *arguments: 0.5 * right(*arguments))
     wrong = 0
@@ -178,8 +179,8 @@ def vane(kind: str = "revolute", limit: str = ", limit: {lower: -170 deg, upper:
 
 
 @pytest.mark.parametrize("text", [vane(), vane("continuous", "")])
-def test_a_thin_vane_that_sweeps_past_a_pin_is_found(rig: Workspace, text: str) -> None:
-    """Between two of 200 samples the vane moves by 1 mm. At 0 it is along -y: they meet at 90 deg + atan(17.1 / 31.234) = 118.7 deg."""
+def test_thin_vane_passing_a_pin_is_found(rig: Workspace, text: str) -> None:
+    """Between two of 200 samples the vane moves by 1 mm. At 0 it points along -y: they meet at 90 deg + atan(17.1 / 31.234) = 118.7 deg."""
     tests = "  sampled: {no_collision: {joints: all, samples: 200}}\n  proved: {no_collision: {joints: all, certify: true}}\n"
     answer = rig.test(text, tests)
     assert [result["passed"] for result in answer["tests"]] == [True, False]
@@ -188,13 +189,13 @@ def test_a_thin_vane_that_sweeps_past_a_pin_is_found(rig: Workspace, text: str) 
     assert answer["by_name"]["proved"]["measured"]["certificate"]["touches"] == ["pin and vane"]
 
 
-def test_a_range_beside_the_pin_is_clear(rig: Workspace) -> None:
+def test_range_that_avoids_the_pin_is_clear(rig: Workspace) -> None:
     answer = rig.test(vane(), "  proved: {no_collision: {joints: {turn: [-170 deg, 117.6 deg]}, certify: true}}\n")
     assert answer["code"] == 0 and answer["by_name"]["proved"]["measured"]["certificate"]["proved"] == ["pin and hub", "pin and vane"]
 
 
-def test_two_joints_are_proved_in_all_combinations(rig: Workspace) -> None:
-    """Blocks of 20 mm on one rail: apart by more than 20 mm everywhere, or on top of each other somewhere."""
+def test_two_joints_are_certified_in_all_combinations(rig: Workspace) -> None:
+    """Blocks of 20 mm on one rail: more than 20 mm apart everywhere, or overlapping somewhere."""
     answer = rig.test(SLIDERS, (
         "  clear: {no_collision: {joints: {one: [-200 mm, -1 mm], two: [20 mm, 200 mm]}, certify: true, clearance: 0.9 mm}}\n"
         "  close: {no_collision: {joints: {one: [-200 mm, -1 mm], two: [20 mm, 200 mm]}, certify: true, clearance: 1.1 mm}}\n"
@@ -204,8 +205,8 @@ def test_two_joints_are_proved_in_all_combinations(rig: Workspace) -> None:
     assert answer["by_name"]["clear"]["measured"]["certificate"]["proved"] == ["left and right"]
 
 
-def test_parts_within_the_error_of_the_meshes_are_undecided(rig: Workspace) -> None:
-    """Blocks are plane, so their meshes are exact: contact is undecided only if it is exact, too."""
+def test_exact_contact_is_undecided(rig: Workspace) -> None:
+    """Blocks are planar, so their meshes are exact: contact is undecided only if it is exact, too."""
     test = "  near: {no_collision: {joints: {one: [-50 mm, 0 mm]}, pose: touching, certify: true}}\n"
     answer = rig.test(SLIDERS, test)
     assert answer["code"] == 0 and [(d["code"], d["severity"]) for d in answer["diagnostics"]] == [("TC663", "warning")]
@@ -215,7 +216,7 @@ def test_parts_within_the_error_of_the_meshes_are_undecided(rig: Workspace) -> N
     assert rig.test(SLIDERS, allowed)["diagnostics"] == []
 
 
-def test_mimics_are_followed(rig: Workspace) -> None:
+def test_mimic_joints_are_followed(rig: Workspace) -> None:
     """`right` mirrors `left`: they meet in the middle, 10 mm from the zero of each."""
     text = SLIDERS.replace("limit: {lower: -200 mm, upper: 200 mm}}\nposes", "limit: {lower: -200 mm, upper: 200 mm}, "
                            "mimic: {joint: one, multiplier: -1}}\nposes").partition("poses:")[0] + "modes: {bench: {root: ground}}\n"
@@ -226,8 +227,8 @@ def test_mimics_are_followed(rig: Workspace) -> None:
     assert [result["passed"] for result in answer["tests"]] == [True, False]
 
 
-def test_more_joints_are_sampled(rig: Workspace) -> None:
-    """Three blocks on a chain of slides: the middle pairs are proved, the ends are sampled, and found by descent."""
+def test_pairs_with_many_joints_are_sampled(rig: Workspace) -> None:
+    """Three blocks on a chain of slides: the middle pairs are certified; the end pairs are sampled, and contacts are found by descent."""
     text = HEAD + "components:\n  ground: {frame: true, mounts: {x: {rpy: 0 90 0 deg}}}\n" + "".join(
         f"  {name}: {{part: rig_parts:Block, params: {{x: 1 mm, y: 1 mm, z: 1 mm}}}}\n" for name in "abcd"
     ) + "  post: {part: rig_parts:Block, params: {x: 1 mm}, at: {in: ground.origin, xyz: 77.7 0 0 mm}}\njoints:\n" + "".join(
@@ -240,8 +241,8 @@ def test_more_joints_are_sampled(rig: Workspace) -> None:
     assert "c and post" in certificate["touches"] and "a and d" in certificate["sampled"]
 
 
-def test_loops_are_followed(rig: Workspace) -> None:
-    """A parallelogram carries a stop across: a block that the coupler meets when the crank is at 40 deg, 74.3 mm lower."""
+def test_closed_loops_are_followed(rig: Workspace) -> None:
+    """A block is in the way of the coupler of a parallelogram, which reaches it at a crank angle of 40 deg, 74.3 mm lower."""
     stop = "  stop: {part: rig_parts:Block, params: {x: 4 mm, y: 4 mm, z: 2 mm}, at: {in: ground.origin, xyz: 190 0 HEIGHT mm}}\n"
     text = PARALLELOGRAM.replace("DRIVE", "").replace("  rocker: {part", f"{stop}  rocker: {{part", 1)
     for height, passes in ((-74, False), (-76, True)):
@@ -251,7 +252,7 @@ def test_loops_are_followed(rig: Workspace) -> None:
         assert ("coupler and stop" in touches) is not passes, (height, touches, found["said"])
 
 
-def test_wrong_uses(rig: Workspace) -> None:
+def test_invalid_options_are_reported(rig: Workspace) -> None:
     for tests, said in (
         ("  a: {no_collision: {certify: true}}\n", "`certify` needs `joints`"),
         ("  a: {no_collision: {certify: true, joints: [oen]}}\n", "there is no joint `oen`"),
@@ -262,15 +263,16 @@ def test_wrong_uses(rig: Workspace) -> None:
         assert code == 1 and said in out + err and (out + err).count("error[") == 1, out + err
 
 
-def test_one_joint_of_the_bars_takes_a_fraction_of_a_second(rig: Workspace) -> None:
+def test_certifying_one_joint_is_fast(rig: Workspace) -> None:
     rig.test(two_links(), "  warm: {no_collision: {}}\n")
     started = time.process_time()
     answer = rig.test(two_links(), "  turn: {no_collision: {joints: [elbow], certify: true}}\n")
     assert answer["by_name"]["turn"]["seconds"] < 2.0 and time.process_time() - started < 10.0
 
 
-def test_a_vane_of_a_part_that_touches_its_hinge_is_found(rig: Workspace) -> None:
-    """The pin belongs to the plate on which the vane slides: both touch in all positions, and the rest of them is compared in rings."""
+def test_vane_that_touches_its_own_hinge_part_is_found(rig: Workspace) -> None:
+    """The pin belongs to the plate on which the vane slides. Both touch in all positions, so the remaining surfaces are compared in
+    rings."""
     (rig.folder / "parts" / "vane_parts.py").write_text("""
 from build123d import Align, Box, Location, Pos
 

@@ -1,4 +1,4 @@
-"""Collisions of boxes at known places, of random primitives against MuJoCo's distances, and of the arm."""
+"""Collisions of boxes at known positions, of random primitives against MuJoCo's distances, and of the arm."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from thingc.model.solids.shapes import solid_of
     ("close", 0.4, True), ("touching", 0.0, True), ("overlapping", 0.0, False),
 ])
 def test_two_boxes_on_a_rail(rig: Workspace, pose: str, gap: float, passes: bool) -> None:
-    """20 mm wide, `two` to the right of `one`. Of an overlap of 3 mm the layer has 2V/A = 2*3*20*20 / (2*400 + 4*60)."""
+    """They are 20 mm wide, `two` to the right of `one`. The mean depth of an overlap of 3 mm is 2V/A = 2*3*20*20 / (2*400 + 4*60)."""
     answer = rig.test(SLIDERS, f"  free: {{no_collision: {{pose: {pose}}}}}\n")
     found = answer["by_name"]["free"]
     assert found["passed"] is passes and found["measured"]["gap"] == pytest.approx(gap / 1000, abs=1e-6)
@@ -34,14 +34,14 @@ def test_two_boxes_on_a_rail(rig: Workspace, pose: str, gap: float, passes: bool
         assert f"`left` and `right` overlap by {depth:.4g} mm on average (1200 mm^3)" in message
 
 
-def test_a_layer_as_thin_as_the_mesh_is_inexact_is_no_overlap(rig: Workspace) -> None:
-    """0.1 mm is the tolerance of the workspace: two surfaces may be off by 0.2 mm together."""
+def test_overlap_within_mesh_tolerance_is_ignored(rig: Workspace) -> None:
+    """The tolerance of the workspace is 0.1 mm: two surfaces may deviate by 0.2 mm together."""
     for two, passes in (("19.85 mm", True), ("19.7 mm", False)):
         text = SLIDERS.replace("touching: {two: 20 mm}", f"touching: {{two: {two}}}")
         assert rig.test(text, "  free: {no_collision: {pose: touching}}\n")["by_name"]["free"]["passed"] is passes
 
 
-def test_a_clearance_that_is_not_kept_is_said_with_the_gap(rig: Workspace) -> None:
+def test_insufficient_clearance_is_reported_with_the_gap(rig: Workspace) -> None:
     answer = rig.test(SLIDERS, "  free: {no_collision: {pose: [apart, close], clearance: 1 mm}}\n")
     assert [result["passed"] for result in answer["tests"]] == [True, False]
     said = answer["diagnostics"][0]
@@ -50,15 +50,15 @@ def test_a_clearance_that_is_not_kept_is_said_with_the_gap(rig: Workspace) -> No
     assert said["help"] == 'if this is intended, add `allow: [{pair: [left, right], reason: "..."}]`'
 
 
-def test_a_box_within_a_box_is_found(rig: Workspace) -> None:
-    """No surface meets another."""
+def test_box_inside_a_box_is_found(rig: Workspace) -> None:
+    """Their surfaces do not intersect."""
     text = SLIDERS.replace("right: {part: rig_parts:Block}", "right: {part: rig_parts:Block, params: {x: 90 mm, y: 90 mm, z: 90 mm}}")
     answer = rig.test(text, "  free: {no_collision: {joints: {one: [0, 0.001 mm]}, samples: 1, pose: close}}\n")
     assert not answer["by_name"]["free"]["passed"]
 
 
-def test_a_sweep_finds_where_it_is_worst(rig: Workspace) -> None:
-    """`one` goes from -100 to 100 mm in steps of 2 mm past `two`, which stands at 50 mm."""
+def test_sweep_finds_the_worst_position(rig: Workspace) -> None:
+    """`one` moves from -100 to 100 mm in steps of 2 mm past `two`, which is at 50 mm."""
     answer = rig.test(SLIDERS, "  sweep: {no_collision: {joints: {one: [-100 mm, 100 mm]}, samples: 101}}\n"
                                "  part_of_it: {no_collision: {joints: {one: [-100 mm, 29 mm]}, samples: 130}}\n")
     assert answer["diagnostics"][0]["message"].endswith(" at one 50 mm")
@@ -67,7 +67,7 @@ def test_a_sweep_finds_where_it_is_worst(rig: Workspace) -> None:
     assert free["passed"] and free["measured"]["gap"] == pytest.approx(0.001, abs=1e-6)
 
 
-def test_allowances(rig: Workspace) -> None:
+def test_allowed_pairs(rig: Workspace) -> None:
     tests = (
         "  meant: {no_collision: {pose: overlapping, allow: [{pair: [left, right], reason: they are glued}]}}\n"
         "  never: {no_collision: {pose: apart, allow: [{pair: [left, '*ight'], reason: they might}]}}\n"
@@ -89,7 +89,7 @@ joints:
 poses: {near: {slide: SLIDE mm}}
 modes: {bench: {root: base, pose: near}}
 """
-"""20 mm cubes: `rigid` beside `base` on one link, `slider` beside it across a joint."""
+"""20 mm cubes: `rigid` is next to `base` on the same link, `slider` is next to it across a joint."""
 
 
 def neighbours(rigid: int, slide: int) -> str:
@@ -99,8 +99,8 @@ def neighbours(rigid: int, slide: int) -> str:
 @pytest.mark.parametrize(("rigid", "slide", "pair"), [
     (20, 20, None), (15, 20, "`base` and `rigid`"), (20, 15, "`base` and `slider`"),
 ])
-def test_parts_on_one_link_and_across_a_joint_may_touch_but_not_overlap(rig: Workspace, rigid: int, slide: int, pair: str | None) -> None:
-    """Of an overlap of 5 mm the layer has 2V/A = 2*5*400 / (2*400 + 4*100)."""
+def test_adjacent_parts_may_touch_but_not_overlap(rig: Workspace, rigid: int, slide: int, pair: str | None) -> None:
+    """The mean depth of an overlap of 5 mm is 2V/A = 2*5*400 / (2*400 + 4*100)."""
     answer = rig.test(neighbours(rigid, slide), "  free: {no_collision: {clearance: 3 mm}}\n")
     found = answer["by_name"]["free"]
     assert found["passed"] is (pair is None) and found["measured"]["pairs"] == 3 and "skipped" not in found["measured"]
@@ -113,33 +113,33 @@ def test_parts_on_one_link_and_across_a_joint_may_touch_but_not_overlap(rig: Wor
 @pytest.mark.parametrize(("written", "rigid", "pair"), [
     ("rigid: {", 15, "base and rigid"), ("base: {", 15, "base and rigid"), ("slide: {", 20, "base and slider"),
 ])
-def test_an_overlap_that_a_document_declares_is_listed_with_its_reason(rig: Workspace, written: str, rigid: int, pair: str) -> None:
-    """On either component, or on the joint between them."""
+def test_declared_overlap_is_listed_with_its_reason(rig: Workspace, written: str, rigid: int, pair: str) -> None:
+    """The overlap is declared on either component, or on the joint between them."""
     text = neighbours(rigid, 15 if pair.endswith("slider") else 20).replace(written, written + "allow: {TC520: a press fit}, ", 1)
     found = rig.test(text, "  free: {no_collision: {}}\n")["by_name"]["free"]
     assert found["passed"] and found["measured"]["skipped"] == {"allowed: a press fit": [pair]}
 
 
-def test_a_declared_overlap_leaves_other_pairs_to_be_compared(rig: Workspace) -> None:
+def test_declared_overlap_does_not_skip_other_pairs(rig: Workspace) -> None:
     text = neighbours(15, 15).replace("slide: {", "slide: {allow: {TC520: a press fit}, ", 1)
     answer = rig.test(text, "  free: {no_collision: {}}\n  rest: {no_collision: {allow: [{pair: [base, rigid], reason: glued}]}}\n")
     assert [result["passed"] for result in answer["tests"]] == [False, True]
     assert "`base` and `rigid` overlap" in answer["diagnostics"][0]["message"] and answer["diagnostics"][0]["notes"] == []
 
 
-def test_a_sweep_compares_neighbours_at_every_position(rig: Workspace) -> None:
-    """Worst where both are in one place."""
+def test_sweep_compares_adjacent_parts_at_every_position(rig: Workspace) -> None:
+    """The worst position is where both coincide."""
     answer = rig.test(neighbours(20, 20), "  free: {no_collision: {joints: {slide: all}, samples: 21}}\n")
     message = answer["diagnostics"][0]["message"]
     assert "`base` and `slider` overlap" in message and message.endswith("(8000 mm^3) at slide 0 mm")
 
 
 SIZES: dict[PrimitiveShape, int] = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}
-"""Shapes that end, and how many numbers each of them has."""
+"""Bounded shapes and the number of their size parameters."""
 
 
-def test_distances_of_random_primitives_are_mujocos(tmp_path: Path) -> None:
-    """40 pairs anywhere, with any turn: `mj_geomDistance` is exact for convex shapes that are apart. Some of ours have facets."""
+def test_distances_of_random_primitives_match_mujoco(tmp_path: Path) -> None:
+    """40 pairs with random poses: `mj_geomDistance` is exact for separate convex shapes. Some of our shapes have facets."""
     source = np.random.default_rng(11)
     store = Store(str(tmp_path))
     apart = together = 0

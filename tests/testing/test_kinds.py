@@ -1,4 +1,4 @@
-"""What a kind of test consists of: nothing of a new one can be forgotten."""
+"""The parts that every kind of test needs, so that none is missing from a new kind."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ TESTS = [path for path in (ROOT / "tests").rglob("test_*.py") if path != Path(__
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: path.stem)
-def test_a_module_is_a_kind(module: Path) -> None:
+def test_every_module_defines_a_kind(module: Path) -> None:
     assert module.stem in kinds(), f"documents/checks/{module.name} has no `KIND` of the name `{module.stem}`"
 
 
-def test_the_codes_of_kinds_are_tested() -> None:
-    """A test names each code, so it lets a test of the kind fail."""
+def test_codes_of_kinds_are_tested() -> None:
+    """Some test must name each code, that is, expect a test of the kind to fail."""
     tested = "\n".join(path.read_text() for path in TESTS)
     measuring = [*(PACKAGE / "driver/testing/kinds").glob("*.py"), PACKAGE / "driver/testing/certificate.py"]
     codes = {Code[name].code for path in measuring for name in re.findall(r"\bCode\.(TEST_\w+)", path.read_text())}
@@ -38,7 +38,7 @@ def test_every_kind_has_a_measurement() -> None:
         assert measurement_of(name).kind is kind, f"driver/testing/kinds/{name}.py measures another kind"
 
 
-def test_positions_and_pages_of_kinds() -> None:
+def test_positions_and_documentation_of_kinds() -> None:
     assert [kind.position for kind in kinds().values()] == [*range(1, len(kinds()) + 1)]
     page = (ROOT / "docs" / "language" / "tests.md").read_text()
     for kind in kinds().values():

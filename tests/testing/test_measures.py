@@ -1,4 +1,4 @@
-"""Mass, centre, reach, points and torque against formulas for bars, and against MuJoCo on the arm."""
+"""Mass, centre, reach, points and torque against formulas for bars, and against MuJoCo for the arm."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from testing.rig import PARALLELOGRAM, SLIDERS, Workspace, two_links
 from thingc import compile
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
-from thingc.driver.testing.poses import keyframe, posed
+from thingc.driver.testing.poses import keyframe, pose_robot
 from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot
@@ -26,7 +26,7 @@ G = 9.81
 
 
 def test_masses_of_bars(rig: Workspace) -> None:
-    """1000 kg/m^3: 40 g and 24 g."""
+    """At 1000 kg/m^3 the bars are 40 g and 24 g."""
     answer = rig.test(two_links(), "  all: {mass: {min: 64 g, max: 64.001 g}}\n  one: {mass: {of: lower, max: 20 g}}\n"
                                    "  both: {mass: {of: '*er', min: 63.9 g}}\n")
     found = answer["by_name"]
@@ -38,7 +38,7 @@ def test_masses_of_bars(rig: Workspace) -> None:
 
 
 def test_centre_of_two_bars(rig: Workspace) -> None:
-    """Stretched: (40 g * 50 mm + 24 g * 130 mm) / 64 g along x; a part by itself; another frame."""
+    """Stretched: (40 g * 50 mm + 24 g * 130 mm) / 64 g along x. A single part, and another frame, are also tested."""
     x = (40 * 50 + 24 * 130) / 64
     answer = rig.test(two_links(), f"  world: {{centre: {{within: {{x: [{x - 0.001} mm, {x + 0.001} mm], y: [0, 0], z: [0 mm, 0 mm]}}}}}}\n"
                                    "  tip: {centre: {of: lower, in: tip, within: {z: [-31 mm, -29 mm]}}}\n"
@@ -51,13 +51,13 @@ def test_centre_of_two_bars(rig: Workspace) -> None:
     assert "z of the centre of mass is 0 mm, 10 mm below the minimum of 10 mm" in said["message"] and said["code"] == "TC652"
 
 
-def test_what_weighs_nothing_has_no_centre(rig: Workspace) -> None:
+def test_massless_selection_has_no_centre(rig: Workspace) -> None:
     answer = rig.test(two_links(), "  none: {centre: {of: ground, within: {x: [-1 m, 1 m]}}}\n")
     assert not answer["by_name"]["none"]["passed"] and "have no mass" in answer["diagnostics"][0]["message"]
 
 
 @pytest.mark.parametrize(("lower", "upper", "nearest"), [(-150, 150, 0), (60, 120, 60), (-120, -90, 90)])
-def test_reach_is_that_of_the_law_of_cosines(rig: Workspace, lower: int, upper: int, nearest: int) -> None:
+def test_reach_follows_the_law_of_cosines(rig: Workspace, lower: int, upper: int, nearest: int) -> None:
     expected = math.sqrt(0.1**2 + 0.06**2 + 2 * 0.1 * 0.06 * math.cos(math.radians(nearest)))
     at = f"{lower if lower > 0 else upper if upper < 0 else 0} deg"
     far = f"  far: {{reach: {{of: tip, from: base, min: {expected - 1e-9} m}}}}\n"
@@ -66,9 +66,9 @@ def test_reach_is_that_of_the_law_of_cosines(rig: Workspace, lower: int, upper: 
     assert answer["by_name"]["far"]["passed"] and not answer["by_name"]["short"]["passed"]
 
 
-def test_reach_of_a_loop(rig: Workspace) -> None:
-    """The coupler of a parallelogram stays level: its end is 200 mm from that of the crank, and farthest from the ground's hinge
-    where the crank is nearest to level, at its limit of 20 deg."""
+def test_reach_of_a_closed_loop(rig: Workspace) -> None:
+    """The coupler of a parallelogram stays level: its end is 200 mm from that of the crank. It is farthest from the ground's hinge if
+    the crank is closest to level, at its limit of 20 deg."""
     text = PARALLELOGRAM.replace("DRIVE", "").replace("level: {}", "level: {crank: 20 deg}")
     text = text.replace("child: crank.near, limit: {lower: -60 deg", "child: crank.near, limit: {lower: 20 deg")
     answer = rig.test(text, "  far: {reach: {of: middle, from: ground.hinge, min: 200 mm}}\n")
@@ -76,8 +76,8 @@ def test_reach_of_a_loop(rig: Workspace) -> None:
     assert answer["by_name"]["far"]["measured"]["reach"] == pytest.approx(expected, abs=1e-6)
 
 
-def test_points_of_two_links(rig: Workspace) -> None:
-    """Inside the ring of 40 to 160 mm everything is reached; outside it the distance to the ring is left."""
+def test_points_reached_by_two_links(rig: Workspace) -> None:
+    """All points inside the ring from 40 to 160 mm are reached; outside, the distance to the ring remains."""
     answer = rig.test(two_links(), "  inside: {point: {mount: tip, at: 60 0 -70 mm, within: 1 um}}\n"
                                    "  beyond: {point: {mount: tip, at: 150 0 -200 mm, within: 1 mm}}\n"
                                    "  beside: {point: {mount: tip, at: 60 25 -70 mm, in: ground.origin, within: 1 mm}}\n")
@@ -92,15 +92,15 @@ def test_points_of_two_links(rig: Workspace) -> None:
     assert "the smallest distance between `tip` and the point is 90 mm, but at most 1 mm is allowed" in message.replace("lower.tip", "tip")
 
 
-def test_a_point_only_outside_the_limits_is_out_of_reach(rig: Workspace) -> None:
+def test_joint_limits_restrict_reachable_points(rig: Workspace) -> None:
     """With the elbow between 60 and 120 deg the ring ends at 140 mm."""
     answer = rig.test(two_links("60 deg", "120 deg", "60 deg"), "  out: {point: {mount: tip, at: 160 0 0 mm, within: 1 mm}}\n")
     assert answer["by_name"]["out"]["measured"]["distance"] == pytest.approx(0.02, abs=1e-7)
     assert math.degrees(answer["by_name"]["out"]["measured"]["joints"]["elbow"]) == pytest.approx(60, abs=1e-4)
 
 
-def test_points_of_a_loop(rig: Workspace) -> None:
-    """The end of a parallelogram's coupler goes along a circle of 100 mm about (200, 0) mm, and nowhere else."""
+def test_points_reached_by_a_closed_loop(rig: Workspace) -> None:
+    """The end of a parallelogram's coupler moves only on a circle of 100 mm about (200, 0) mm."""
     q = math.radians(30)
     on = f"{200 + 100 * math.cos(q)} 0 {-100 * math.sin(q)} mm"
     answer = rig.test(PARALLELOGRAM.replace("DRIVE", ""), f"  on: {{point: {{mount: middle, at: {on}, within: 10 um}}}}\n"
@@ -114,8 +114,8 @@ def test_points_of_a_loop(rig: Workspace) -> None:
 
 
 @pytest.mark.parametrize(("direction", "passes"), [("[1, 0, 0]", True), ("[0, 0, 2]", False)])
-def test_directions(rig: Workspace, direction: str, passes: bool) -> None:
-    """Fully stretched along x the tip points along x, and no other way."""
+def test_direction_at_a_point(rig: Workspace, direction: str, passes: bool) -> None:
+    """If fully stretched along x, the tip can only point along x."""
     keys = f"mount: tip, at: 159.99 0 0 mm, within: 1 mm, direction: {direction}, angle: 5 deg"
     answer = rig.test(two_links(), f"  aim: {{point: {{{keys}}}}}\n")
     assert answer["by_name"]["aim"]["passed"] is passes
@@ -139,9 +139,9 @@ def test_static_torques_of_two_level_bars(rig: Workspace) -> None:
     (", drive: {kind: position, kp: 5 N*m/rad, effort: 3 N*m}", {"crank": 0.1, "rocker": 0.9}),
 ])
 def test_static_torques_of_a_parallelogram(rig: Workspace, drive: str, expected: dict[str, float]) -> None:
-    """Virtual work: both bars turn by the same angle, the coupler moves as their ends, so all of it is
-    (0.04 g 50 mm * 2 + 0.08 g 100 mm) cos q. Two drives share it in proportion to the squares of their limits: the least
-    sum of squares of effort by limit with a given sum."""
+    """Virtual work: both bars turn by the same angle, the coupler moves with their ends, so the total is (0.04 g 50 mm * 2 + 0.08 g 100
+    mm) cos q. Two drives share it in proportion to the squares of their limits: this minimizes the sum of squares of effort by limit
+    with a given sum."""
     text = PARALLELOGRAM.replace("DRIVE", drive)
     whole = (2 * 0.04 * 0.05 + 0.08 * 0.1) * G * math.cos(math.radians(30))
     answer = rig.test(text, "  hold: {torque_margin: {drive: '*', min: 0.1, pose: lowered}}\n")
@@ -153,7 +153,7 @@ def test_static_torques_of_a_parallelogram(rig: Workspace, drive: str, expected:
     assert answer["by_name"]["hold"]["measured"]["drive"] == ("rocker" if expected.get("rocker") == 0.9 else "crank")
 
 
-def test_nothing_holds_a_hinge_without_a_drive(rig: Workspace) -> None:
+def test_undriven_joint_that_would_move_is_an_error(rig: Workspace) -> None:
     text = two_links().replace(",\n    drive: {kind: position, kp: 5 N*m/rad, effort: 0.5 N*m}}", "}")
     answer = rig.test(text, "  hold: {torque_margin: {drive: shoulder, min: 1}}\n")
     assert "joint `elbow` would move" in answer["diagnostics"][0]["message"] and answer["diagnostics"][0]["code"] == "TC656"
@@ -161,8 +161,8 @@ def test_nothing_holds_a_hinge_without_a_drive(rig: Workspace) -> None:
     assert rig.test(hanging, "  hold: {torque_margin: {drive: shoulder, min: 1}}\n")["code"] == 0
 
 
-def test_springs_help(rig: Workspace) -> None:
-    """A spring at rest at 0, 20 deg away, pulls with k q."""
+def test_spring_reduces_the_torque(rig: Workspace) -> None:
+    """A spring with its rest position at 0, deflected by 20 deg, contributes k q."""
     sprung = "dynamics: {stiffness: 0.1 N*m/rad}, drive: {kind: motor, effort: 1 N*m}"
     text = two_links().replace("drive: {kind: position, kp: 5 N*m/rad, effort: 1 N*m}", sprung)
     text = text.replace("level: {elbow: 0}", "level: {shoulder: 20 deg}")
@@ -172,8 +172,8 @@ def test_springs_help(rig: Workspace) -> None:
     assert abs(found["measured"]["effort"]) == pytest.approx(gravity - 0.1 * q, rel=1e-9)
 
 
-def test_slides_carry_forces(rig: Workspace) -> None:
-    """Two blocks of 8 g on a plumb rail, and a third of the weight of one that follows the other at half its speed."""
+def test_drive_force_of_a_vertical_slide(rig: Workspace) -> None:
+    """A block of 8 g on a vertical rail, and half the weight of a second block that follows the first at half its speed."""
     text = SLIDERS.replace("slide: {rpy: 0 90 0 deg}", "slide: {rpy: 0 0 0 deg}")
     text = text.replace("upper: 200 mm}}\n  two", "upper: 200 mm}, drive: {kind: motor, effort: 1 N}}\n  two")
     text = text.replace("upper: 200 mm}}\nposes", "upper: 200 mm}, mimic: {joint: one, multiplier: 0.5}}\nposes")
@@ -196,15 +196,15 @@ def arm(root: Path, shared_store: str) -> tuple[dict[str, mujoco.MjModel], dict[
 
 
 @pytest.mark.parametrize("mode", ["bench", "drawing"])
-def test_static_torques_of_the_arm_are_mujocos(arm: tuple[dict[str, mujoco.MjModel], dict[str, Robot]], mode: str) -> None:
-    """Against the bias force at zero velocity, which is gravity's alone, in 20 random poses."""
+def test_static_torques_of_the_arm_match_mujoco(arm: tuple[dict[str, mujoco.MjModel], dict[str, Robot]], mode: str) -> None:
+    """The oracle is the bias force at zero velocity, which contains only gravity, in 20 random poses."""
     model, robot = arm[0][mode], arm[1][mode]
     data = mujoco.MjData(model)
     source = np.random.default_rng(5)
     for _ in range(20):
         q = {name: float(source.uniform(*model.joint(name).range)) for name in ("yaw", "shoulder", "elbow", "wrist")}
         pose = NamedPose(name="tried", values=q, origins={}, origin=())
-        placed = posed(robot.assembly, robot.mode, [pose])
+        placed = pose_robot(robot.assembly, robot.mode, [pose])
         assert placed is not None
         frame = keyframe(placed, pose)
         assert frame is not None
@@ -216,7 +216,7 @@ def test_static_torques_of_the_arm_are_mujocos(arm: tuple[dict[str, mujoco.MjMod
         assert found.by_joint == pytest.approx({name: data.joint(name).qfrc_bias[0] for name in q}, abs=1e-9)
 
 
-def test_mass_and_centre_of_the_arm_are_mujocos(
+def test_mass_and_centre_of_the_arm_match_mujoco(
     arm: tuple[dict[str, mujoco.MjModel], dict[str, Robot]], root: Path, rig: Workspace, tmp_path: Path,
 ) -> None:
     shutil.copytree(root / "assemblies", rig.folder / "assemblies")
@@ -242,8 +242,9 @@ def test_mass_and_centre_of_the_arm_are_mujocos(
                 assert result["measured"]["centre"] == pytest.approx(data.subtree_com[0], abs=1e-9)
 
 
-def test_the_lowest_corner_of_a_bar_that_hangs_down(rig: Workspace) -> None:
-    """The lower bar (60 x 20 mm) hangs 30 deg down: its lowest corner is 60 sin + 10 cos below the hinges; the other bar's edge 10 mm."""
+def test_lowest_corner_of_a_hanging_bar(rig: Workspace) -> None:
+    """The lower bar (60 x 20 mm) hangs down at 30 deg: its lowest corner is 60 sin + 10 cos below the hinges; the edge of the other bar
+    is 10 mm below."""
     corner = 0.06 * math.sin(math.radians(30)) + 0.01 * math.cos(math.radians(30))
     answer = rig.test(two_links(at="30 deg"), (
         "  over: {ground_clearance: {plane: -100 mm, at_least: 50 mm}}\n"

@@ -1,4 +1,4 @@
-"""Motions and the efforts that they need, against MuJoCo's inverse dynamics, closed forms, and the balance of energy."""
+"""Motions and the efforts that they require, against MuJoCo's inverse dynamics, closed forms, and the balance of energy."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from thingc.tools.cli.main import main
 from thingc.tools.diff.assembly_facts import motion_facts
 
 NUMBERS = {"time", "speed", "available"}
-"""Measured numbers that are no lengths."""
+"""Measured numbers that are not lengths."""
 
 PLANAR = """\
 thingc: assembly/1
@@ -80,7 +80,7 @@ def built(folder: Path, text: dict[str, str] | str) -> Built:
     return found
 
 
-def test_minimum_jerk_rests_at_its_poses_and_has_the_derivatives_of_its_positions(tmp_path: Path) -> None:
+def test_minimum_jerk_rests_at_poses_and_derivatives_match(tmp_path: Path) -> None:
     curve = curve_of(built(tmp_path, PLANAR).robot("bench"))
     for time, angle in ((0.5, -40.0), (1.3, 70.0), (1.7, -40.0)):
         state = curve.at(time)
@@ -98,7 +98,7 @@ def test_minimum_jerk_rests_at_its_poses_and_has_the_derivatives_of_its_position
     assert {0.5, 1.3, 1.7} <= set(samples.tolist()) and (np.diff(samples) > 0.0).all()
 
 
-def test_an_arm_with_two_links_in_closed_form(tmp_path: Path) -> None:
+def test_two_link_arm_in_closed_form(tmp_path: Path) -> None:
     """Siciliano et al., Robotics, section 7.3.2, with gravity along -z and angles up from the x axis."""
     robot = built(tmp_path, PLANAR).robot("bench")
     curve = curve_of(robot)
@@ -120,8 +120,8 @@ def test_an_arm_with_two_links_in_closed_form(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", ["bench", "tipped", "by_hook"])
-def test_loads_of_a_motion_against_the_inverse_dynamics_of_mujoco(tmp_path: Path, mode: str) -> None:
-    """With slides, springs, mimics by polynomials, and a root in the middle of the tree."""
+def test_motion_loads_match_mujoco_inverse_dynamics(tmp_path: Path, mode: str) -> None:
+    """With slides, springs, polynomial mimics, and a root in the middle of the tree."""
     found = built(tmp_path, MOVING_CRANE)
     robot, model = found.robot(mode), found.model(mode)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -139,7 +139,7 @@ def test_loads_of_a_motion_against_the_inverse_dynamics_of_mujoco(tmp_path: Path
 
 
 def energy(robot: Robot, curve: MotionCurve, time: float) -> float:
-    """The kinetic energy [J] of the links at a time of a motion, by differences of body poses."""
+    """Return the kinetic energy [J] of the links at a time of a motion, from finite differences of body poses."""
     h = 1e-5
     before, at, after = (
         [np.array(pose.rows()) for pose in body_poses(robot, curve.at(time + step).q)] for step in (-h, 0.0, h)
@@ -156,11 +156,11 @@ def energy(robot: Robot, curve: MotionCurve, time: float) -> float:
 
 
 def power(robot: Robot, curve: MotionCurve, time: float) -> float:
-    """The change of the kinetic energy [W]."""
+    """Return the rate of change of the kinetic energy [W]."""
     return (energy(robot, curve, time + 1e-4) - energy(robot, curve, time - 1e-4)) / 2e-4
 
 
-def test_the_power_of_the_loads_of_a_ball_joint_is_the_change_of_energy(tmp_path: Path) -> None:
+def test_power_of_ball_joint_loads_is_the_energy_change(tmp_path: Path) -> None:
     robot = built(tmp_path, TUMBLER).robot("bench")
     curve = curve_of(robot)
     for time in np.linspace(0.05, 0.45, 9).tolist():
@@ -170,8 +170,8 @@ def test_the_power_of_the_loads_of_a_ball_joint_is_the_change_of_energy(tmp_path
 
 
 @pytest.mark.parametrize("mode", ["bench", "other", "third"])
-def test_the_power_of_the_drive_of_a_loop_is_the_change_of_energy(tmp_path: Path, mode: str) -> None:
-    """A four-bar in its plane, so that gravity does no work. The joint at which the loop is cut has damping."""
+def test_power_of_a_loop_drive_is_the_energy_change(tmp_path: Path, mode: str) -> None:
+    """A planar four-bar with gravity normal to the plane, so gravity does no work. The joint where the loop is cut has damping."""
     motions = "motions: {turn: [{pose: at_20, time: 0}, {pose: at_130, time: 0.4 s}, {pose: at_20, time: 0.8 s}]}\nmodes:\n"
     robot = built(tmp_path, FOURBAR.replace("modes:\n", motions)).robot(mode)
     closed = with_closed_loops(robot, robot.assembly.definition.motions[0])
@@ -197,7 +197,7 @@ modes:
 """).replace("effort: 1 N*m}", "effort: 1 N*m, velocity: 3 rad/s}").replace("{frame: true,", f"{{frame: true, mass: 50 g, {BALL},")
 
 
-def test_a_motion_at_rest_needs_the_static_efforts(rig: Workspace) -> None:
+def test_motion_at_rest_requires_the_static_efforts(rig: Workspace) -> None:
     tests = "  moving: {drive_margin: {motion: rest, min: 1, mode: bench}}\n  static: {torque_margin: {drive: '*', min: 1, mode: bench}}\n"
     answer = rig.test(FLAT.replace("SECONDS", "1 s"), tests, others=NUMBERS)
     moving, static = (answer["by_name"][name]["measured"] for name in ("moving", "static"))
@@ -205,8 +205,8 @@ def test_a_motion_at_rest_needs_the_static_efforts(rig: Workspace) -> None:
     assert (moving["margin"], moving["effort"]) == pytest.approx((static["margin"], static["effort"]), rel=1e-12)
 
 
-def test_a_motion_that_is_too_fast_is_found_in_every_mode(rig: Workspace) -> None:
-    """The motion of a stiff bar that starts level: its moment of inertia and its weight in closed form, sampled densely."""
+def test_too_fast_motion_is_found_in_every_mode(rig: Workspace) -> None:
+    """A rigid bar starts level: its moment of inertia and its weight are in closed form, sampled densely."""
     test = "  follow: {drive_margin: {motion: lift, min: 2}}\n"
     assert rig.test(FLAT.replace("SECONDS", "2 s"), test, others=NUMBERS)["code"] == 0
     answer = rig.test(FLAT.replace("SECONDS", "1 s"), test, others=NUMBERS)
@@ -226,7 +226,7 @@ def test_a_motion_that_is_too_fast_is_found_in_every_mode(rig: Workspace) -> Non
     assert found["code"] == "TC668" and "mode `bench`" in found["message"] and "drive `shoulder` needs" in found["message"]
 
 
-def test_the_stall_torque_begins_the_torque_speed_line(rig: Workspace) -> None:
+def test_stall_torque_starts_the_torque_speed_line(rig: Workspace) -> None:
     """The voltage allows 4 N m at rest, and the current 1 N m: the line falls below 1 N m near its end."""
     text = FLAT.replace("SECONDS", "1 s").replace("velocity: 3 rad/s", "velocity: 3 rad/s, stall: 4 N*m")
     drive = "{motion: lift, min: 0.1, mode: bench, drive: shoulder}"
@@ -235,13 +235,13 @@ def test_the_stall_torque_begins_the_torque_speed_line(rig: Workspace) -> None:
     assert measured["available"] == pytest.approx(min(1.0, 4.0 * (1.0 - abs(measured["speed"]) / 3.0)))
 
 
-def test_a_drive_has_no_effort_above_its_velocity(rig: Workspace) -> None:
+def test_drive_has_no_effort_above_its_velocity(rig: Workspace) -> None:
     answer = rig.test(FLAT.replace("SECONDS", "0.5 s"), "  follow: {drive_margin: {motion: lift, min: 0.1, mode: bench}}\n", others=NUMBERS)
     assert answer["code"] == 1 and answer["tests"][0]["measured"]["margin"] == 0.0
     assert "can exert 0 N*m at" in answer["diagnostics"][0]["message"]
 
 
-def test_a_joint_without_a_drive_cannot_follow(rig: Workspace) -> None:
+def test_joint_without_a_drive_cannot_follow(rig: Workspace) -> None:
     text = FLAT.replace("SECONDS", "1 s").replace(",\n    drive: {kind: position, kp: 5 N*m/rad, effort: 0.5 N*m}", "")
     answer = rig.test(text, "  follow: {drive_margin: {motion: lift, min: 0.1, mode: bench}}\n", others=NUMBERS)
     (found,) = answer["diagnostics"]
@@ -275,8 +275,8 @@ modes: {bench: {root: base}, weightless: {root: base, gravity: [0, 0, 0]}}
 """
 
 
-def test_a_mirrored_leg_needs_the_efforts_of_the_other(tmp_path: Path) -> None:
-    """Nested documents, and a parameter: without gravity, a motion at half the speed needs a quarter of the effort."""
+def test_mirrored_legs_require_equal_efforts(tmp_path: Path) -> None:
+    """Nested documents and a parameter: without gravity, a motion at half the speed requires a quarter of the effort."""
     efforts: dict[str, dict[tuple[str, int], float]] = {}
     for slow in ("1", "2"):
         folder = tmp_path / slow
@@ -301,7 +301,7 @@ def file_motion(rig: Workspace, csv: str, test: str = "  follow: {drive_margin: 
     return rig.test(FLAT.replace("SECONDS", "1 s").replace("motions:\n", "motions:\n  log: {file: log.csv}\n"), test, others=NUMBERS)
 
 
-def test_a_motion_of_a_file_passes_its_rows(rig: Workspace) -> None:
+def test_motion_file_passes_through_its_rows(rig: Workspace) -> None:
     assert file_motion(rig, CSV)["code"] == 0
     assert file_motion(rig, CSV.replace("45", "170"))["code"] == 1
 
@@ -318,7 +318,7 @@ def test_a_motion_of_a_file_passes_its_rows(rig: Workspace) -> None:
     ("elbow", "shoulder", 1, 21, "the column `shoulder` occurs twice"),
     ("0.4,20,0.1\n1,45,0\n", "", 1, 1, "a motion needs at least two rows with numbers"),
 ])
-def test_a_wrong_file_is_reported_once_at_its_cell(rig: Workspace, written: str, wrong: str, line: int, column: int, words: str) -> None:
+def test_invalid_motion_file_is_reported_at_its_cell(rig: Workspace, written: str, wrong: str, line: int, column: int, words: str) -> None:
     answer = file_motion(rig, CSV.replace(written, wrong, 1), "")
     found = answer["diagnostics"]
     assert isinstance(found, list) and len(found) == 1, found
@@ -327,7 +327,7 @@ def test_a_wrong_file_is_reported_once_at_its_cell(rig: Workspace, written: str,
     assert words in found[0]["message"]
 
 
-def test_a_difference_of_motions_does_not_depend_on_names_of_joints(tmp_path: Path) -> None:
+def test_motion_diff_ignores_joint_names(tmp_path: Path) -> None:
     def fact(text: str) -> object:
         folder = tmp_path / str(len(list(tmp_path.iterdir())))
         folder.mkdir()
@@ -339,13 +339,13 @@ def test_a_difference_of_motions_does_not_depend_on_names_of_joints(tmp_path: Pa
     assert len({fact(PLANAR), fact(PLANAR.replace("1.3 s", "1.4 s")), fact(PLANAR.replace("70 deg", "71 deg"))}) == 3
 
 
-def test_the_zero_of_a_joint_in_a_file_does_not_move(rig: Workspace, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rezero_refuses_joints_used_in_a_motion_file(rig: Workspace, capsys: pytest.CaptureFixture[str]) -> None:
     assert file_motion(rig, CSV)["code"] == 0
     assert main(["rezero", str(rig.folder / "rig.yaml"), "elbow=10 deg"]) == 2
     assert "the file of motion `log` contains positions of joint `elbow`" in capsys.readouterr().out
 
 
-def test_editors_offer_poses_and_motions(rig: Workspace) -> None:
+def test_schema_lists_poses_and_motions(rig: Workspace) -> None:
     document = rig.write(FLAT.replace("SECONDS", "1 s"))
     assert main(["schema", str(document)]) == 0
     definitions = json.loads((rig.folder / ".thingc/schema/rig.yaml.json").read_text())["$defs"]
@@ -354,8 +354,8 @@ def test_editors_offer_poses_and_motions(rig: Workspace) -> None:
         assert {one["const"] for one in offered if "const" in one} == names
 
 
-def test_the_rotors_of_a_differential_are_accelerated(tmp_path: Path) -> None:
-    """The rotors turn with A qdd, so that they need the efforts I A qdd of their own, which are A' I A qdd at the joints."""
+def test_rotors_of_a_differential_are_accelerated(tmp_path: Path) -> None:
+    """The rotors turn with A qdd, so they require the efforts I A qdd, which are A' I A qdd at the joints."""
     bare = re.sub(r",\s+dynamics: \{[^}]*\}|, drive: \{[^}]*\}", "", PLANAR)
     motor = "{kind: motor, effort: 1 N*m, armature: 2e-3 kg*m^2}"
     text = bare.replace("poses:", f"transmissions:\n  wrist: {{differential: {{actuators: [{motor}, {motor}], joints: [shoulder, elbow], "

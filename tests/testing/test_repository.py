@@ -1,4 +1,4 @@
-"""The tests that the robots of this repository state of themselves, and that they would fail if they did not hold."""
+"""The tests in the robot documents of this repository pass, and fail if their bounds are wrong."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def answer(document: Path, *words: str) -> tuple[int, dict[str, list[dict[str, o
 
 
 @pytest.mark.parametrize("document", ROBOTS)
-def test_the_robots_pass_their_tests(document: str, root: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_repository_robots_pass_their_tests(document: str, root: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("THINGC_STORE", shared_store)
     code, found = answer(root / document)
     assert code == 0 and found["diagnostics"] == []
@@ -42,10 +42,10 @@ def test_the_robots_pass_their_tests(document: str, root: Path, shared_store: st
     ("min: 5}", "min: 20}", "TC656"),
     ("moved: 5 mm", "moved: 1 mm", "TC657"),
 ])
-def test_a_bound_that_does_not_hold_fails_at_its_place(
+def test_violated_bound_fails_at_its_place(
     written: str, instead: str, code: str, root: Path, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """On the line of the value that is contradicted, or of the test where it is the whole."""
+    """The diagnostic is on the line of the violated value, or on that of the test if it concerns the test as a whole."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     shutil.copytree(root / "assemblies", tmp_path / "assemblies")
     shutil.copytree(root / "parts", tmp_path / "parts", ignore=shutil.ignore_patterns("__pycache__"))

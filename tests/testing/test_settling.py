@@ -1,4 +1,4 @@
-"""Rest in simulation, against falls and springs that a formula knows."""
+"""Settling in simulation, against falls and springs with a closed form."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ simulation: {timestep: 1 ms}
 """
 
 
-def test_a_block_falls_and_lies(rig: Workspace) -> None:
-    """By 50 mm in sqrt(2 h / g) = 0.101 s; it cannot be at rest before."""
+def test_block_falls_and_comes_to_rest(rig: Workspace) -> None:
+    """It falls by 50 mm in sqrt(2 h / g) = 0.101 s, so it cannot be at rest earlier."""
     answer = rig.test(DROP, "  falls: {settles: {mode: falling, within: 1 s, drift: 1 mm}}\n"
                             "  stays: {settles: {mode: [falling, lying], within: 1 s, drift: 1 mm, moved: 2 mm, penetration: 1 mm}}\n")
     found = answer["by_name"]["falls"]
@@ -51,9 +51,9 @@ simulation: {timestep: 1 ms}
 """
 
 
-def test_what_rests_deep_in_the_floor_did_not_come_to_rest_on_it(rig: Workspace) -> None:
-    """Half of a block of 20 mm, held there by a drive, is 10 mm deep less what the drive gives way; a floor may be as soft as that only
-    where the document says so."""
+def test_resting_deep_inside_the_floor_fails(rig: Workspace) -> None:
+    """A drive holds a block of 20 mm half in the floor: it is 10 mm deep, less the deflection of the drive. The document must explicitly
+    allow such a depth."""
     answer = rig.test(SUNK, "  rests: {settles: {within: 1 s, drift: 1 mm}}\n"
                             "  soft: {settles: {within: 1 s, drift: 1 mm, penetration: 11 mm}}\n")
     rests, soft = answer["by_name"]["rests"], answer["by_name"]["soft"]
@@ -62,7 +62,7 @@ def test_what_rests_deep_in_the_floor_did_not_come_to_rest_on_it(rig: Workspace)
     assert said["code"] == "TC657" and "deep at rest, but at most 5 mm is allowed" in said["message"] and "on: floor" in said["help"]
 
 
-def test_without_a_floor_it_falls_for_ever(rig: Workspace) -> None:
+def test_without_a_floor_the_robot_falls_forever(rig: Workspace) -> None:
     """In the second after the first it falls by g (2^2 - 1^2) / 2."""
     answer = rig.test(DROP, "  falls: {settles: {mode: falling, within: 1 s, drift: 1 mm, floor: false}}\n")
     found = answer["by_name"]["falls"]
@@ -71,14 +71,14 @@ def test_without_a_floor_it_falls_for_ever(rig: Workspace) -> None:
     assert "after 1 s the robot still moves by 147" in answer["diagnostics"][0]["message"]
 
 
-def test_a_pendulum_without_friction_never_rests(rig: Workspace) -> None:
+def test_frictionless_pendulum_never_settles(rig: Workspace) -> None:
     text = two_links().replace("drive: {kind: position, kp: 5 N*m/rad, effort: 1 N*m}", "drive: {kind: motor, effort: 1 N*m}")
     answer = rig.test(text, "  rests: {settles: {within: 3 s, drift: 1 mm, floor: false}}\n")
     assert not answer["by_name"]["rests"]["passed"]
 
 
-def test_a_position_drive_sags_by_torque_over_gain(rig: Workspace) -> None:
-    """With kp 5 the elbow gives way by 0.024 g 30 mm / 5, and the shoulder by its own: the far end goes down by both."""
+def test_position_drive_sags_by_torque_over_gain(rig: Workspace) -> None:
+    """With kp 5 the elbow deflects by 0.024 g 30 mm / 5, and the shoulder by its torque / 5: the far end moves down by both."""
     text = two_links().replace("joints:\n", "defaults: {joint: {dynamics: {damping: 0.05 N*m*s/rad}}}\njoints:\n", 1)
     found = rig.test(text, "  sags: {settles: {within: 3 s, drift: 0.01 mm, floor: false}}\n")["by_name"]["sags"]
     elbow = 0.024 * 9.81 * 0.03 / 5

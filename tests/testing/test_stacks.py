@@ -1,4 +1,4 @@
-"""Tolerance stacks of two bars, against sums by hand and against random robots with deviating mounts."""
+"""Tolerance stacks of two bars, against manual sums and against random robots with deviating mounts."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ AXES = "".join(
 
 
 def bars(at: str = "0") -> str:
-    """The two bars with tolerances, and a gearbox with backlash at the shoulder."""
+    """Return the two bars with tolerances, and a gearbox with backlash at the shoulder."""
     text = two_links(at=at).replace("density: 1000 kg/m^3", f"density: 1000 kg/m^3, {PROCESS}")
     drive = ",\n    drive: {kind: position, kp: 5 N*m/rad, effort: 1 N*m}"
     assert drive in text
     return text.replace(drive, "", 1) + GEARED
 
 
-def test_contributions_of_stretched_bars_by_hand(rig: Workspace) -> None:
-    """Along z, each mount shifts the tip by its tolerance, and turns it by its tilt about y times the distance from the tip."""
+def test_contributions_of_stretched_bars(rig: Workspace) -> None:
+    """Along z, each mount shifts the tip by its tolerance, and rotates it by its tilt about y times the distance from the tip."""
     answer = rig.test(bars(), "  up: {stack: {of: tip, from: base, along: [0, -2, 0], worst: 1 mm, within: 0.4 mm, yield: 99 %}}\n"
                               "  out: {stack: {of: tip, from: base, along: [1, 0, 0], rss: 0.1 mm}}\n", others=("yield",))
     up, out = answer["by_name"]["up"], answer["by_name"]["out"]
@@ -53,8 +53,8 @@ def test_contributions_of_stretched_bars_by_hand(rig: Workspace) -> None:
     assert "the root of the sum of squares is 0.2 mm, but at most 0.1 mm is allowed" in second["message"]
 
 
-def test_random_robots_deviate_as_the_linearisation_predicts(rig: Workspace) -> None:
-    """100 000 draws of a bent arm, with nonlinear kinematics of deviating mounts: three standard deviations are the RSS within 2 %."""
+def test_linearization_matches_random_robots(rig: Workspace) -> None:
+    """100 000 samples of a bent arm, with nonlinear kinematics of deviating mounts: three standard deviations equal the RSS within 2 %."""
     answer = rig.test(bars("70 deg"), AXES)
     found = [answer["by_name"][f"a{k}"]["measured"]["rss"] for k in range(3)]
     rng, count = np.random.default_rng(5), 100_000
@@ -86,7 +86,7 @@ def test_random_robots_deviate_as_the_linearisation_predicts(rig: Workspace) -> 
     assert min(found) > 1e-4 and max(found) > 1.5 * min(found)
 
 
-def test_a_boss_is_loose_in_its_bore(rig: Workspace) -> None:
+def test_clearance_of_a_boss_in_a_bore(rig: Workspace) -> None:
     """A pin of 6 mm in a bore of 6.2 mm can shift by 0.1 mm across the axis y of the hinge, and not along it."""
     text = two_links().replace("hinge: {rpy: -90 0 0 deg}", "hinge: {rpy: -90 0 0 deg, interface: {boss: {diameter: 6 mm}}}")
     bore = "mounts: {bore: {rpy: 90 0 90 deg, interface: {bore: {diameter: 6.2 mm}}}}, allow: {TC425: no hole}"
@@ -96,13 +96,13 @@ def test_a_boss_is_loose_in_its_bore(rig: Workspace) -> None:
     np.testing.assert_allclose(found, (1e-4, 1e-4, 0.0), atol=1e-12)
 
 
-def test_a_stack_without_tolerances_fails(rig: Workspace) -> None:
+def test_stack_without_tolerances_fails(rig: Workspace) -> None:
     answer = rig.test(two_links(), "  none: {stack: {of: tip, from: base, along: [0, 0, 1], worst: 1 um}}\n"
                                    "  same: {stack: {of: tip, from: tip, along: [0, 0, 1], rss: 1 um}}\n")
     assert ["no part, joint or fit" in one["message"] for one in answer["diagnostics"]] == [True, True]
 
 
-def test_loops_and_wrong_bounds_are_refused(rig: Workspace) -> None:
+def test_loops_and_invalid_bounds_are_rejected(rig: Workspace) -> None:
     loop = PARALLELOGRAM.replace("DRIVE", "").replace("density: 1000 kg/m^3", f"density: 1000 kg/m^3, {PROCESS}")
     answer = rig.test(loop, "  loop: {stack: {of: middle, from: ground.hinge, along: [0, 0, 1], rss: 1 mm}}\n")
     assert "is on a closed loop" in answer["diagnostics"][0]["message"]

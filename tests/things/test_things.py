@@ -1,4 +1,4 @@
-"""Things: parameters and their checks, one object per value, immutability, `p` and adjust."""
+"""Things: parameters and their validation, one object per set of values, immutability, `p` and `adjust`."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Block(Thing):
 # --- parameters ----------------------------------------------------------------------------------------------------------
 
 
-def test_parameters_are_the_arguments_of_init() -> None:
+def test_init_arguments_are_the_parameters() -> None:
     def parameter(name: str, kind: str, default: Any, **more: Any) -> Parameter:
         return Parameter(name=name, kind=kind, required=False, default=default, **more)
 
@@ -89,7 +89,7 @@ def test_plain_and_missing_annotations() -> None:
     }
 
 
-def test_a_whole_number_may_be_negative_and_a_count_may_not() -> None:
+def test_integers_may_be_negative_but_counts_may_not() -> None:
     class Turned(Thing):
         def __init__(self, steps: int = 1, least: Annotated[int, Range(-4)] = -4, holes: Count = 2):
             super().__init__()
@@ -111,7 +111,7 @@ def test_a_whole_number_may_be_negative_and_a_count_may_not() -> None:
 Elsewhere = Length
 
 
-def test_docstrings_of_three_styles() -> None:
+def test_parameter_docs_from_three_docstring_styles() -> None:
     class Numpy(Thing):
         """A part.
 
@@ -164,7 +164,7 @@ def test_docstrings_of_three_styles() -> None:
         ({"load": -0.5}, "`load` of `Block` must be at least 0 kg, found -0.5 kg"),
     ],
 )
-def test_values_are_checked_before_anything_is_made(arguments: dict[str, Any], message: str) -> None:
+def test_values_are_validated_before_construction(arguments: dict[str, Any], message: str) -> None:
     MADE.clear()
     with pytest.raises(ParameterError) as caught:
         Block(**arguments)
@@ -192,7 +192,7 @@ class Peg(Thing):
         (lambda: Frame(material="steel"), "`Frame` has no parameter `material`", "material"),
     ],
 )
-def test_calls_that_do_not_fit(call: Callable[[], Thing], message: str, parameter: str) -> None:
+def test_invalid_calls_are_reported(call: Callable[[], Thing], message: str, parameter: str) -> None:
     with pytest.raises(CallError) as caught:
         call()
     assert (str(caught.value), caught.value.parameter) == (message, parameter)
@@ -200,7 +200,7 @@ def test_calls_that_do_not_fit(call: Callable[[], Thing], message: str, paramete
 
 
 class Frame(Thing):
-    """Has no `__init__` of its own, so no parameters."""
+    """A Thing without `__init__`, so it has no parameters."""
 
 
 def test_a_thing_without_init_has_no_parameters() -> None:
@@ -208,7 +208,7 @@ def test_a_thing_without_init_has_no_parameters() -> None:
     assert Frame().result() is None
 
 
-def test_choices_are_told_apart_by_type() -> None:
+def test_choices_are_distinguished_by_type() -> None:
     assert Peg(1, 1) is not Peg(1, True)
     assert Peg(1, True).side is True and Peg(1, 2.0).side == 2 and type(Peg(1, 2.0).side) is int
 
@@ -239,7 +239,7 @@ def test_choices_are_told_apart_by_type() -> None:
     ],
 )
 @pytest.mark.parametrize("future", ["", "from __future__ import annotations\n"])
-def test_signatures_that_cannot_be(definition: str, message: str, future: str) -> None:
+def test_invalid_signatures_are_reported(definition: str, message: str, future: str) -> None:
     scope: dict[str, Any] = {"__name__": __name__}
     vocabulary = "from thingc import *\nfrom typing import *\nfrom build123d import Vector\n"
     source = f"{future}{vocabulary}class Bad(Thing):\n    def __init__({definition}): pass\n"
@@ -252,7 +252,7 @@ def test_signatures_that_cannot_be(definition: str, message: str, future: str) -
         parameters_of(scope["Bad"])
 
 
-def test_ranges_combine_and_are_checked() -> None:
+def test_ranges_are_combined_and_validated() -> None:
     class Ranged(Thing):
         def __init__(
             self,
@@ -271,7 +271,7 @@ def test_ranges_combine_and_are_checked() -> None:
 # --- one object per value, immutable ---------------------------------------------------------------------------------------
 
 
-def test_equal_parameters_are_one_object() -> None:
+def test_equal_parameters_give_the_same_object() -> None:
     MADE.clear()
     first = Block(61)
     assert first is Block(61.0) is Block(length=61) is Block(61, 0, side="left", label="block", holes=2.0)  # type: ignore[arg-type]
@@ -281,19 +281,19 @@ def test_equal_parameters_are_one_object() -> None:
     assert copy.copy(first) is first and copy.deepcopy([first])[0] is first
 
 
-def test_arguments_arrive_canonical() -> None:
+def test_arguments_are_converted_to_canonical_types() -> None:
     given = Block(63, holes=4.0, load=2).given  # type: ignore[arg-type]
     assert given == (63.0, 0.0, 2.0, 4, 0.15, "left", True, "block")
     assert [type(value) for value in given] == [float, float, float, int, float, str, bool, str]
 
 
-def test_numpy_numbers_are_numbers() -> None:
+def test_numpy_numbers_are_accepted() -> None:
     numpy = pytest.importorskip("numpy")
     assert Block(numpy.float32(61)) is Block(numpy.int64(61)) is Block(61)
     assert type(Block(holes=numpy.int64(5)).given[3]) is int
 
 
-def test_equal_parameters_of_other_classes_are_other_objects() -> None:
+def test_equal_parameters_of_a_subclass_give_another_object() -> None:
     class Slab(Block):
         pass
 
@@ -301,7 +301,7 @@ def test_equal_parameters_of_other_classes_are_other_objects() -> None:
     assert repr(Slab(61)).startswith("Slab(length=61.0, tilt=0.0, load=1.0, holes=2, ")
 
 
-def test_a_finished_thing_is_immutable() -> None:
+def test_finished_thing_is_immutable() -> None:
     block = Block()
     for name in ("body", "fresh", "_private"):
         with pytest.raises(AttributeError) as caught:
@@ -317,7 +317,7 @@ def test_a_finished_thing_is_immutable() -> None:
     assert block is Block() and block.given[0] == 60
 
 
-def test_attributes_are_assigned_in_the_whole_chain_of_init() -> None:
+def test_attributes_can_be_assigned_in_the_whole_init_chain() -> None:
     class Plate(Block):
         def __init__(self, side: Length = 50):
             self.before = side
@@ -335,7 +335,7 @@ def test_attributes_are_assigned_in_the_whole_chain_of_init() -> None:
         plate._helped()
 
 
-def test_names_that_have_a_meaning_cannot_be_assigned() -> None:
+def test_reserved_attribute_names_are_rejected() -> None:
     class Heavy(Thing):
         def __init__(self, name: str):
             setattr(self, name, 3)
@@ -346,7 +346,7 @@ def test_names_that_have_a_meaning_cannot_be_assigned() -> None:
         Heavy("origin")
 
 
-def test_a_failed_init_raises_its_own_error_and_keeps_nothing() -> None:
+def test_failed_init_raises_its_error_and_is_not_cached() -> None:
     class Fragile(Thing):
         def __init__(self, length: Length = 1):
             MADE.append("Fragile")
@@ -362,7 +362,7 @@ def test_a_failed_init_raises_its_own_error_and_keeps_nothing() -> None:
         Fragile(6)
 
 
-def test_a_thing_that_needs_itself_says_so() -> None:
+def test_self_dependent_thing_is_reported() -> None:
     class Mirror(Thing):
         def __init__(self, size: Length = 1):
             self.other = Mirror(size)
@@ -378,7 +378,7 @@ def test_a_thing_that_needs_itself_says_so() -> None:
         Restless()
 
 
-def test_an_active_builder_does_not_see_the_geometry_of_a_thing() -> None:
+def test_geometry_of_a_thing_is_not_added_to_a_builder() -> None:
     with BuildPart(Pos(100, 0, 0)) as builder:
         Cylinder(1, 2)
         block = Block(77)
@@ -386,7 +386,7 @@ def test_an_active_builder_does_not_see_the_geometry_of_a_thing() -> None:
     assert tuple(block.body.center()) == pytest.approx((0, 0, 0), abs=1e-9)
 
 
-def test_an_abstract_thing_cannot_be_made() -> None:
+def test_abstract_thing_cannot_be_instantiated() -> None:
     class Abstract(Thing):
         @abstractmethod
         def shape(self) -> Shape[Any]: ...
@@ -396,7 +396,7 @@ def test_an_abstract_thing_cannot_be_made() -> None:
     assert is_part(Abstract) is None
 
 
-def test_material_and_colour_are_names() -> None:
+def test_material_and_colour_must_be_names() -> None:
     class Odd(Thing):
         def __init__(self, name: str):
             super().__init__(material=3 if name == "material" else None, color=name)  # type: ignore[arg-type]
@@ -411,7 +411,7 @@ def test_material_and_colour_are_names() -> None:
 
 
 class Case(Thing):
-    """The generic family."""
+    """The generic base class."""
 
     def __init__(self, width: Annotated[Length, Range(1, 100)], height: Length, holes: Count = 1, lid: bool = True):
         super().__init__()
@@ -424,7 +424,7 @@ class Case(Thing):
 
 
 class Servo(Case):
-    """A model that pins the family's width and doubles its own height into the family's."""
+    """A model that fixes the width of the base class and passes twice its own height to it."""
 
     bom = {"make": "buy"}
 
@@ -435,7 +435,7 @@ class Servo(Case):
 
 
 class Clone(Servo):
-    """Pins everything."""
+    """Fixes all parameters."""
 
     def __init__(self):
         super().__init__(25)
@@ -456,7 +456,7 @@ def test_p_reads_parameters() -> None:
         block.p.length = 3
 
 
-def test_p_while_an_init_runs_reads_its_own_arguments() -> None:
+def test_p_in_init_reads_the_arguments_of_that_class() -> None:
     servo = Servo(21)
     assert servo.seen == (28.0, 42.0)     # in Case.__init__, `height` is Case's
     assert servo.own == 21.0              # back in Servo.__init__ it is Servo's
@@ -464,7 +464,7 @@ def test_p_while_an_init_runs_reads_its_own_arguments() -> None:
     assert tuple(servo.horn.location.position) == (0, 0, 28)
 
 
-def test_adjust_sets_adds_and_multiplies() -> None:
+def test_adjust_supports_set_add_and_mul() -> None:
     block = Block(50, holes=3)
     assert block.adjust() is block
     assert block.adjust(length=70) is Block(70, holes=3)
@@ -473,7 +473,7 @@ def test_adjust_sets_adds_and_multiplies() -> None:
     assert block.adjust(length__add=1).adjust(length__add=-1) is block
 
 
-def test_adjust_through_a_subclass_that_pins_the_parameter() -> None:
+def test_adjust_changes_a_parameter_fixed_by_a_subclass() -> None:
     servo = Servo()
     wider = servo.adjust(width__add=0.2, height=30)
     assert type(wider) is Servo and wider is not Servo(30)
@@ -489,7 +489,7 @@ def test_adjust_through_a_subclass_that_pins_the_parameter() -> None:
     assert Servo().body.volume == pytest.approx(28 * 40 * 10)
 
 
-def test_adjust_through_two_levels() -> None:
+def test_adjust_through_two_subclass_levels() -> None:
     clone = Clone()
     assert clone.body.volume == pytest.approx(28 * 50 * 10)
     taller = clone.adjust(height__add=1)            # Servo's height, the nearest of that name: Case's is twice that
@@ -515,15 +515,15 @@ def test_adjust_through_two_levels() -> None:
         ({"lid__add": 1}, "`lid__add` of `Servo` can only be used with a number, but `lid` is a boolean"),
     ],
 )
-def test_adjustments_are_checked(changes: dict[str, Any], message: str) -> None:
+def test_adjustments_are_validated(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
         Servo().adjust(**changes)
     assert str(caught.value) == message
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, 1, 0), (-1, 0, 0), (1, 2, 3)])
-def test_directions_of_two_mounts_coincide_whatever_their_planes(normal: tuple[float, float, float]) -> None:
-    """`mate_x` of the seat and `facing` of what sits on it, both across their z axes."""
+def test_facing_and_mate_x_align_for_any_plane(normal: tuple[float, float, float]) -> None:
+    """`mate_x` of the seat and `facing` of the attached part, both perpendicular to their z axes, coincide."""
     z = Vector(*normal).normalized()
     across = z.cross(Vector(3, -1, 0.5)).normalized()
     seat = MountPoint(Plane((1, 2, 3), z_dir=z), mate_x=across + 2 * z)

@@ -1,4 +1,4 @@
-"""What the geometry worker reads of a part, actuators, and data files."""
+"""Data that the geometry worker reads from a part, actuators, and data files."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def either(length: float) -> Part | Box:
     return Box(length, 1, 1)
 
 
-def test_what_is_a_part() -> None:
+def test_part_classes_shapes_and_functions_are_recognized() -> None:
     things = [Block, Slab, Frame]
     shapes = [Box, Sphere, SocketHeadCapScrew, Part]
     functions = [peg, bare, either, extrude]
@@ -83,7 +83,7 @@ def impossible(left: Part) -> Part:
     return left
 
 
-def test_build_makes_things_shapes_and_functions() -> None:
+def test_build_supports_things_shapes_and_functions() -> None:
     assert build(Block, {"length": 66}) is Block(66)
     box = build(Box, {"length": 1, "width": 2, "height": 3})
     assert isinstance(box, Thing) and isinstance(box.result(), Box) and box.result().volume == pytest.approx(6)
@@ -101,7 +101,7 @@ def test_build_makes_things_shapes_and_functions() -> None:
 
 
 class Told(Thing):
-    """States what it is told to."""
+    """A Thing whose statements depend on its parameter."""
 
     bom = {"make": "print"}
     shared = 3
@@ -134,10 +134,11 @@ class Told(Thing):
 
 
 def statements(thing: Thing) -> list[Statement | None]:
+    """Statements of a Thing about mass, centre, matrix of inertia and density."""
     return [inspection.statement_of(thing, method) for method in ("mass", "centre", "matrix_of_inertia", "density")]
 
 
-def test_statements_carry_their_source() -> None:
+def test_statements_have_a_source() -> None:
     mass, centre, matrix, density = statements(Told())
     assert mass == Statement(value=0.082, source="vendor")
     assert centre == Statement(value=(1.0, 2.0, 3.0), source="stated")
@@ -160,13 +161,13 @@ def test_statements_carry_their_source() -> None:
         ("flat", "matrix_of_inertia() of `Told` must return three numbers, found 1"),
     ],
 )
-def test_wrong_statements_say_so(what: str, message: str) -> None:
+def test_invalid_statements_are_reported(what: str, message: str) -> None:
     with pytest.raises(ValueError) as caught:
         statements(Told(what))
     assert str(caught.value) == message
 
 
-def test_inspection_reads_the_rest() -> None:
+def test_inspection_reads_material_bom_and_mounts() -> None:
     told = Told()
     assert inspection.material_of(told) == "steel" and inspection.color_of(told) == "#888888"
     assert inspection.bom_of(told) == {"make": "print"}
@@ -182,7 +183,7 @@ def test_inspection_reads_the_rest() -> None:
         inspection.shapes_of(3)  # type: ignore[arg-type]
 
 
-def test_class_attributes_of_the_wrong_type() -> None:
+def test_class_attributes_of_wrong_type_are_reported() -> None:
     class Wrong(Thing):
         bom = {"number": 3}  # type: ignore[dict-item]
         actuator = "strong"  # type: ignore[assignment]
@@ -197,7 +198,7 @@ def test_class_attributes_of_the_wrong_type() -> None:
 # --- actuator -------------------------------------------------------------------------------------------------------------------
 
 
-def test_an_actuator_knows_its_numbers_and_sources() -> None:
+def test_actuator_has_values_and_sources() -> None:
     drive = Actuator(
         kind="position", stall_torque=(4.1, "vendor"), no_load_speed=4.8, gear_ratio=353.5,
         rotor_inertia=(2e-8, "estimated"), kp=20,
@@ -227,7 +228,7 @@ def test_an_actuator_knows_its_numbers_and_sources() -> None:
         ({"kind": "motor", "kp": (1, 2, 3)}, "`kp` of an Actuator must be a number or (number, source), found (1, 2, 3)"),
     ],
 )
-def test_wrong_actuators(arguments: dict[str, Any], message: str) -> None:
+def test_invalid_actuators_are_reported(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError) as caught:
         Actuator(**arguments)
     assert str(caught.value) == message
@@ -254,7 +255,8 @@ class Curve(Thing):
 '''
 
 
-def test_assets_are_found_beside_the_part_then_in_the_workspace(recorded: list[str], tmp_path: Path) -> None:
+def test_assets_are_searched_beside_the_part_first(recorded: list[str], tmp_path: Path) -> None:
+    """The part's folder is searched before the workspace, and all visited paths are recorded as dependencies."""
     workspace = tmp_path / "workspace"
     (workspace / "curve.txt").write_text("outer")
     (workspace / "parts" / "near.txt").write_text("near")
@@ -271,8 +273,8 @@ def test_assets_are_found_beside_the_part_then_in_the_workspace(recorded: list[s
     assert recorded[-2:] == [str(workspace / "parts" / "far.txt"), str(workspace / "far.txt")]
 
 
-def test_an_asset_that_is_a_link_is_recorded_with_where_it_leads(recorded: list[str], tmp_path: Path) -> None:
-    """Else a part made of `latest.txt` stays as it was when that leads to the next version."""
+def test_symlinked_asset_is_recorded_with_its_target(recorded: list[str], tmp_path: Path) -> None:
+    """Otherwise, a part that reads `latest.txt` would not be rebuilt when the link points to the next version."""
     workspace = tmp_path / "workspace"
     (workspace / "v1.txt").write_text("one")
     (workspace / "latest.txt").symlink_to("v1.txt")
@@ -280,14 +282,14 @@ def test_an_asset_that_is_a_link_is_recorded_with_where_it_leads(recorded: list[
     assert recorded == [str(workspace / "latest.txt"), str(workspace / "v1.txt")]
 
 
-def test_assets_beside_a_given_file_and_outside_of_init(recorded: list[str], tmp_path: Path) -> None:
+def test_asset_accepts_a_file_to_search_beside(recorded: list[str], tmp_path: Path) -> None:
     (tmp_path / "workspace" / "data.txt").write_text("data")
     assert asset("data.txt") == tmp_path / "workspace" / "data.txt"
     (tmp_path / "beside.txt").write_text("beside")
     assert asset("beside.txt", beside=str(tmp_path / "module.py")).read_text() == "beside"
 
 
-def test_assets_stay_inside(recorded: list[str], tmp_path: Path) -> None:
+def test_assets_outside_the_workspace_are_rejected(recorded: list[str], tmp_path: Path) -> None:
     (tmp_path / "secret.txt").write_text("secret")
     with pytest.raises(ValueError, match="^`../secret.txt` is outside the part's folder and the workspace, which asset.. does not allow$"):
         asset("../secret.txt")
@@ -299,7 +301,7 @@ def test_assets_stay_inside(recorded: list[str], tmp_path: Path) -> None:
     assert recorded == []
 
 
-def test_without_a_worker_the_working_folder_is_searched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_asset_without_worker_uses_the_working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "data.txt").write_text("data")
     monkeypatch.chdir(tmp_path)
     assert asset("data.txt").read_text() == "data"

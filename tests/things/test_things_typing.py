@@ -1,4 +1,4 @@
-"""What a type checker and a plain `import thingc` see of the author's vocabulary."""
+"""Types of the authoring API, as type checkers and a plain `import thingc` see them."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ ERRORS = {number for number, line in enumerate(SOURCE.splitlines(), 1) if line.e
 
 
 def outcome(lines: list[tuple[int, str, str]]) -> tuple[dict[int, str], set[int]]:
-    """Revealed types by line without their modules, and the lines with errors."""
+    """Revealed types by line, without their modules, and the lines with errors."""
     revealed = {}
     for line, severity, message in lines:
         if severity != "error":
@@ -96,8 +96,8 @@ def without_colour() -> dict[str, str]:
 
 
 @pytest.mark.slow
-def test_mypy_follows_a_moved_thing(root: Path, tmp_path: Path) -> None:
-    """With the settings of the repository, which are strict: what was found of thingc and build123d when that was checked is there."""
+def test_mypy_infers_types_of_moved_things(root: Path, tmp_path: Path) -> None:
+    """The strict settings of the repository are used, so its mypy cache of thingc and build123d can be reused."""
     (tmp_path / "typed_part.py").write_text(SOURCE)
     ran = subprocess.run(
         [sys.executable, "-m", "mypy", "--no-error-summary", str(tmp_path / "typed_part.py")], cwd=root, capture_output=True, text=True,
@@ -109,7 +109,7 @@ def test_mypy_follows_a_moved_thing(root: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_pyright_follows_a_moved_thing(root: Path, tmp_path: Path) -> None:
+def test_pyright_infers_types_of_moved_things(root: Path, tmp_path: Path) -> None:
     try:
         started = subprocess.run([sys.executable, "-m", "pyright", "--version"], capture_output=True, text=True, timeout=120)
     except subprocess.TimeoutExpired:
@@ -129,7 +129,7 @@ def test_pyright_follows_a_moved_thing(root: Path, tmp_path: Path) -> None:
     ]) == (REVEALED, ERRORS)
 
 
-def test_importing_thingc_loads_no_kernel() -> None:
+def test_import_does_not_load_the_kernel() -> None:
     code = (
         "import sys, thingc; from thingc import Length, Range, Actuator\n"
         "assert 'Thing' in dir(thingc)\n"
@@ -140,7 +140,7 @@ def test_importing_thingc_loads_no_kernel() -> None:
     assert ran.stdout == "[]\nmodule `thingc` has no attribute `Thong`\n"
 
 
-def test_every_exported_name_is_there() -> None:
+def test_all_exported_names_exist() -> None:
     import thingc
 
     for name in thingc.__all__:

@@ -1,4 +1,4 @@
-"""Expressions: Python and pint are the oracles of values, the messages are exact."""
+"""Expressions: values are compared with Python and pint, error messages exactly."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def value(text: str) -> Quantity | bool | str:
     ("=1e2mm", 0.1, LENGTH),
     ("=4.1 N*m/(2 N)", 2.05, LENGTH),
 ])
-def test_values(text: str, expected: float, dimension: Dimension) -> None:
+def test_values_and_dimensions(text: str, expected: float, dimension: Dimension) -> None:
     found = value(text)
     assert isinstance(found, Quantity)
     assert found.value == pytest.approx(expected, rel=1e-14, abs=1e-300)
@@ -73,11 +73,12 @@ def test_values(text: str, expected: float, dimension: Dimension) -> None:
     ("=on", True), ("=word", "petg"), ("=reach > width", True), ("=reach < 0", False), ("=i == 3", True), ("=i != 3", False),
     ("=reach >= 100 mm", True), ("=on == on", True), ("=0 <= mass", True),
 ])
-def test_flags_and_texts(text: str, expected: bool | str) -> None:
+def test_booleans_and_strings(text: str, expected: bool | str) -> None:
     assert value(text) is expected or value(text) == expected
 
 
-def test_a_unit_binds_without_spaces_only() -> None:
+def test_unit_product_requires_no_spaces() -> None:
+    """`8 mm*s` is a quantity with a compound unit; `8 mm * s` is a product with the name `s`."""
     assert value("=8 mm*s") == Quantity(0.008, Dimension(length=1, time=1))
     assert value("=8 mm * s") == Quantity(0.024, Dimension(length=1, time=1))
 
@@ -131,19 +132,19 @@ def test_a_unit_binds_without_spaces_only() -> None:
      "known functions: `abs`, `atan2`, `cos`, `max`, `min`, `sin`, `sqrt`, `tan`"),
     ("=[1, 2]", "expected a number, a name or `(`, found `[`", "expression", (1, 2), "use round parentheses"),
 ])
-def test_what_is_said(text: str, message: str, kind: str, place: tuple[int, int], help: str | None) -> None:
+def test_error_messages(text: str, message: str, kind: str, place: tuple[int, int], help: str | None) -> None:
     with pytest.raises(ExpressionError) as caught:
         value(text)
     error = caught.value
     assert (str(error.message), error.kind, (error.offset, error.end), text_of(error.help)) == (message, kind, place, help)
 
 
-def test_names_in_order_with_places() -> None:
+def test_names_are_listed_with_their_positions() -> None:
     found = parse_expression("=reach * pi + min(i, reach) - 8 mm").names
     assert [(use.name, use.offset) for use in found] == [("reach", 1), ("i", 18), ("reach", 21)]
 
 
-def test_long_sums_need_no_deep_stack() -> None:
+def test_long_sum_does_not_exceed_recursion_limit() -> None:
     expression = parse_expression("=" + "+".join(["1"] * 499))
     assert evaluate(expression, {}) == Quantity(499.0)
     assert expression.names == ()
@@ -163,7 +164,8 @@ def _combine(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 
 
 @given(st.recursive(_number, _combine, max_leaves=12))
-def test_arithmetic_is_that_of_python(text: str) -> None:
+def test_arithmetic_matches_python(text: str) -> None:
+    """Python evaluates random expressions of numbers; a fault there must be an ExpressionError here."""
     try:
         expected = float(eval(text, {"min": min, "max": max, "__builtins__": {}}))
     except (ZeroDivisionError, OverflowError):
@@ -181,13 +183,13 @@ def test_arithmetic_is_that_of_python(text: str) -> None:
 
 
 @given(st.text(max_size=40))
-def test_any_text_is_read_or_an_error(text: str) -> None:
+def test_random_text_is_parsed_or_rejected(text: str) -> None:
     _try(text)
 
 
 @given(st.lists(st.sampled_from(["reach", "mass", "(", ")", "+", "-", "*", "/", "**", "min(", ",", "8", " ", "mm", "deg", "<",
     "==", "i", "0", ".", "%", "sqrt("]), max_size=25))
-def test_any_mixture_is_read_or_an_error(pieces: list[str]) -> None:
+def test_random_tokens_are_parsed_or_rejected(pieces: list[str]) -> None:
     _try("=" + "".join(pieces))
 
 

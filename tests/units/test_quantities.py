@@ -1,4 +1,4 @@
-"""Quantities: pint is the oracle of values and dimensions, the messages are exact."""
+"""Quantities: values and dimensions are compared with pint, error messages exactly."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from thingc.base.units import (
     Dimension,
     Quantity,
     UnitError,
-    checked,
+    check_dimension,
     fits,
     parse_quantity,
 )
@@ -57,14 +57,14 @@ COMPOUND = [
 
 @cache
 def registry() -> Any:
-    """The units of pint, which are read when a test needs them: pytest looks at every name of a module."""
+    """The unit registry of pint. It is created when a test needs it, because pytest inspects every name of a module."""
     import pint
 
     return pint.UnitRegistry(non_int_type=Fraction)
 
 
 def oracle(unit: str) -> tuple[float, Dimension]:
-    """Value in SI base units and dimension of one of a unit, by pint (which counts an angle as a number)."""
+    """Value in SI base units and dimension of one unit by pint, which treats angles as numbers."""
     words, angle = [], 0
     sign = 1
     for piece in unit.replace("/", " / ").replace("*", " * ").split():
@@ -84,7 +84,7 @@ def oracle(unit: str) -> tuple[float, Dimension]:
 
 
 @pytest.mark.parametrize("unit", [*UNITS, *COMPOUND])
-def test_every_unit_is_what_pint_says(unit: str) -> None:
+def test_units_match_pint(unit: str) -> None:
     value, dimension = oracle(unit)
     ours = parse_quantity(f"1 {unit}")
     assert ours.value == pytest.approx(value, rel=1e-15)
@@ -100,12 +100,12 @@ def test_conversion_is_correctly_rounded(number: Decimal, unit: str) -> None:
 
 
 @given(st.floats(min_value=-1e300, max_value=1e300))
-def test_a_number_written_with_repr_is_read_back(value: float) -> None:
+def test_repr_of_floats_round_trips(value: float) -> None:
     assert parse_quantity(repr(value)) == Quantity(value + 0.0)
     assert parse_quantity(f"{value!r} m") == Quantity(value + 0.0, LENGTH)
 
 
-def test_values_that_a_double_must_hit_exactly() -> None:
+def test_common_values_are_exact() -> None:
     assert parse_quantity("72 mm").value == 0.072
     assert parse_quantity("0.1 mm").value == 1e-4
     assert parse_quantity("90 deg").value == math.pi / 2
@@ -117,12 +117,13 @@ def test_values_that_a_double_must_hit_exactly() -> None:
 
 
 @given(st.integers(min_value=-3600, max_value=3600))
-def test_degrees_are_those_of_every_other_program(degrees: int) -> None:
+def test_degrees_match_math_radians(degrees: int) -> None:
     assert parse_quantity(f"{degrees} deg").value == math.radians(degrees)
 
 
 @given(st.integers(min_value=-3600, max_value=3600), st.sampled_from([("rpm", 30), ("rev", Fraction(1, 2)), ("deg/s", 180)]))
-def test_other_turns_are_rounded_once(number: int, unit: tuple[str, int | Fraction]) -> None:
+def test_other_angular_units_are_correctly_rounded(number: int, unit: tuple[str, int | Fraction]) -> None:
+    """The oracle is mpmath with 60 digits."""
     from mpmath import mp, mpf
 
     with mp.workdps(60):
@@ -133,7 +134,7 @@ def test_other_turns_are_rounded_once(number: int, unit: tuple[str, int | Fracti
 
 @pytest.mark.parametrize("text",
     ["4.1 N*m", "4.1 N * m", "4.1N*m", " 4.1  N* m ", "4.1 m*N", "4.1 N·m", "4.1 J", "4100 N*mm", "+4.1e0 N*m"])
-def test_ways_to_write_one_torque(text: str) -> None:
+def test_equivalent_spellings_of_a_torque(text: str) -> None:
     assert parse_quantity(text) == Quantity(4.1, TORQUE)
 
 
@@ -167,7 +168,7 @@ def test_dimensions_of_products(text: str, dimension: Dimension) -> None:
     ("1 " + "*".join(["m"] * 13), "a unit of more than 12 factors", "unit", (2, 26)),
     ("1" * 1001, "a quantity of 1001 characters is too long (at most 1000)", "quantity", None),
 ])
-def test_what_is_said(text: str, message: str, kind: str, place: tuple[int, int] | None) -> None:
+def test_error_messages_and_positions(text: str, message: str, kind: str, place: tuple[int, int] | None) -> None:
     with pytest.raises(UnitError) as caught:
         parse_quantity(text)
     assert str(caught.value.message) == message
@@ -188,15 +189,15 @@ def test_what_is_said(text: str, message: str, kind: str, place: tuple[int, int]
     ("10 rad/s", (FREQUENCY,), "expected a frequency (such as 50 Hz), found an angular velocity (`10 rad/s`)", None),
     ("1 m^2*kg*s", (LENGTH,), "expected a length (such as 120 mm), found a quantity in kg*m^2*s (`1 m^2*kg*s`)", None),
 ])
-def test_wrong_dimensions_name_both(text: str, expected: tuple[Dimension, ...], message: str, help: str | None) -> None:
+def test_wrong_dimension_messages_name_both_dimensions(text: str, expected: tuple[Dimension, ...], message: str, help: str | None) -> None:
     with pytest.raises(UnitError) as caught:
-        checked(parse_quantity(text), expected, text)
+        check_dimension(parse_quantity(text), expected, text)
     assert str(caught.value.message) == message
     assert text_of(caught.value.help) == help
 
 
-def test_a_suggestion_has_its_text_and_its_edit() -> None:
-    """Of a unit that can only mean one; they are fields, and the text alone has no edit."""
+def test_suggestion_has_text_and_edit() -> None:
+    """For a unit with exactly one correction, text and edit are fields. A diagnostic from the plain text has no fix."""
     with pytest.raises(UnitError) as caught:
         parse_quantity("12 mmm")
     message = caught.value.message
@@ -211,7 +212,8 @@ def test_a_suggestion_has_its_text_and_its_edit() -> None:
     assert {type(one.message) for one in report.diagnostics} == {str}
 
 
-def test_angle_counts_only_where_there_is_no_mass() -> None:
+def test_angle_matters_only_without_mass() -> None:
+    """Dimensions with mass may differ in angle, such as N*m/rad and N*m. Without mass, the angle must match."""
     assert fits(parse_quantity("1 N*m*s").dimension, ANGULAR_DAMPING)
     assert fits(parse_quantity("1 N*m/rad").dimension, TORQUE)
     assert not fits(NUMBER, ANGLE)
@@ -223,7 +225,7 @@ def test_angle_counts_only_where_there_is_no_mass() -> None:
     assert not parse_quantity("1").fits(ANGLE)
 
 
-def test_vectors() -> None:
+def test_vectors_are_parsed() -> None:
     assert parse_vector("0 120 -30 mm") == (Quantity(0.0, LENGTH), Quantity(0.12, LENGTH), Quantity(-0.03, LENGTH))
     assert [part.value for part in parse_vector("0 0 -9.81 m/s^2")] == [0.0, 0.0, -9.81]
     assert parse_vector("0 0 0") == (Quantity(0.0),) * 3
@@ -238,9 +240,9 @@ def test_vectors() -> None:
     ("in-lb", TORQUE, "in*lbf"), ("kg", FORCE, "kgf"), ("mps", VELOCITY, "m/s"), ("rps", ANGULAR_VELOCITY, "rev/s"),
     ("cms", LENGTH, "cm"), ("mn", LENGTH, "mm"), ("N*mmm", TORQUE, "N*mm"),
 ])
-def test_the_suggested_unit_can_be_pasted(written: str, dimension: Dimension, meant: str) -> None:
+def test_suggested_unit_is_valid(written: str, dimension: Dimension, meant: str) -> None:
     with pytest.raises(UnitError) as caught:
-        checked(parse_quantity(f"5 {written}", (dimension,)), (dimension,), f"5 {written}")
+        check_dimension(parse_quantity(f"5 {written}", (dimension,)), (dimension,), f"5 {written}")
     said = f"{caught.value.message} {caught.value.help}"
     words = re.findall("did you mean `(.*)`|write `5 (.*)`", said)
     suggested = "".join(words[0])
@@ -250,7 +252,7 @@ def test_the_suggested_unit_can_be_pasted(written: str, dimension: Dimension, me
 
 
 @pytest.mark.parametrize("written", ["grad", "MN", "Nm/A", "V", "mAh", "m" * 29, "mm 3"])
-def test_a_unit_that_may_be_another_is_not_fixed(written: str) -> None:
+def test_ambiguous_unit_has_no_fix(written: str) -> None:
     with pytest.raises(UnitError) as caught:
         parse_quantity(f"5 {written}", (LENGTH,))
     assert written not in (getattr(caught.value.message, "fix", None) or ())
@@ -264,7 +266,7 @@ def test_a_unit_that_may_be_another_is_not_fixed(written: str) -> None:
     ("1 mm 2 mm 3 mm", "expected three numbers and a unit, found one number (`1 mm 2 mm 3 mm`)"),
     ("1 2 3 mm*x", "unknown unit `x`"),
 ])
-def test_what_is_said_of_vectors(text: str, message: str) -> None:
+def test_error_messages_of_vectors(text: str, message: str) -> None:
     with pytest.raises(UnitError) as caught:
         parse_vector(text)
     assert str(caught.value.message) == message
@@ -275,12 +277,12 @@ def test_what_is_said_of_vectors(text: str, message: str) -> None:
      "0.002 s"),
     ("1270 kg/m^3", "1270 kg/m^3"), ("2", "2"), ("3 m/s", "3 m/s"), ("2 Hz", "2 1/s"),
 ])
-def test_quantities_in_messages(text: str, shown: str) -> None:
+def test_quantities_are_formatted_for_messages(text: str, shown: str) -> None:
     assert str(parse_quantity(text)) == shown
 
 
 @given(st.text(max_size=30))
-def test_any_text_is_a_quantity_or_an_error(text: str) -> None:
+def test_random_text_is_a_quantity_or_rejected(text: str) -> None:
     try:
         assert math.isfinite(parse_quantity(text).value)
     except UnitError as error:
@@ -288,7 +290,7 @@ def test_any_text_is_a_quantity_or_an_error(text: str) -> None:
 
 
 @given(st.lists(st.sampled_from([*UNITS, "*", "/", "^", "2", "-3", " ", "1.5", "e3", "(", "°", "²"]), max_size=12))
-def test_any_mixture_of_units_is_a_quantity_or_an_error(pieces: list[str]) -> None:
+def test_random_units_are_parsed_or_rejected(pieces: list[str]) -> None:
     for read in (parse_quantity, parse_vector):
         try:
             read("1 " + "".join(pieces))

@@ -1,4 +1,4 @@
-"""Batches that several tests load, built once; one of several test processes builds, the others wait."""
+"""Batches that several tests load. Each batch is built once: one test process builds it, and the others wait."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from variants.families import built
 
 
 def once(store: str, name: str) -> Path:
-    """The folder of the batch of this name."""
+    """Return the folder of the batch with this name."""
     folder = Path(store).parent / "batches" / name
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as lock:
@@ -24,23 +24,23 @@ def once(store: str, name: str) -> Path:
 
 @pytest.fixture(scope="session")
 def some(shared_store: str) -> Path:
-    """Twelve pendulums, of which one is kept out by a rule on parameters and three by one on results."""
+    """Twelve pendulums. A rule on parameters excludes one of them, and a rule on results excludes three."""
     return once(shared_store, "some")
 
 
 @pytest.fixture(scope="session")
 def arms(shared_store: str) -> Path:
-    """Two arms, one with a joint more."""
+    """Two arms, of which one has an additional joint."""
     return once(shared_store, "arms")
 
 
 @pytest.fixture(scope="session")
 def boards(shared_store: str) -> Path:
-    """Three boards of different size, with a mast that is the same."""
+    """Three boards of different sizes with the same mast."""
     return once(shared_store, "boards")
 
 
 @pytest.fixture(scope="session")
 def sliders(shared_store: str) -> Path:
-    """Eight masses on a slide, which fall on a floor: contacts, limits, meshes and boxes."""
+    """Eight masses on slides, which fall on a floor: contacts, limits, meshes and boxes."""
     return once(shared_store, "sliders")

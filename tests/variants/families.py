@@ -1,4 +1,4 @@
-"""Batches to load: pendulums (masses and lengths), boards (geometry), sliders on a floor (contacts), and arms of one or two joints."""
+"""Batches for tests: pendulums (masses and lengths), boards (geometry), sliders on a floor (contacts), and arms with one or two joints."""
 
 from __future__ import annotations
 
@@ -125,16 +125,16 @@ ARMS = """
 
 
 def documents(folder: Path) -> Path:
-    """A workspace with all of them."""
+    """Create a workspace that contains all of them."""
     return workspace(folder, some=SOME, boards=BOARDS, slider=SLIDER, sliders=SLIDERS, arm=ARM, one=ONE, two=TWO, arms=ARMS)
 
 
 def built(folder: Path, store: str, name: str, **options: Any) -> Path:
-    """The folder of the batch of this name, built."""
+    """Build the batch with this name, and return its folder."""
     return Path(run(str(documents(folder) / f"{name}.yaml"), options=Options(store=store), executor=InThisProcess(), **options).folder)
 
 
 def arrays(model: mujoco.MjModel) -> dict[str, bytes]:
-    """Every array of a model, bit by bit."""
+    """Return all arrays of a model."""
     found = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
     return {name: value.tobytes() for name, value in found.items() if isinstance(value, np.ndarray)}

@@ -1,7 +1,5 @@
-"""`python tests/variants/mjx_fields.py FIELDS.npz`: the fields of a batch in MJX under `jax.vmap`, against MuJoCo in place.
-
-Not part of the tests: it needs `mujoco-mjx` and `jax`, which thingc does not ask for. Says how far apart the two are.
-"""
+"""`python tests/variants/mjx_fields.py FIELDS.npz`: compare the fields of a batch in MJX under `jax.vmap` with MuJoCo models in place.
+This script is not part of the tests. It needs `mujoco-mjx` and `jax`, and prints the differences."""
 
 from __future__ import annotations
 

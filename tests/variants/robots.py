@@ -1,4 +1,4 @@
-"""Small workspaces: a pendulum of frames (nothing to model), one with a part, and an emitter that fails when it is told to."""
+"""Small workspaces: a pendulum of frames without parts, a pendulum with a part, and an emitter that fails on request."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ EMITTER = '''
 
 
 def workspace(folder: Path, **documents: str) -> Path:
-    """A folder with the documents above and more (`name="text"` is `name.yaml`); returns it."""
+    """Create a folder with the documents above and further documents (`name="text"` is `name.yaml`), and return it."""
     (folder / "parts").mkdir(parents=True, exist_ok=True)
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
     (folder / "parts" / "plates.py").write_text(textwrap.dedent(PLATES))
@@ -185,7 +185,7 @@ def workspace(folder: Path, **documents: str) -> Path:
 
 
 def with_emitter(folder: Path) -> str:
-    """Install the emitter beside the workspace, as a package's entry point; the PYTHONPATH that finds it."""
+    """Install the emitter in a package beside the workspace, and return the PYTHONPATH with its entry point."""
     place = folder / "installed"
     info = place / "faulty-1.0.dist-info"
     info.mkdir(parents=True)
@@ -196,7 +196,7 @@ def with_emitter(folder: Path) -> str:
 
 
 def environment(store: str, path: str = "") -> dict[str, str]:
-    """Of a command run by itself."""
+    """Return the environment variables of a command in a separate process."""
     found = {**os.environ, "THINGC_STORE": store, "NO_COLOR": "1"}
     if path:
         found["PYTHONPATH"] = os.pathsep.join(part for part in (path, os.environ.get("PYTHONPATH", "")) if part)
@@ -204,21 +204,21 @@ def environment(store: str, path: str = "") -> dict[str, str]:
 
 
 def thingc(*words: str, cwd: Path, env: dict[str, str]) -> subprocess.CompletedProcess[str]:
-    """Run a command of thingc to its end."""
+    """Run a command of thingc, and wait for its end."""
     return subprocess.run([sys.executable, "-m", "thingc", *words], cwd=cwd, env=env, capture_output=True, text=True, timeout=300)
 
 
 class InThisProcess(Executor):
-    """Builds variants as a runner does, but starts no process, which takes longer than a hundred pendulums."""
+    """Builds variants like a runner, but without a process, whose start takes longer than a hundred pendulums."""
 
     def __init__(self, jobs: int = 1) -> None:
-        """As `LocalExecutor`, in whose place it can be used."""
+        """The arguments are those of `LocalExecutor`, which this class can replace."""
 
     def submit(
         self, evaluate: Callable[..., Any], /, job: str, tasks: Sequence[Variant], timeout: float,
         on_row: Callable[[Any], None] = lambda row: None,
     ) -> Future[Any]:
-        """The rows of a chunk, as they come from the pipe of a runner."""
+        """Return the rows of a chunk, as a runner writes them to its pipe."""
         done: Future[Any] = Future()
         with Runner(Job.decode(job)) as runner:
             rows = [{**json.loads(json.dumps(runner.build(task))), "pid": os.getpid()} for task in tasks]
@@ -229,8 +229,8 @@ class InThisProcess(Executor):
 
 
 def batch_here(*words: str, cwd: Path, env: Mapping[str, str], runners: bool = False) -> subprocess.CompletedProcess[str]:
-    """Run `thingc batch` in this process, where the driver as a process is not what is tested. It also builds the variants, unless
-    `runners` do."""
+    """Run `thingc batch` in this process, for tests that do not depend on the process of the driver. Variants are built in this process
+    too, unless `runners` build them."""
     with pytest.MonkeyPatch.context() as patch:
         for name, value in env.items():
             patch.setenv(name, value)
@@ -244,5 +244,5 @@ def batch_here(*words: str, cwd: Path, env: Mapping[str, str], runners: bool = F
 
 
 def tree(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder."""
+    """Return all files below a folder."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}

@@ -1,4 +1,4 @@
-"""Batches from end to end: the folder, the table, the journal, and what a batch refuses to do."""
+"""Complete batches: the folder, the table, the journal, and errors."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ RUN_COLUMNS = ("parts_modelled", "parts_reused", "seconds")
 
 
 def batch(folder: Path, store: str, document: str = "sweep", **options: Any) -> Summary:
-    """Without pictures, unless a test is about them. Runners are started for a test that states `jobs`."""
+    """Run a batch, by default without pictures. Runners are started only if a test sets `jobs`."""
     executor = None if "jobs" in options else InThisProcess()
     return run(str(folder / f"{document}.yaml"), options=Options(store=store), **{"executor": executor, "pictures": 0, **options})
 
@@ -48,7 +48,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
 
 
 def spoken(cell: object) -> str:
-    """A cell of the Parquet table as CSV has it."""
+    """Convert a cell of the Parquet table to the text in the CSV file."""
     if cell is None:
         return ""
     if isinstance(cell, bool):
@@ -61,8 +61,8 @@ def without_run(found: list[dict[str, str]]) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("layout", ["folders", "packed"])
-def test_runners_build_by_plans_what_they_build_by_passes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str) -> None:
-    """With numbers that differ in each variant, one that a rule keeps out, and one that is refused; no part is modelled."""
+def test_plans_build_the_same_files_as_passes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str) -> None:
+    """The numbers differ in each variant, a rule excludes one variant, and one variant is refused. No part is built."""
     here = workspace(tmp_path, sweep=SWEEP + "    keep: [reach <= 350 mm]\n")
     planned = plan(str(here / "sweep.yaml"))
     plain: dict[str, Any] = {"index": 0, "choices": {"components.stand.mass": "1 kg"}, "values": {}}
@@ -92,7 +92,7 @@ def test_runners_build_by_plans_what_they_build_by_passes(tmp_path: Path, monkey
     assert found[1][:2] == found[64][:2] and (found[1][2], found[64][2]) == (4, 1)
 
 
-def test_a_batch_writes_a_folder_for_each_variant_and_a_row(tmp_path: Path, shared_store: str) -> None:
+def test_each_variant_has_a_folder_and_a_row(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     summary = batch(here, shared_store, jobs=1)
     out = here / "build" / "sweep"
@@ -113,7 +113,7 @@ def test_a_batch_writes_a_folder_for_each_variant_and_a_row(tmp_path: Path, shar
     assert list(table[0])[-3:] == list(RUN_COLUMNS)
 
 
-def test_the_parquet_table_says_the_same_with_types_and_units(tmp_path: Path, shared_store: str) -> None:
+def test_parquet_table_has_types_and_units(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     batch(here, shared_store)
     out = here / "build" / "sweep"
@@ -130,7 +130,7 @@ def test_the_parquet_table_says_the_same_with_types_and_units(tmp_path: Path, sh
     assert {one["name"]: one["unit"] for one in described["columns"]} == units
 
 
-def test_the_table_does_not_depend_on_how_many_work_on_it(tmp_path: Path, shared_store: str) -> None:
+def test_table_does_not_depend_on_the_number_of_jobs(tmp_path: Path, shared_store: str) -> None:
     tables, trees = [], []
     for name, executor, jobs in (("a", InThisProcess(), 1), ("b", None, 3), ("c", concurrent.futures.ThreadPoolExecutor(2), 2)):
         here = workspace(tmp_path / name)
@@ -142,8 +142,8 @@ def test_the_table_does_not_depend_on_how_many_work_on_it(tmp_path: Path, shared
     assert tables[0] == tables[1] == tables[2] and trees[0] == trees[1] == trees[2]
 
 
-def test_somebody_elses_processes_build_the_same(tmp_path: Path, shared_store: str) -> None:
-    """What is handed to an executor can be carried to another process."""
+def test_jobs_can_run_in_other_processes(tmp_path: Path, shared_store: str) -> None:
+    """The arguments of an executor can be sent to another process."""
     here = workspace(tmp_path)
     with concurrent.futures.ProcessPoolExecutor(2) as executor:
         summary = batch(here, shared_store, executor=executor, jobs=2)
@@ -159,7 +159,7 @@ PATHS = """
 """
 
 
-def test_what_is_set_by_path_is_a_column_and_the_command_builds_the_same(tmp_path: Path, shared_store: str) -> None:
+def test_settings_by_path_are_columns_and_single_builds_agree(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, paths=PATHS)
     assert batch(here, shared_store, "paths", pictures=0).statuses == {"built": 2}
     table = rows(here / "build" / "paths")
@@ -189,7 +189,7 @@ CHOICES = """
 """
 
 
-def test_a_variant_is_byte_for_byte_the_single_build(
+def test_variant_equals_the_single_build(
     tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     here = workspace(tmp_path, stands=CHOICES)
@@ -204,8 +204,8 @@ def test_a_variant_is_byte_for_byte_the_single_build(
         assert tree(out / row["path"]) == tree(tmp_path / "single" / "stand"), row["name"]
 
 
-def test_choices_make_other_robots(tmp_path: Path, shared_store: str) -> None:
-    """Masses by hand: plates of 10 mm, square or round, at 500 or 5000 kg/m^3."""
+def test_choices_change_the_robot(tmp_path: Path, shared_store: str) -> None:
+    """The masses have closed forms: plates of 10 mm, square or round, at 500 or 5000 kg/m^3."""
     here = workspace(tmp_path, stands=CHOICES)
     batch(here, shared_store, "stands")
     square, disc = 0.04**2 * 0.01, 3.141592653589793 * 0.02**2 * 0.01
@@ -232,7 +232,7 @@ def test_meshes_are_written_once(tmp_path: Path, shared_store: str) -> None:
     assert all(hashlib.sha256((out / "assets" / name).read_bytes()).hexdigest() == name for name in kept)
 
 
-def test_parts_are_modelled_once_and_variants_of_masses_model_none(tmp_path: Path) -> None:
+def test_parts_are_built_once(tmp_path: Path) -> None:
     here = workspace(tmp_path, stands=CHOICES, heavier=CHOICES.replace("[30 mm, 40 mm]", "30 mm").replace("name: stands", "name: heavier"))
     first = batch(here, str(tmp_path / "store"), "stands")
     assert first.modelled == 3  # two squares and a disc
@@ -252,7 +252,7 @@ RULES = """
 """
 
 
-def test_rules_keep_variants_out_and_nothing_is_written_of_them(tmp_path: Path, shared_store: str) -> None:
+def test_excluded_variants_have_no_files(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, rules=RULES)
     summary = batch(here, shared_store, "rules")
     out = here / "build" / "rules"
@@ -275,8 +275,8 @@ REFUSED = """
 """
 
 
-def test_a_variant_with_an_error_is_refused_and_the_rest_goes_on(tmp_path: Path, shared_store: str) -> None:
-    """In the pose of 20 degrees a joint that stops at 10 is an error of that variant alone."""
+def test_error_in_a_variant_does_not_stop_the_batch(tmp_path: Path, shared_store: str) -> None:
+    """In the pose of 20 degrees, a joint with the limit 10 degrees is an error of one variant."""
     from variants.robots import PENDULUM
 
     here = workspace(
@@ -293,8 +293,8 @@ def test_a_variant_with_an_error_is_refused_and_the_rest_goes_on(tmp_path: Path,
     assert table[1]["message"] and table[1]["path"] == ""
 
 
-def test_what_a_part_prints_is_in_the_journal(tmp_path: Path) -> None:
-    """Once: of the variant for which it was modelled."""
+def test_output_of_parts_is_in_the_journal(tmp_path: Path) -> None:
+    """The output appears once, in the line of the variant for which the part was built."""
     here = workspace(
         tmp_path, prints="""
         thingc: variants/1
@@ -319,7 +319,7 @@ def test_what_a_part_prints_is_in_the_journal(tmp_path: Path) -> None:
     assert [line["printed"] for line in map(json.loads, journal) if "printed" in line] == [{"talking:Talks": ["hello"]}]
 
 
-def test_what_is_said_of_a_refused_variant_is_in_the_units_of_the_documents(tmp_path: Path, shared_store: str) -> None:
+def test_errors_of_variants_have_the_units_of_the_documents(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, limits="""
         thingc: variants/1
         assembly: pendulum.yaml
@@ -338,8 +338,8 @@ def test_what_is_said_of_a_refused_variant_is_in_the_units_of_the_documents(tmp_
     )
 
 
-def test_what_targets_cannot_say_is_counted(tmp_path: Path, shared_store: str) -> None:
-    """In the table, and at the end of the batch, also of variants that an earlier run has built."""
+def test_export_losses_are_counted(tmp_path: Path, shared_store: str) -> None:
+    """The numbers are in the table and at the end of the output, also for variants that an earlier run has built."""
     here = workspace(tmp_path, fast="""
         thingc: variants/1
         assembly: pendulum.yaml
@@ -361,7 +361,7 @@ def test_what_targets_cannot_say_is_counted(tmp_path: Path, shared_store: str) -
 # --- folders ---------------------------------------------------------------------------------------------------------
 
 
-def test_resume_does_only_what_is_left(tmp_path: Path, shared_store: str) -> None:
+def test_resume_builds_only_missing_variants(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     out = here / "build" / "sweep"
     assert batch(here, shared_store, limit=5).count == 5
@@ -379,7 +379,7 @@ def test_resume_does_only_what_is_left(tmp_path: Path, shared_store: str) -> Non
     assert without_run(rows(out)) == without_run(rows(fresh / "build" / "sweep"))
 
 
-def test_a_finished_batch_is_replaced(tmp_path: Path, shared_store: str) -> None:
+def test_finished_batch_is_replaced(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     batch(here, shared_store)
     text = (here / "sweep.yaml").read_text()
@@ -396,7 +396,7 @@ def test_a_finished_batch_is_replaced(tmp_path: Path, shared_store: str) -> None
 
 
 @pytest.mark.parametrize("place", [".old-notes", "notes.txt", "variants/notes.txt", "variants/ID/notes.txt", "assets/notes.txt"])
-def test_a_folder_with_unexpected_files_is_left_as_it_is(tmp_path: Path, shared_store: str, place: str) -> None:
+def test_folder_with_unexpected_files_is_not_changed(tmp_path: Path, shared_store: str, place: str) -> None:
     here = workspace(tmp_path)
     summary = batch(here, shared_store)
     some = next((Path(summary.folder) / "variants").iterdir()).name
@@ -410,7 +410,7 @@ def test_a_folder_with_unexpected_files_is_left_as_it_is(tmp_path: Path, shared_
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unreadable to root")
-def test_a_folder_that_cannot_be_read_may_hold_anything(tmp_path: Path, shared_store: str) -> None:
+def test_unreadable_folder_is_not_changed(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     inner = Path(batch(here, shared_store).folder) / "assets"
     inner.chmod(0)
@@ -422,7 +422,7 @@ def test_a_folder_that_cannot_be_read_may_hold_anything(tmp_path: Path, shared_s
     assert any(inner.iterdir())
 
 
-def test_the_folder_of_another_document_is_left_as_it_is(tmp_path: Path, shared_store: str) -> None:
+def test_folder_of_another_document_is_not_changed(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     batch(here, shared_store)
     (here / "other.yaml").write_text((here / "sweep.yaml").read_text())
@@ -441,7 +441,7 @@ def test_the_folder_of_another_document_is_left_as_it_is(tmp_path: Path, shared_
     (("sweep.yaml", "400 mm", "500 mm"), "settings"), (("pendulum.yaml", "mass: 2 kg", "mass: 3 kg"), "`pendulum.yaml` changed"),
     (("sweep.yaml", "name: sweep", "name: sweep\nemit: [mjcf, bom]"), "targets"),
 ])
-def test_resume_refuses_another_batch(tmp_path: Path, shared_store: str, change: tuple[str, str, str], words: str) -> None:
+def test_resume_rejects_another_batch(tmp_path: Path, shared_store: str, change: tuple[str, str, str], words: str) -> None:
     here = workspace(tmp_path)
     batch(here, shared_store, limit=3)
     before = tree(here / "build")
@@ -453,7 +453,7 @@ def test_resume_refuses_another_batch(tmp_path: Path, shared_store: str, change:
     assert tree(here / "build") == before
 
 
-def test_resume_does_not_mind_how_the_settings_are_written(tmp_path: Path, shared_store: str) -> None:
+def test_resume_accepts_equal_settings_in_other_notation(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     batch(here, shared_store, limit=3)
     text = (here / "sweep.yaml").read_text()
@@ -461,8 +461,8 @@ def test_resume_does_not_mind_how_the_settings_are_written(tmp_path: Path, share
     assert batch(here, shared_store, resume=True).before == 3
 
 
-def test_resume_does_not_mind_what_else_was_built_in_the_workspace(tmp_path: Path, shared_store: str) -> None:
-    """Of what has parts, while the batch has none."""
+def test_resume_ignores_other_builds_in_the_workspace(tmp_path: Path, shared_store: str) -> None:
+    """The other build has parts, and the batch has none."""
     here = workspace(tmp_path, stands="thingc: variants/1\nassembly: stand.yaml\nname: stands\nparameters: {side: [30 mm, 40 mm]}\n")
     batch(here, shared_store, limit=3)
     batch(here, shared_store, "stands")
@@ -480,14 +480,14 @@ def test_resume_does_not_mind_what_else_was_built_in_the_workspace(tmp_path: Pat
     ({"emit": ["mjcg"]}, "there is no target `mjcg`: did you mean `mjcf`"),
     ({"executor": 5}, "expected `executor` to be an executor of `concurrent.futures`, found `5`"),
 ])
-def test_what_a_batch_cannot_be_asked_for_is_said_before_it_begins(given: dict[str, Any], words: str, tmp_path: Path) -> None:
+def test_invalid_requests_are_reported_before_the_batch(given: dict[str, Any], words: str, tmp_path: Path) -> None:
     here = workspace(tmp_path)
     with pytest.raises(BatchFault, match=words) as caught:
         run(str(here / "sweep.yaml"), **given)
     assert caught.value.diagnostic.code is Code.COMMAND_LINE and not (here / "build").exists()
 
 
-def test_there_must_be_something_to_resume(tmp_path: Path, shared_store: str) -> None:
+def test_resume_needs_a_batch(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     with pytest.raises(BatchFault) as fault:
         batch(here, shared_store, resume=True)
@@ -497,7 +497,7 @@ def test_there_must_be_something_to_resume(tmp_path: Path, shared_store: str) ->
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
-def test_a_dry_run_counts_and_writes_nothing(tmp_path: Path, shared_store: str) -> None:
+def test_dry_run_writes_nothing(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, stands=CHOICES, rules=RULES)
     store = str(tmp_path / "store")
     told = thingc_here("batch", "stands.yaml", "--dry-run", "--format", "json", cwd=here, store=store).answer
@@ -512,7 +512,7 @@ def test_a_dry_run_counts_and_writes_nothing(tmp_path: Path, shared_store: str) 
 
 
 @pytest.mark.parametrize("name", ["results.csv", "results.parquet", "index.html"])
-def test_a_table_or_page_that_somebody_edited_is_not_overwritten(tmp_path: Path, shared_store: str, name: str) -> None:
+def test_edited_table_or_page_is_not_overwritten(tmp_path: Path, shared_store: str, name: str) -> None:
     here = workspace(tmp_path, few="thingc: variants/1\nassembly: pendulum.yaml\nname: few\nparameters: {length: [200 mm, 300 mm]}\n")
     folder = Path(batch(here, shared_store, "few", pictures=0).folder)
     before = (folder / name).read_bytes()
@@ -538,8 +538,8 @@ STOPS = """
 """
 
 
-def test_a_dry_run_counts_what_limits_and_poses_will_refuse(tmp_path: Path, shared_store: str) -> None:
-    """Of a robot of frames, as many as the batch refuses; and as many where its frames are parts that nobody has modelled."""
+def test_dry_run_counts_refused_variants(tmp_path: Path, shared_store: str) -> None:
+    """The counts equal those of the batch for a robot of frames, and for a robot whose frames are parts that are not built yet."""
     parts = PENDULUM.replace("weight:\n        frame: true", "weight:\n        part: plates:Square")
     assert parts.count("plates:Square") == 1
     here = workspace(tmp_path, plated=parts, stops=STOPS.format(of="pendulum"), plates=STOPS.format(of="plated"))
@@ -554,7 +554,7 @@ def test_a_dry_run_counts_what_limits_and_poses_will_refuse(tmp_path: Path, shar
     assert "models 1 part," in said and "drawn from" not in said
 
 
-def test_a_dry_run_of_very_many_looks_at_some(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_dry_run_samples_variants(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
     from thingc.batch import dry_run, plan
 
     monkeypatch.setattr(dry_run, "MOST", 5)
@@ -569,7 +569,7 @@ def test_a_dry_run_of_very_many_looks_at_some(tmp_path: Path, shared_store: str,
     assert (again.looked_at, again.unsound) == (found.looked_at, found.unsound)
 
 
-def test_a_dry_run_of_very_many_computes_all_by_plans(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_dry_run_uses_plans(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
     from thingc.batch import dry_run, plan
 
     many = STOPS.format(of="pendulum").replace("[90 deg, 10 deg, -5 deg]", "{from: 90 deg, to: -5 deg, count: 12}")
@@ -589,7 +589,7 @@ def test_a_dry_run_of_very_many_computes_all_by_plans(tmp_path: Path, shared_sto
     assert len(resolved) >= 240 and (alone.unsound, alone.examples) == (found.unsound, found.examples) and 0 < alone.unsound["TC601"] < 240
 
 
-def test_the_command_says_what_it_did(tmp_path: Path, shared_store: str) -> None:
+def test_output_of_the_command(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     done = thingc("batch", "sweep.yaml", "--jobs", "1", cwd=here, env=environment(shared_store))
     assert (done.returncode, done.stdout) == (0, "")
@@ -603,7 +603,7 @@ def test_the_command_says_what_it_did(tmp_path: Path, shared_store: str) -> None
 
 
 @pytest.mark.parametrize("torn", [0, 1, 9, 20])
-def test_a_torn_last_line_is_cut_off(tmp_path: Path, torn: int) -> None:
+def test_incomplete_last_line_is_removed(tmp_path: Path, torn: int) -> None:
     path = tmp_path / "journal.jsonl"
     with Journal(str(path)) as journal:
         for k in range(3):
@@ -616,7 +616,7 @@ def test_a_torn_last_line_is_cut_off(tmp_path: Path, torn: int) -> None:
     assert [line["index"] for _, line in lines(str(path))] == [0, 1, 2, 3] and path.read_bytes().startswith(whole)
 
 
-def test_of_two_lines_the_later_one_counts(tmp_path: Path) -> None:
+def test_later_line_of_a_variant_is_used(tmp_path: Path) -> None:
     path = tmp_path / "journal.jsonl"
     with Journal(str(path)) as journal:
         for index, status in ((2, "built"), (0, "failed"), (2, "refused"), (5, "built")):
@@ -648,9 +648,9 @@ assert "pandas" not in sys.modules  # which takes longer to import than a dozen 
 """
 
 
-def test_the_drivers_memory_does_not_grow_with_the_variants(tmp_path: Path, shared_store: str) -> None:
-    """Three times as many, both of several chunks: all but one are kept out by the plan, so that it is the driver who does the work. A row
-    that was kept would be more than 1 kB."""
+def test_memory_of_the_driver_does_not_grow(tmp_path: Path, shared_store: str) -> None:
+    """The second batch has three times as many variants, and both have several chunks. The plan excludes all variants but one, so the
+    driver does the work. A stored row would take more than 1 kB."""
     for name, count in (("few", "500"), ("many", "1500")):
         here = workspace(tmp_path, **{name: MANY.replace("COUNT", count).replace("name: many", f"name: {name}")})
     words = [sys.executable, "-c", PEAKS, "few.yaml", "many.yaml"]
@@ -664,7 +664,7 @@ def test_the_drivers_memory_does_not_grow_with_the_variants(tmp_path: Path, shar
     (("--dry-run", "--resume"), "--dry-run", "--resume"), (("--resume", "--page-only"), "--page-only", "--resume"),
     (("--page-only", "--dry-run"), "--dry-run", "--page-only"),
 ])
-def test_what_cannot_be_asked_for_together(tmp_path: Path, words: tuple[str, ...], first: str, second: str) -> None:
+def test_incompatible_options(tmp_path: Path, words: tuple[str, ...], first: str, second: str) -> None:
     here = workspace(tmp_path)
     done = thingc_here("batch", "sweep.yaml", *words, cwd=here, store=tmp_path / "store")
     assert done.code == 2 and f"{first} cannot be combined with {second}" in done.err

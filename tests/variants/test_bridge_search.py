@@ -1,4 +1,4 @@
-"""The search of the documentation: what its page says is what the robot does, and both drivers are reproducible."""
+"""The search in the documentation: the robot behaves as its page describes, and both drivers are reproducible."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MARGIN = 1.3
 
 
 def standing(folder: Path) -> tuple[float, float]:
-    """Distance of the soles [m] and least torque margin of a built robot, by MuJoCo's inverse dynamics."""
+    """Return the distance of the soles [m] and the smallest torque margin of a built robot, by MuJoCo's inverse dynamics."""
     model = mujoco.MjModel.from_xml_path(str(folder / "mjcf" / "minchw_probe_reaching.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("stretched").id)
@@ -42,13 +42,13 @@ def standing(folder: Path) -> tuple[float, float]:
 
 
 def command(root: Path, output: Path, store: str) -> list[str]:
-    """The search of few robots."""
+    """Return the command for a search of a few robots."""
     words = ["-o", str(output), "--store", store, "--jobs", "1", "--count", "4", "--docs", str(output / "docs")]
     return [str(root / "examples" / "longest_bridge.py"), *words]
 
 
 def search(root: Path, output: Path, store: str) -> str:
-    """What the script prints in a process of its own."""
+    """Return the output of the script in a separate process."""
     words = [sys.executable, *command(root, output, store)]
     done = subprocess.run(words, cwd=root, capture_output=True, text=True, env=environment(store), timeout=300)
     assert done.returncode == 0, done.stderr
@@ -56,7 +56,7 @@ def search(root: Path, output: Path, store: str) -> str:
 
 
 def search_here(root: Path, output: Path, store: str) -> str:
-    """What it prints in this process, which also builds the robots."""
+    """Return the output of the script in this process, which also builds the robots."""
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as out:
         patch.chdir(root)
         patch.syspath_prepend(str(root / "examples"))
@@ -69,7 +69,7 @@ def search_here(root: Path, output: Path, store: str) -> str:
 
 
 @pytest.mark.slow
-def test_the_page_names_a_robot_that_stands(root: Path, tmp_path: Path, shared_store: str) -> None:
+def test_robot_on_the_page_stands(root: Path, tmp_path: Path, shared_store: str) -> None:
     page = (root / "docs" / "variants_search.md").read_text()
     command = re.search(r"^thingc build .*$", page, re.MULTILINE)
     row = re.search(r"^\| `bridge_search_\d+` \|[^|]*\|[^|]*\| (\S+) mm \| (\S+) \|", page, re.MULTILINE)
@@ -80,7 +80,7 @@ def test_the_page_names_a_robot_that_stands(root: Path, tmp_path: Path, shared_s
 
 
 @pytest.mark.slow
-def test_the_table_of_the_search_is_what_mujoco_says(root: Path, tmp_path: Path, shared_store: str) -> None:
+def test_table_of_the_search_agrees_with_mujoco(root: Path, tmp_path: Path, shared_store: str) -> None:
     page = search(root, tmp_path, shared_store)
     folder = tmp_path / "bridge_search_random"
     with (folder / "results.csv").open() as stream:
@@ -98,10 +98,10 @@ def test_the_table_of_the_search_is_what_mujoco_says(root: Path, tmp_path: Path,
     assert (tmp_path / "docs" / "pictures" / "bridge_search.png").read_bytes() == picture
 
 
-def test_optuna_asks_for_the_same_and_for_better(
+def test_optuna_requests_are_reproducible_and_improve(
     root: Path, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Answered by a formula instead of a build: what it asks for are documents of variants, in the ranges, the same every time."""
+    """A formula replaces the builds. The requests are variants documents within the ranges, equal in every run."""
     for name in ("assemblies", "parts", "thingc.toml"):
         (shutil.copytree if (root / name).is_dir() else shutil.copy)(root / name, tmp_path / name)
     monkeypatch.syspath_prepend(str(root / "examples"))

@@ -1,7 +1,5 @@
-"""Batches on other machines' engines: a real dask scheduler with worker processes, and submitit's jobs as processes of this machine.
-
-A batch with them is compared with one of the local engine; workers, jobs and the scheduler are killed while batches run.
-"""
+"""Batches with other executors: a real dask scheduler with worker processes, and submitit jobs as processes of this machine. Each batch
+is compared with one of the local executor. Workers, jobs and the scheduler are killed while batches run."""
 
 from __future__ import annotations
 
@@ -38,11 +36,12 @@ QUIET = {
     "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "500ms",
     "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "10s",
 }
-"""Settings of dask: who is gone is missed soon, and one that waits takes a fifth of the processor time that it takes by default."""
+"""Settings of dask. A lost worker is detected soon, and a waiting worker takes a fifth of the processor time that it takes by default."""
 
 
 class Dask:
-    """A scheduler of dask and its workers, each a process with one thread. `before` are words before the command of a worker."""
+    """A scheduler of dask and its workers. Each worker is a process with one thread. `before` contains words before the command of a
+    worker."""
 
     def __init__(self, folder: Path, env: dict[str, str], workers: int, before: Sequence[str] = ()) -> None:
         self.folder = folder
@@ -69,7 +68,7 @@ class Dask:
         self.address = str(json.loads(self.file.read_text())["address"])
 
     def add(self, place: Path | None = None) -> None:
-        """One more worker, with a folder of its own unless this is it."""
+        """Start one more worker, in a new folder unless a folder is given."""
         place = place or self.folder / f"worker{len(self.workers)}"
         self.places.append(place)
         self.workers.append(self._start("worker", self.address, "--nthreads", "1", "--no-nanny", "--local-directory", str(place)))
@@ -84,11 +83,12 @@ class Dask:
                 time.sleep(0.05)
 
     def living(self) -> list[subprocess.Popen[bytes]]:
-        """The workers that have not ended."""
+        """Return the workers that have not ended."""
         return [worker for worker in self.workers if worker.poll() is None]
 
     def with_workers(self, count: int) -> Dask:
-        """End or start workers until that many live, and the scheduler has noticed; another scheduler, if a test has killed it."""
+        """Start or stop workers until the given number is running and known to the scheduler. If a test has killed the scheduler, start
+        another one."""
         lost = self.scheduler.poll() is not None
         for worker in self.living()[0 if lost else count:]:
             worker.kill()
@@ -124,7 +124,7 @@ def dask(folder: Path, env: dict[str, str], workers: int, before: Sequence[str] 
 
 @pytest.fixture(scope="module")
 def mortal(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Iterator[Dask]:
-    """Workers that tests kill: each asks for as many as it needs."""
+    """Workers that tests kill. Each test requests as many as it needs."""
     folder = tmp_path_factory.mktemp("mortal")
     with dask(folder / "dask", environment(shared_store, with_emitter(folder)), 0) as found:
         yield found
@@ -132,7 +132,7 @@ def mortal(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Itera
 
 @dataclass(frozen=True)
 class Local:
-    """What the local engine makes of `CHEAP`: the folder of the workspace, and what it printed."""
+    """The result of the local executor for `CHEAP`: the folder of the workspace, and the output."""
 
     folder: Path
     said: str
@@ -157,14 +157,14 @@ CHEAP = f"""
 
 
 @pytest.mark.slow
-def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mortal: Dask) -> None:
+def test_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mortal: Dask) -> None:
     monkeypatch.setattr(dask_executor, "TIMEOUT", 3.0)
     with pytest.raises(BatchFault, match="has no worker"):
         cluster.connect(mortal.with_workers(0).address, folder=str(tmp_path / "jobs"))
 
 
 @pytest.mark.slow
-def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: str, mortal: Dask, local: Local) -> None:
+def test_dask_writes_the_same_files(tmp_path: Path, shared_store: str, mortal: Dask, local: Local) -> None:
     here, there = local.folder, workspace(tmp_path, faults=CHEAP)
     address = mortal.with_workers(2).address
     remote = batch_here("faults.yaml", "--pictures", "none", "--cluster", address, cwd=there, env=environment(shared_store))
@@ -179,7 +179,7 @@ def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: 
 
 
 @pytest.mark.slow
-def test_workers_that_see_other_files_are_named(tmp_path: Path, mortal: Dask) -> None:
+def test_workers_with_other_files_are_named(tmp_path: Path, mortal: Dask) -> None:
     document = tmp_path / "robot.yaml"
     document.write_text("one")
     with dask_executor.DaskCluster(mortal.with_workers(2).address) as found:
@@ -199,8 +199,8 @@ def test_workers_with_other_versions_are_named(tmp_path: Path, mortal: Dask, mon
 
 
 @pytest.mark.slow
-def test_a_worker_that_dies_during_the_check_is_left_out(mortal: Dask) -> None:
-    """A stopped worker does not answer, and is killed while the driver waits for it; another one is there."""
+def test_worker_that_ends_during_the_check_is_ignored(mortal: Dask) -> None:
+    """A stopped worker does not answer, and is killed while the driver waits for it. Another worker is available."""
     victim = mortal.with_workers(2).living()[0]
     engine = dask_executor.DaskCluster(mortal.address)
     victim.send_signal(signal.SIGSTOP)
@@ -217,7 +217,7 @@ def test_a_worker_that_dies_during_the_check_is_left_out(mortal: Dask) -> None:
 
 
 @pytest.mark.slow
-def test_the_last_worker_is_waited_for_and_then_said_to_be_gone(monkeypatch: pytest.MonkeyPatch, mortal: Dask) -> None:
+def test_loss_of_the_last_worker_is_reported_after_a_wait(monkeypatch: pytest.MonkeyPatch, mortal: Dask) -> None:
     monkeypatch.setattr(dask_executor, "PATIENCE", 1.5)
     monkeypatch.setattr(dask_executor, "LOOK", 0.1)
     with dask_executor.DaskCluster(mortal.with_workers(1).address) as found:
@@ -232,7 +232,7 @@ def test_the_last_worker_is_waited_for_and_then_said_to_be_gone(monkeypatch: pyt
 
 
 @pytest.mark.slow
-def test_workers_killed_on_the_way_take_nothing_along(tmp_path: Path, shared_store: str, mortal: Dask) -> None:
+def test_killed_workers_lose_no_variants(tmp_path: Path, shared_store: str, mortal: Dask) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(COUNT), "slow"), COUNT))
     victim = mortal.with_workers(2).living()[0]
     process = started(here, environment(shared_store, with_emitter(tmp_path)), "--cluster", mortal.address)
@@ -252,7 +252,7 @@ def test_workers_killed_on_the_way_take_nothing_along(tmp_path: Path, shared_sto
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path, shared_store: str, mortal: Dask) -> None:
+def test_batch_resumes_locally_after_the_scheduler_ends(tmp_path: Path, shared_store: str, mortal: Dask) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(16), "slow"), 16))
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--cluster", mortal.with_workers(1).address)
@@ -268,7 +268,7 @@ def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path
     assert_whole(here, 16)
 
 
-def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_unreachable_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(dask_executor, "TIMEOUT", 1.0)
     started = time.monotonic()
     with pytest.raises(BatchFault) as caught:
@@ -278,21 +278,21 @@ def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("address", ["nonsense", "host", "http://host:80", "tcp://", "slurmy", "10.0.0.1:port"])
-def test_addresses_that_are_none(address: str, tmp_path: Path) -> None:
+def test_invalid_addresses(address: str, tmp_path: Path) -> None:
     with pytest.raises(BatchFault, match="is not an address of a cluster") as caught:
         cluster.connect(address, folder=str(tmp_path / "jobs"))
     assert caught.value.diagnostic.code is Code.COMMAND_LINE
 
 
 @pytest.mark.parametrize(("package", "address"), [("distributed", "tcp://127.0.0.1:9"), ("submitit", "slurm:cluster=local")])
-def test_a_missing_package_is_named(package: str, address: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_missing_package_is_named(package: str, address: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, package, None)  # makes its import fail
     with pytest.raises(BatchFault) as caught:
         cluster.connect(address, folder=str(tmp_path / "jobs"))
     assert package in str(caught.value) and caught.value.diagnostic.help == "pip install 'thingc[cluster]'"
 
 
-def test_settings_of_slurm() -> None:
+def test_slurm_settings() -> None:
     assert settings_of("") == SlurmSettings()
     assert settings_of("partition=cpu, cpus=8,time=90 s,memory=16") == SlurmSettings(
         cpus=8, minutes=2, more=(("mem_gb", "16"), ("slurm_partition", "cpu")),
@@ -306,7 +306,7 @@ def test_settings_of_slurm() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sbatch of SLURM is a program of Linux")
-def test_slurm_where_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_missing_slurm(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(BatchFault, match="the command `sbatch` is missing"):
         cluster.connect("slurm:partition=cpu", folder=str(tmp_path / "jobs"))
@@ -314,7 +314,7 @@ def test_slurm_where_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_jobs_of_submitit_write_what_the_local_engine_writes(tmp_path: Path, shared_store: str, local: Local) -> None:
+def test_submitit_writes_the_same_files(tmp_path: Path, shared_store: str, local: Local) -> None:
     here, there = local.folder, workspace(tmp_path, faults=CHEAP)
     cluster = ("--cluster", "slurm:cluster=local,cpus=2", "--jobs", "2")
     done = batch_here("faults.yaml", "--pictures", "none", *cluster, cwd=there, env=environment(shared_store))
@@ -325,7 +325,7 @@ def test_jobs_of_submitit_write_what_the_local_engine_writes(tmp_path: Path, sha
 
 
 def running_job(process: subprocess.Popen[str]) -> psutil.Process:
-    """A job of submitit of this batch that has runners of its own: between two jobs there is none for a moment."""
+    """Return a job of submitit of this batch with running runners. Between two jobs, there is none for a moment."""
     deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline:
         for one in descendants(process.pid):
@@ -339,8 +339,8 @@ def running_job(process: subprocess.Popen[str]) -> psutil.Process:
 
 
 @pytest.mark.slow
-def test_a_killed_job_is_done_again(tmp_path: Path, shared_store: str) -> None:
-    """Two jobs of two variants each: those of the one are handed out again, one by one."""
+def test_killed_job_is_repeated(tmp_path: Path, shared_store: str) -> None:
+    """There are two jobs with two variants each. The variants of the killed job are submitted again, one at a time."""
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(4), "slow"), 4))
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--cluster", "slurm:cluster=local", "--jobs", "2")
@@ -353,8 +353,8 @@ def test_a_killed_job_is_done_again(tmp_path: Path, shared_store: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_cancels_the_jobs(tmp_path: Path, shared_store: str, number: signal.Signals) -> None:
-    """SIGINT as a terminal sends it: to the jobs, too."""
+def test_interrupt_cancels_jobs(tmp_path: Path, shared_store: str, number: signal.Signals) -> None:
+    """A terminal sends SIGINT to the jobs, too."""
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(12), "slow"), 12))
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--cluster", "slurm:cluster=local", "--jobs", "1")

@@ -1,4 +1,4 @@
-"""Columns laid out by hand against those that pyarrow makes."""
+"""Columns whose buffers are written directly equal those that pyarrow creates."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ VALUES: dict[Any, Callable[[random.Random], Any]] = {
 
 
 @pytest.mark.parametrize("type", VALUES, ids=str)
-def test_a_column_is_the_array_of_pyarrow(type: Any) -> None:
+def test_column_equals_the_array_of_pyarrow(type: Any) -> None:
     chance = random.Random(1)
     for length in (0, 1, 7, 8, 9, 64, 65):
         for absent in (0.0, 0.3, 1.0):
@@ -31,7 +31,7 @@ def test_a_column_is_the_array_of_pyarrow(type: Any) -> None:
             assert found.type == type and found.null_count == wanted.null_count and repr(found.to_pylist()) == repr(wanted.to_pylist())
 
 
-def test_very_long_texts_are_left_to_pyarrow(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_texts_use_pyarrow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(packed_layout, "LARGEST", 3)
     assert packed_layout._column(["ab", "cd", None], pyarrow.string()).to_pylist() == ["ab", "cd", None]
     with pytest.raises(TypeError):

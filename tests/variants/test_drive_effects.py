@@ -1,4 +1,4 @@
-"""Delays, torque-speed lines, deadbands and noise of drives, in environments and in MuJoCo, each computed by hand once more."""
+"""Delays, torque-speed lines, deadbands and noise of drives, in environments and in MuJoCo, each compared with a separate computation."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def path_of(env: FamilyEnv, count: int = 40, **reset: Any) -> Any:
     return np.array(path)
 
 
-def test_the_delay_of_a_drive_equals_that_of_the_environment_and_that_of_mujoco(folder: Path) -> None:
-    """20 ms are 2 actions of 5 steps of 2 ms. Before, the controls are those of the keyframe."""
+def test_delay_equals_that_of_the_environment_and_of_mujoco(folder: Path) -> None:
+    """A delay of 20 ms is 2 actions of 5 steps of 2 ms. Before, the controls are those of the keyframe."""
     with walker(folder) as plain, walker(folder, ", delay: 20 ms", ", delay: 20 ms") as late:
         of_env, of_drive = path_of(make_env(plain, action_delay=2)), path_of(make_env(late))
         assert abs(of_env - of_drive).max() <= 1e-12
@@ -88,7 +88,7 @@ def test_the_delay_of_a_drive_equals_that_of_the_environment_and_that_of_mujoco(
 
 
 @pytest.mark.parametrize(("delay", "steps"), [("1 ms", 1), ("2 ms", 1), ("3 ms", 2), ("7 ms", 4), ("20 ms", 10), ("0.3 s", 150)])
-def test_a_delay_is_rounded_up_to_steps_and_does_not_drift(folder: Path, delay: str, steps: int) -> None:
+def test_delay_is_rounded_up_to_steps(folder: Path, delay: str, steps: int) -> None:
     with walker(folder, "", f", delay: {delay}") as late:
         model = next(iter(late.models([{}])))
     assert isinstance(model, mujoco.MjModel)
@@ -101,8 +101,8 @@ def test_a_delay_is_rounded_up_to_steps_and_does_not_drift(folder: Path, delay: 
 
 
 @pytest.mark.parametrize("effects", ["", ", noise: 0"])
-def test_a_switch_transfers_commands_that_have_not_acted(folder: Path, effects: str) -> None:
-    """`rear` has half of the time step, so that its trajectory differs by the integration error alone; `same` has the same steps."""
+def test_switch_transfers_pending_commands(folder: Path, effects: str) -> None:
+    """`rear` has half of the time step, so its trajectory differs only by the integration error. `same` has the same time step."""
     more = {", simulation: {timestep: 1 ms}": ""}
     with walker(folder, ", delay: 24 ms", f", delay: 14 ms{effects}", **more) as same:
         switching = make_env(same, modes=("front", "rear"), observation="qpos", action_scale=None)
@@ -164,7 +164,7 @@ def test_torque_stays_within_the_torque_speed_line(folder: Path) -> None:
         assert env.data.ctrl == pytest.approx(command)
 
 
-def test_a_drive_ignores_errors_and_commands_in_its_deadband(folder: Path) -> None:
+def test_drive_ignores_errors_in_its_deadband(folder: Path) -> None:
     def torques(command: Array, q: Array, v: Array) -> Array:
         error = command[0] - q[0]
         knee = (8.0 * error if abs(error) > 0.5 else 0.0) - 0.2 * v[0]
@@ -182,8 +182,8 @@ def test_a_drive_ignores_errors_and_commands_in_its_deadband(folder: Path) -> No
         assert abs(path_of(make_env(family)) - by_hand(family, turning)).max() <= 1e-12
 
 
-def test_noise_has_the_standard_deviation_of_the_document_and_acts_after_the_delay(folder: Path) -> None:
-    """The command 0 plus noise is the torque of the motor. Seeds repeat the noise, and delays do not add it twice."""
+def test_noise_has_the_given_deviation_and_no_delay(folder: Path) -> None:
+    """The torque of the motor is the command 0 plus noise. The noise is reproducible by seeds, and delays do not add it twice."""
     for delay in ("", ", delay: 10 ms"):
         with walker(folder, "", f", noise: 0.05 N*m{delay}") as family:
             env = make_env(family, frame_skip=1, max_steps=10_000)
@@ -199,8 +199,8 @@ def test_noise_has_the_standard_deviation_of_the_document_and_acts_after_the_del
             assert abs(np.mean(torques)) < 0.005
 
 
-def test_delays_and_custom_data_are_those_at_the_joint(folder: Path) -> None:
-    """By hand: ratio 9, efficiency 85 %."""
+def test_custom_data_are_reflected_to_the_joint(folder: Path) -> None:
+    """The expected values are computed with the ratio 9 and the efficiency 85 %."""
     actuator = "{kind: motor, effort: 0.4 N*m, velocity: 300 rad/s, stall: 0.6 N*m, delay: 9 ms, deadband: 10 mN*m, noise: 2 mN*m}"
     text = WALKER.replace(", drive: {kind: motor, effort: 2 N*m}", "").replace(
         "poses:", f"transmissions: {{belt: {{actuator: {actuator}, joint: ankle, ratio: -9, efficiency: 85 %}}}}\nposes:",
@@ -228,8 +228,8 @@ def test_other_formats_report_the_effects_as_losses(folder: Path) -> None:
     assert {one for one in lost if "delay" in one[1]} == {(target, "the delay of 0.005 s", "omitted") for target in targets[1:]}
 
 
-def test_a_delay_is_a_number_of_a_family(folder: Path) -> None:
-    """Plans write delays into models; the number of past commands follows."""
+def test_delay_is_a_setting_of_a_family(folder: Path) -> None:
+    """Plans write delays into models, including the number of past commands."""
     with walker(folder, "", ", delay: 20 ms") as family:
         name = "joints.ankle.drive.delay"
         models = list(family.models([{name: delay} for delay in ("19.5 ms", "19.9 ms", "31 ms")]))
@@ -237,7 +237,7 @@ def test_a_delay_is_a_number_of_a_family(folder: Path) -> None:
         assert found == [(0.0195, 10), (0.0199, 10), (0.031, 16)]
 
 
-def test_a_mujoco_model_is_imported_with_its_effects(folder: Path) -> None:
+def test_import_of_a_mujoco_model_keeps_effects(folder: Path) -> None:
     effects = "stall: 3 N*m, velocity: 9 rad/s, delay: 5 ms, deadband: 1 mN*m, noise: 2 mN*m"
     (folder / "walker.yaml").write_text(WALKER.replace("effort: 2 N*m}", f"effort: 2 N*m, {effects}}}"))
     mode = thingc.compile(folder / "walker.yaml").modes["front"]
@@ -264,7 +264,7 @@ def test_models_for_mjx_and_drake_report_delays(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("integrator", ["euler", "rk4", "implicit", "implicitfast"])
-def test_effects_without_effect_change_nothing(folder: Path, integrator: str) -> None:
+def test_negligible_effects_change_nothing(folder: Path, integrator: str) -> None:
     """A tiny deadband only selects the steps in which effects can act, with and without a delay."""
     more = {"integrator: euler": f"integrator: {integrator}"}
     for delay in ("", ", delay: 6 ms"):

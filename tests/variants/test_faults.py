@@ -1,8 +1,5 @@
-"""What a batch survives: runners that die, hang or raise, interrupts, a killed driver, a full disk. Real processes, real signals.
-
-The faults are brought about by a target of our own (`robots.EMITTER`), installed as a package's entry point, which does in the
-runner what the variant's parameter `fault` says.
-"""
+"""Batches with faults: runners that end, hang or raise, interrupts, a killed driver, and a full disk. Processes and signals are real. A
+target (`robots.EMITTER`), installed as an entry point of a package, causes the fault that the parameter `fault` of a variant selects."""
 
 from __future__ import annotations
 
@@ -40,11 +37,11 @@ FAULTS = """
 
 
 ALONE = ("--pictures", "none", "--jobs", "1")
-"""One runner does, where runners are not what is asked about: they take longer to start than these variants."""
+"""A single runner, for tests that do not depend on runners. A runner takes longer to start than these variants take to build."""
 
 
 def listed(faults: dict[int, str], count: int = 24) -> str:
-    """A document of so many variants, some of them with a fault."""
+    """Return a document of several variants, of which some have a fault."""
     entries = "".join(
         f"      - {{parameters: {{length: {200 + 10 * k} mm, fault: {faults.get(k, 'none')}}}}}\n" for k in range(count)
     )
@@ -74,7 +71,7 @@ def started(folder: Path, env: dict[str, str], *more: str) -> subprocess.Popen[s
 
 
 def wait_for_lines(folder: Path, count: int, process: subprocess.Popen[str]) -> None:
-    """Until so many variants are in the journal."""
+    """Wait until the journal contains this number of variants."""
     path = folder / "build" / "faults" / "journal.jsonl"
     deadline = time.monotonic() + 120.0
     while time.monotonic() < deadline:
@@ -90,13 +87,13 @@ def descendants(pid: int) -> list[psutil.Process]:
 
 
 def assert_gone(processes: list[psutil.Process]) -> None:
-    """No process of a batch outlives it by more than a moment, which is long on a busy machine."""
+    """Check that no process of a batch runs much longer than the batch. The limit is long for busy machines."""
     _, alive = psutil.wait_procs(processes, timeout=60.0)
     assert not [one for one in alive if one.status() != psutil.STATUS_ZOMBIE]
 
 
 def assert_whole(folder: Path, count: int) -> None:
-    """Every variant once in the journal, with a whole folder, and nothing else."""
+    """Check that the journal contains every variant once, with a complete folder, and nothing else."""
     out = folder / "build" / "faults"
     assert Counter(line["index"] for line in journal(folder)) == Counter(range(count))
     assert {line["id"] for line in journal(folder)} == {p.name for p in (out / "variants").iterdir()}
@@ -106,7 +103,7 @@ def assert_whole(folder: Path, count: int) -> None:
     assert not [p for p in (out / "assets").iterdir() if len(p.name) != 64]
 
 
-def test_exactly_the_variants_that_end_their_runners_are_lost(tmp_path: Path, shared_store: str) -> None:
+def test_only_variants_that_end_their_runners_fail(tmp_path: Path, shared_store: str) -> None:
     faults = {3: "kill", 4: "segv", 7: "hang", 8: "raise"}
     here = workspace(tmp_path, faults=listed(faults, 10))
     env = environment(shared_store, with_emitter(tmp_path))
@@ -125,7 +122,7 @@ def test_exactly_the_variants_that_end_their_runners_are_lost(tmp_path: Path, sh
     assert "failed" in done.stderr and Code.VARIANT_HUNG.code in done.stderr and "Traceback" not in done.stderr
 
 
-def test_a_runner_that_somebody_kills_costs_one_variant(tmp_path: Path, shared_store: str) -> None:
+def test_killed_runner_loses_one_variant(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(24), "slow")))
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--jobs", "2")
@@ -141,7 +138,7 @@ def test_a_runner_that_somebody_kills_costs_one_variant(tmp_path: Path, shared_s
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, shared_store: str, number: signal.Signals) -> None:
+def test_interrupted_batch_can_be_resumed(tmp_path: Path, shared_store: str, number: signal.Signals) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(16), "slow"), 16))
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--jobs", "2", "--limit", "14", "--emit", "faulty,mjcf", "--verify", "none")
@@ -167,7 +164,7 @@ def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, sh
     assert all((here / "build/faults/variants" / id / "manifest.json").stat().st_mtime_ns == when for id, when in before.items())
 
 
-def test_what_failed_is_built_again_when_it_is_asked_for(tmp_path: Path, shared_store: str) -> None:
+def test_failed_variants_are_built_again_on_request(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, faults=listed({3: "kill", 5: "raise"}, 7))
     path = with_emitter(tmp_path)
     env = environment(shared_store, path)
@@ -186,8 +183,8 @@ def test_what_failed_is_built_again_when_it_is_asked_for(tmp_path: Path, shared_
     assert len(built) == 6 and built == {place.name for place in (here / "build/faults/variants").iterdir()}
 
 
-def test_a_part_that_crashed_is_modelled_again_when_it_is_asked_for(tmp_path: Path) -> None:
-    """The part ends its process as long as a file is there that it does not read, so that its key knows nothing of it."""
+def test_crashed_part_is_built_again_on_request(tmp_path: Path) -> None:
+    """The part ends its process as long as a file exists that it does not read, so its key does not depend on the file."""
     mood = tmp_path / "bad mood"
     mood.touch()
     parts = f"""
@@ -236,8 +233,8 @@ def test_a_part_that_crashed_is_modelled_again_when_it_is_asked_for(tmp_path: Pa
     assert statuses(resume=True, retry=True) == [("built", ""), ("built", "")]
 
 
-def test_a_killed_driver_takes_its_runners_along_and_can_be_resumed(tmp_path: Path, shared_store: str) -> None:
-    """SIGKILL again and again, at any moment: what comes out is what an undisturbed batch writes."""
+def test_runners_end_with_a_killed_driver_and_resume_works(tmp_path: Path, shared_store: str) -> None:
+    """The driver is killed by SIGKILL several times at random moments. The final result equals that of an undisturbed batch."""
     here = workspace(tmp_path, faults=FAULTS)
     env = environment(shared_store, with_emitter(tmp_path))
     more = ["--jobs", "2"]
@@ -260,7 +257,7 @@ def test_a_killed_driver_takes_its_runners_along_and_can_be_resumed(tmp_path: Pa
     assert tree(here / "build/faults/variants") == tree(fresh / "build/faults/variants")
 
 
-def test_the_second_batch_in_a_folder_is_told(tmp_path: Path, shared_store: str) -> None:
+def test_second_batch_in_a_folder_is_an_error(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(4), "slow"), 4))
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--jobs", "1")
@@ -273,8 +270,8 @@ def test_the_second_batch_in_a_folder_is_told(tmp_path: Path, shared_store: str)
     assert_whole(here, 4)
 
 
-def test_two_batches_at_once_on_one_store(tmp_path: Path) -> None:
-    """Both need the same parts, which nobody has modelled before."""
+def test_two_batches_share_a_store(tmp_path: Path) -> None:
+    """Both need the same parts, which are not built yet."""
     text = """
         thingc: variants/1
         assembly: stand.yaml
@@ -292,7 +289,7 @@ def test_two_batches_at_once_on_one_store(tmp_path: Path) -> None:
 # --- a system that refuses -------------------------------------------------------------------------------------------
 
 
-def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path: Path, shared_store: str) -> None:
+def test_unwritable_folder_is_reported(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]"))
     (tmp_path / "file").write_text("")
     done = thingc_here("batch", "faults.yaml", *ALONE, "-o", "file/inside", cwd=here, store=shared_store)
@@ -300,8 +297,8 @@ def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path: Path, shared
     assert "Traceback" not in done.err
 
 
-def test_a_disk_that_takes_no_more_ends_the_batch_in_words_and_it_goes_on_later(tmp_path: Path, shared_store: str) -> None:
-    """No file may grow beyond 9 kB: the journal meets the limit first, as it would meet a full disk."""
+def test_file_size_limit_ends_the_batch_and_resume_works(tmp_path: Path, shared_store: str) -> None:
+    """No file may grow beyond 9 kB. The journal reaches the limit first, as on a full disk."""
     here = workspace(tmp_path, faults=FAULTS)
     env = environment(shared_store, with_emitter(tmp_path))
 
@@ -333,7 +330,7 @@ def small_disk(tmp_path: Path) -> Path:
     subprocess.run(["umount", "-l", str(place)], check=True)
 
 
-def test_a_full_disk_ends_the_batch_in_words_and_it_goes_on_later(tmp_path: Path, shared_store: str, small_disk: Path) -> None:
+def test_full_disk_ends_the_batch_and_resume_works(tmp_path: Path, shared_store: str, small_disk: Path) -> None:
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]").replace("count: 24", "count: 80"))
     env = environment(shared_store)
     done = thingc("batch", "faults.yaml", *ALONE, "-o", str(small_disk), cwd=here, env=env)
@@ -347,7 +344,7 @@ def test_a_full_disk_ends_the_batch_in_words_and_it_goes_on_later(tmp_path: Path
     assert again.returncode == 0 and f"({len(noted)} of them in earlier runs)" in again.stderr, again.stderr
 
 
-def test_a_store_that_cannot_be_used_is_said_in_words(tmp_path: Path) -> None:
+def test_unusable_store_is_reported(tmp_path: Path) -> None:
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]").replace("pendulum", "stand").replace("length", "side")
                      .replace("200 mm, to: 430 mm", "20 mm, to: 43 mm"))
     (tmp_path / "file").write_text("")
@@ -355,8 +352,8 @@ def test_a_store_that_cannot_be_used_is_said_in_words(tmp_path: Path) -> None:
     assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "Traceback" not in done.stderr, done.stderr
 
 
-def test_where_no_runner_can_be_started_it_is_said(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As where the system has no process left: here the interpreter is gone."""
+def test_missing_interpreter_is_reported(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The missing interpreter stands for a system that cannot start further processes."""
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]"))
     monkeypatch.setattr(sys, "executable", str(tmp_path / "gone"))
     why = "cannot start a process for variants: cannot start a process: No such file or directory"
@@ -365,7 +362,7 @@ def test_where_no_runner_can_be_started_it_is_said(tmp_path: Path, shared_store:
     assert caught.value.diagnostic.code is Code.RUNNERS
 
 
-def test_runners_that_do_not_start_end_the_batch_in_words(tmp_path: Path, shared_store: str) -> None:
+def test_runners_that_do_not_start_are_reported(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]"))
     place = tmp_path / "broken"
     place.mkdir()
@@ -421,7 +418,7 @@ def bad_parts(folder: Path, text: str) -> Path:
     return here
 
 
-def test_a_part_that_fails_costs_its_variant_alone_and_no_runner(tmp_path: Path) -> None:
+def test_failing_part_affects_only_its_variant(tmp_path: Path) -> None:
     here = bad_parts(tmp_path, """
         thingc: variants/1
         assembly: bad.yaml
@@ -438,7 +435,7 @@ def test_a_part_that_fails_costs_its_variant_alone_and_no_runner(tmp_path: Path)
     assert len({line["pid"] for line in journal(here)}) == 1
 
 
-def test_a_killed_driver_takes_the_geometry_workers_along(tmp_path: Path) -> None:
+def test_geometry_workers_end_with_a_killed_driver(tmp_path: Path) -> None:
     here = bad_parts(tmp_path, """
         thingc: variants/1
         assembly: bad.yaml
@@ -460,7 +457,7 @@ def test_a_killed_driver_takes_the_geometry_workers_along(tmp_path: Path) -> Non
 
 
 class Losing(ThreadPoolExecutor):
-    """An executor that loses every variant the first `losses` times that it is handed out, as a cluster loses workers."""
+    """An executor that loses every variant the first `losses` times that it is submitted, like a cluster that loses workers."""
 
     def __init__(self, losses: int) -> None:
         super().__init__(2)
@@ -480,7 +477,7 @@ def _lose() -> None:
 
 
 @pytest.mark.parametrize(("losses", "statuses"), [(2, {"built": 24}), (3, {"failed": 24})])
-def test_variants_that_an_executor_loses_are_handed_out_again(
+def test_lost_variants_are_submitted_again(
     tmp_path: Path, shared_store: str, losses: int, statuses: dict[str, int],
 ) -> None:
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]"))

@@ -1,4 +1,4 @@
-"""One model for a batch: put in place, each variant's numbers make the model that MuJoCo compiles of the variant itself."""
+"""One model for a batch: with the numbers of a variant written in place, it equals the model that MuJoCo compiles for the variant."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def loaded_some(some: Path) -> BatchResults:
 
 
 def trajectory(model: mujoco.MjModel, steps: int = 300) -> np.ndarray:
-    """qpos and qvel (steps, nq + nv) with a control that moves to and fro."""
+    """Return qpos and qvel (steps, nq + nv) for an oscillating control."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     seen = np.empty((steps, model.nq + model.nv))
@@ -39,7 +39,7 @@ def trajectory(model: mujoco.MjModel, steps: int = 300) -> np.ndarray:
     return seen
 
 
-def test_the_model_in_place_moves_as_the_variants_own_to_the_last_bit(sliders: BatchResults) -> None:
+def test_model_in_place_moves_like_the_compiled_model(sliders: BatchResults) -> None:
     model, own = fields(sliders, scene=True)
     assert own and all(len(values) == len(sliders) == 8 for values in own.values())
     assert {"body_mass", "dof_damping", "body_ipos"} <= set(own) and "geom_type" not in own
@@ -64,7 +64,7 @@ def test_frames_lengths_and_poses_differ_in_place(some: BatchResults) -> None:
             assert trajectory(model, 100).tobytes() == trajectory(variant.model(mode), 100).tobytes()
 
 
-def test_rollout_takes_the_models_in_place(sliders: BatchResults) -> None:
+def test_rollout_accepts_models_in_place(sliders: BatchResults) -> None:
     model, own = fields(sliders, scene=True)
     models = []
     for index in range(len(sliders)):
@@ -81,7 +81,7 @@ def test_rollout_takes_the_models_in_place(sliders: BatchResults) -> None:
         np.testing.assert_array_equal(states[index][:, 1: 1 + model.nq + model.nv], trajectory(variant.model(scene=True)))
 
 
-def test_what_was_written_is_read_back_and_is_the_same_every_time(sliders: BatchResults, tmp_path: Path) -> None:
+def test_written_fields_are_reproducible(sliders: BatchResults, tmp_path: Path) -> None:
     for name in ("a", "b"):
         assert write(sliders, tmp_path / f"{name}.npz", scene=True) == str(tmp_path / f"{name}.mjz")
     for kind in ("npz", "mjz"):
@@ -98,7 +98,7 @@ def test_what_was_written_is_read_back_and_is_the_same_every_time(sliders: Batch
         write(sliders, tmp_path / "a.zip")
 
 
-def test_other_geometry_or_another_tree_is_refused_by_name(boards: Path, arms: Path) -> None:
+def test_other_geometry_or_another_tree_is_an_error(boards: Path, arms: Path) -> None:
     with pytest.raises(StructuresDiffer, match=r"kind `mesh` differ in `boards_0` and `boards_1`: `plates\.Square") as refused:
         fields(boards)
     assert refused.value.field == "nmesh"
@@ -143,7 +143,7 @@ TOSSES = """
 
 
 def test_primitives_of_another_size_collide_in_place(tmp_path: Path, shared_store: str) -> None:
-    """Where nothing is a mesh, other geometry is other numbers: sizes, places, and the boxes around them."""
+    """Without meshes, geometry consists of numbers: sizes, positions, and bounding boxes."""
     folder = workspace(tmp_path, tossed=TOSSED, tosses=TOSSES)
     (folder / "parts" / "bricks.py").write_text(textwrap.dedent(BRICKS))
     family = load(run(str(folder / "tosses.yaml"), options=Options(store=shared_store), jobs=1).folder)
@@ -164,7 +164,7 @@ def test_primitives_of_another_size_collide_in_place(tmp_path: Path, shared_stor
 
 
 def tumbled(model: mujoco.MjModel) -> np.ndarray:
-    """qpos (steps, nq) and the number of contacts (steps, 1) of what falls on the floor."""
+    """Return qpos (steps, nq) and the number of contacts (steps, 1) of objects that fall on the floor."""
     data = mujoco.MjData(model)
     seen = np.empty((400, model.nq + 1))
     for k in range(len(seen)):
@@ -198,11 +198,11 @@ MAY_DIFFER = {
     "tendon_margin", "tendon_range", "tendon_rgba", "tendon_solimp_fri", "tendon_solimp_lim", "tendon_solref_fri", "tendon_solref_lim",
     "tendon_stiffness", "tendon_stiffnesspoly", "tendon_user", "tendon_width", "wrap_prm",
 }
-"""Every field that may be changed in place, of MuJoCo 3.17: somebody has looked at each."""
+"""The fields that can be changed in place in MuJoCo 3.17. Each of them was reviewed."""
 
 
-def test_every_array_of_a_model_may_differ_or_is_refused(sliders: BatchResults) -> None:
-    """No array is forgotten: change any entry of any, and it is either among the fields or refused with its name."""
+def test_every_array_can_differ_or_is_rejected(sliders: BatchResults) -> None:
+    """If any entry of any array changes, the array is either one of the fields, or its name is in the error."""
     model = sliders[0].model(scene=True)
     checked = {"may": 0, "may not": 0}
     for name in dir(model):
@@ -222,13 +222,13 @@ def test_every_array_of_a_model_may_differ_or_is_refused(sliders: BatchResults) 
     assert checked["may"] > 60 and checked["may not"] > 90
 
 
-def test_no_field_becomes_changeable_by_itself() -> None:
-    """A new array of MuJoCo is not changed in place before somebody has looked whether structure follows from it."""
+def test_new_arrays_of_mujoco_are_not_changed_in_place() -> None:
+    """For a new array of MuJoCo, somebody must first review whether the structure of the model depends on it."""
     fields = shared_model.changeable_fields()
     assert fields - MAY_DIFFER == set() and {"body_mass", "opt.gravity"} <= fields
 
 
-def test_who_differs_is_said(sliders: BatchResults) -> None:
+def test_differing_variant_is_named(sliders: BatchResults) -> None:
     model = sliders[0].model()
     for field, words in (
         ("jnt_limited", r"`jnt_limited` differs in `sliders_0` and `sliders_1` \(joint `slide`: True and False\)"),
@@ -246,7 +246,7 @@ def test_who_differs_is_said(sliders: BatchResults) -> None:
         shared_model._same_structure(model, other, sliders[0], sliders[1])
 
 
-def test_fields_of_another_batch_are_refused_and_nothing_is_changed(sliders: BatchResults, some: BatchResults) -> None:
+def test_fields_of_another_batch_are_rejected(sliders: BatchResults, some: BatchResults) -> None:
     model, own = fields(sliders)
     _, other = fields(some, "flying")
     before = arrays(model)

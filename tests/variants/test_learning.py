@@ -1,4 +1,4 @@
-"""The environment over a batch, by Gymnasium's own checker and in its vectors, and against MuJoCo stepped by hand."""
+"""The environment of a batch, checked by Gymnasium's checker, in its vector environments, and against MuJoCo."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from thingc.batch.gym.variants_env import ENVIRONMENT, make_env
 
 
 def episode(env: Any, steps: int, seed: int) -> list[Any]:
-    """All that an environment says of an episode with actions of this seed, as plain values."""
+    """Return all results of an episode with random actions of this seed, as plain values."""
     random = np.random.default_rng(seed)
     observation, info = env.reset(seed=seed)
     seen = [observation.tolist(), str(info)]
@@ -31,14 +31,14 @@ def episode(env: Any, steps: int, seed: int) -> list[Any]:
 
 @pytest.mark.filterwarnings("ignore:.*A Box observation space m..imum value is.*")
 @pytest.mark.parametrize("mode", ["hanging", "flying"])
-def test_gymnasium_finds_nothing_wrong(some: Path, mode: str) -> None:
+def test_gymnasium_checker_finds_no_errors(some: Path, mode: str) -> None:
     env = gymnasium.make(ENVIRONMENT, folder=str(some), mode=mode, descriptor=("parameters.length", "mass"), noise=0.1, max_steps=50)
     check_env(env.unwrapped)
     env.close()
 
 
 @pytest.mark.parametrize("vectorization", ["sync", "async"])
-def test_vectors_of_environments_do_what_single_ones_do(some: Path, vectorization: str) -> None:
+def test_vector_environments_equal_single_environments(some: Path, vectorization: str) -> None:
     given: dict[str, Any] = {"folder": str(some), "mode": "hanging", "reward": "forward", "max_steps": 500}
     vector = gymnasium.make_vec(ENVIRONMENT, num_envs=3, vectorization_mode=vectorization, **given)
     try:
@@ -58,7 +58,7 @@ def test_vectors_of_environments_do_what_single_ones_do(some: Path, vectorizatio
         vector.close()
 
 
-def test_an_episode_is_what_mujoco_makes_of_the_variants_file(some: Path) -> None:
+def test_episode_equals_a_simulation_of_the_file(some: Path) -> None:
     env = make_env(some, mode="hanging", frame_skip=4, max_steps=30, reward=lambda step: float(step.data.qpos[0]))
     variant = load(some)[3]
     observation, info = env.reset(seed=1, options={"variant": variant.name})
@@ -87,7 +87,7 @@ def test_the_same_seed_gives_the_same_episodes(some: Path) -> None:
     assert drawn[0] == drawn[1] and len(set(drawn[0])) > 2
 
 
-def test_variants_are_drawn_by_their_weights(some: Path) -> None:
+def test_variants_are_sampled_by_weight(some: Path) -> None:
     family = load(some)
     env = make_env(some, mode="hanging", seed=1)
     counts = Counter(env.reset()[1]["variant"] for _ in range(800))
@@ -113,7 +113,7 @@ def test_the_descriptor_spans_the_family(some: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:.*A Box observation space m..imum value is.*")
-def test_other_sizes_are_refused_by_name_or_padded(arms: Path) -> None:
+def test_other_sizes_are_rejected_or_padded(arms: Path) -> None:
     with pytest.raises(FamilyError, match=r"variant `arms_0` has nq = 1, but `arms_1` has 2: .*`pad=True`"):
         make_env(arms, reward="hold")
     env = make_env(arms, pad=True, descriptor=("mass",))
@@ -136,7 +136,7 @@ def test_models_in_memory_are_bounded(some: Path) -> None:
         assert env._of.cache_info().currsize <= 3
 
 
-def test_tasks_are_what_they_say(some: Path) -> None:
+def test_tasks(some: Path) -> None:
     rewards = set()
     for task in ("forward", "hold"):
         env = make_env(some, mode="hanging", reward=task, seed=3)
@@ -158,7 +158,7 @@ def test_tasks_are_what_they_say(some: Path) -> None:
     assert len(rewards) == 4
 
 
-def test_an_episode_ends_where_the_caller_or_mujoco_says(some: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_episode_ends(some: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes MUJOCO_LOG.TXT
     env = make_env(some, mode="hanging", terminated=lambda step: step.data.time > 0.0249, frame_skip=3, seed=2)
     env.reset()
@@ -173,7 +173,7 @@ def test_an_episode_ends_where_the_caller_or_mujoco_says(some: Path, tmp_path: P
     assert not env.step(np.ones(1))[2]
 
 
-def test_what_cannot_be_is_said_in_words(some: Path) -> None:
+def test_errors(some: Path) -> None:
     for given, words in (
         ({}, "has 2 modes, `hanging`, `flying`: select one with `mode="),
         ({"mode": "hangin"}, "did you mean `hanging`"),
@@ -205,7 +205,7 @@ def test_what_cannot_be_is_said_in_words(some: Path) -> None:
         env.step(np.zeros(2))
 
 
-def test_without_gymnasium_it_says_what_to_install() -> None:
+def test_missing_gymnasium_is_reported() -> None:
     program = "import sys; sys.modules['gymnasium'] = None\nimport thingc.batch.gym.variants_env"
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert said.returncode == 1 and said.stderr.endswith("ImportError: environments need Gymnasium: pip install 'thingc[learning]'\n")

@@ -1,4 +1,4 @@
-"""Batches read back as models: what is there, what is not, and that meshes are read once."""
+"""Loading of batches as models: existing and missing variants. Each mesh is read once."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def table(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_a_family_is_what_the_table_says(some: Path) -> None:
+def test_results_equal_the_table(some: Path) -> None:
     family = load(some)
     rows = [row for row in table(some) if row["status"] == "built"]
     assert 0 < len(rows) < 12 and family.planned == 12 and family.finished and family.name == "some"
@@ -44,7 +44,7 @@ def test_a_family_is_what_the_table_says(some: Path) -> None:
     assert [row["status"] for row in family.rows] == [row["status"] for row in table(some)]
 
 
-def test_variants_are_found_by_place_id_and_name(some: Path) -> None:
+def test_variants_are_found_by_index_id_and_name(some: Path) -> None:
     family = load(some)
     third = family[2]
     assert family[third.id] is third and family[third.name] is third and family[2 - len(family)] is third
@@ -54,7 +54,7 @@ def test_variants_are_found_by_place_id_and_name(some: Path) -> None:
         family[99]
 
 
-def test_a_family_is_filtered_by_columns_or_by_a_function(some: Path) -> None:
+def test_results_are_filtered_by_columns_or_a_function(some: Path) -> None:
     family = load(some)
     short = load(some, where={"parameters.length": 0.2, "mass": (2.0, 2.42)})
     wanted = [one.id for one in family if one.settings["length"] == 0.2 and one.results["mass"] <= 2.42]
@@ -68,7 +68,7 @@ def test_a_family_is_filtered_by_columns_or_by_a_function(some: Path) -> None:
         load(some, where={"mas": 1.0})
 
 
-def test_models_are_those_of_the_files(some: Path) -> None:
+def test_models_equal_those_of_the_files(some: Path) -> None:
     family = load(some, mode="flying")
     for variant in family:
         files = Path(variant.folder, "mjcf")
@@ -79,7 +79,7 @@ def test_models_are_those_of_the_files(some: Path) -> None:
     assert family[0].model().body("weight").mass[0] == family[0].settings["bob"]
 
 
-def test_without_what_is_drawn_a_model_moves_in_the_same_way(sliders: Path) -> None:
+def test_models_without_visual_geometry_move_alike(sliders: Path) -> None:
     for scene in (False, True):
         variant = load(sliders)[0]
         mode = "lying"
@@ -97,14 +97,14 @@ def test_without_what_is_drawn_a_model_moves_in_the_same_way(sliders: Path) -> N
         assert (states[0][2] > 0) == scene  # it lies on the floor
 
 
-def test_sizes_are_those_of_the_compiled_model(some: Path, boards: Path, sliders: Path, arms: Path) -> None:
+def test_sizes_equal_those_of_the_compiled_model(some: Path, boards: Path, sliders: Path, arms: Path) -> None:
     for variant in (variant for folder in (some, boards, sliders, arms) for variant in load(folder)):
         for mode in variant.family.mode_names:
             model, sizes = variant.model(mode), variant.sizes(mode)
             assert (sizes.nq, sizes.nv, sizes.nu) == (model.nq, model.nv, model.nu)
 
 
-def test_meshes_with_links_are_read_once_and_the_right_ones_are_used(boards: Path) -> None:
+def test_linked_meshes_are_read_once(boards: Path) -> None:
     family = load(boards)
     sources = [variant.sources()[1] for variant in family]
     names = [name for name in sources[0] if "Round" in name]
@@ -125,8 +125,8 @@ def test_meshes_in_memory_are_bounded(boards: Path, monkeypatch: pytest.MonkeyPa
         assert len(family.meshes._contents) == len(list(Path(variant.folder, "mjcf", "assets").iterdir()))
 
 
-def test_threads_share_a_family(boards: Path) -> None:
-    """Whoever comes first reads a mesh; those who come meanwhile wait for it, and get the same one."""
+def test_threads_share_meshes(boards: Path) -> None:
+    """The first thread reads a mesh. The other threads wait for it, and get the same mesh."""
     together = threading.Barrier(8)
     read = len(list((boards / "assets").iterdir()))
 
@@ -140,8 +140,8 @@ def test_threads_share_a_family(boards: Path) -> None:
             assert len({id(data) for files in found for data in files.values()}) == read
 
 
-def test_a_family_goes_to_other_processes(boards: Path) -> None:
-    """Environments and process pools hand variants to their workers, whatever has been read of them here."""
+def test_results_can_be_pickled(boards: Path) -> None:
+    """Environments and process pools send variants to their workers, regardless of the variants that were loaded here."""
     family = load(boards)
     model = family[1].model(visual=False)
     copy = pickle.loads(pickle.dumps(family))
@@ -162,7 +162,7 @@ def test_modes_switch_between_the_models_of_a_variant(some: Path) -> None:
     assert flying.body("weight").xpos == pytest.approx(hanging.body("weight").xpos, abs=1e-12)
 
 
-def test_what_is_not_there_is_said_in_words(some: Path, tmp_path: Path, shared_store: str) -> None:
+def test_missing_variants_are_errors(some: Path, tmp_path: Path, shared_store: str) -> None:
     family = load(some)
     out = next(row for row in family.rows if row["status"] == "kept_out")
     for wrong, words in (
@@ -188,7 +188,7 @@ def test_what_is_not_there_is_said_in_words(some: Path, tmp_path: Path, shared_s
         bills[0].model("flying")
 
 
-def test_an_unfinished_batch_gives_what_is_there(some: Path, tmp_path: Path) -> None:
+def test_unfinished_batch_can_be_loaded(some: Path, tmp_path: Path) -> None:
     here = tmp_path / "some"
     shutil.copytree(some, here)
     described = json.loads((here / "batch.json").read_text())
@@ -205,7 +205,7 @@ def test_an_unfinished_batch_gives_what_is_there(some: Path, tmp_path: Path) -> 
     assert len(load(here)) == len(family) - 1
 
 
-def test_loading_is_light(some: Path) -> None:
+def test_loading_imports_few_modules(some: Path) -> None:
     program = (
         "import sys, thingc.batch as v; f = v.load(sys.argv[1]); n = len(f); print(n, f[0].sizes('flying').nq); "
         "print(sorted(m for m in ('numpy', 'mujoco', 'pyarrow', 'gymnasium', 'networkx', 'build123d') if m in sys.modules))"
@@ -215,20 +215,20 @@ def test_loading_is_light(some: Path) -> None:
 
 
 @pytest.mark.parametrize(("scene", "visual"), [(False, True), (True, False)])
-def test_of_variants_that_differ_in_numbers_few_models_are_compiled(
+def test_few_models_are_compiled_if_only_numbers_differ(
     sliders: Path, scene: bool, visual: bool, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     family = load(sliders)
     drawn = [family[k] for k in (3, 1, *range(8), *reversed(range(8)), 5, 3)]
     whole = [variant.model(scene=scene, visual=visual) for variant in drawn]
     compiled: list[str] = []
-    plain = BuiltVariant._compiled
+    plain = BuiltVariant._compile
 
     def counted(variant: BuiltVariant, *given: Any) -> Any:
         compiled.append(variant.id)
         return plain(variant, *given)
 
-    monkeypatch.setattr(BuiltVariant, "_compiled", counted)
+    monkeypatch.setattr(BuiltVariant, "_compile", counted)
     for share in (False, True):
         for model, other in zip(family.models(drawn, scene=scene, visual=visual, share=share), whole, strict=True):
             assert not different_fields(model, other)
@@ -241,7 +241,7 @@ def test_of_variants_that_differ_in_numbers_few_models_are_compiled(
     assert not different_fields(alone, whole[1])
 
 
-def test_models_of_other_structure_are_each_compiled(some: Path, boards: Path, arms: Path) -> None:
+def test_models_with_other_structure_are_compiled(some: Path, boards: Path, arms: Path) -> None:
     for folder in (some, boards, arms):  # joints, meshes; and masses of bodies whose `diaginertia` the compiler takes for something else
         family = load(folder)
         for mode in family.mode_names:
@@ -249,8 +249,8 @@ def test_models_of_other_structure_are_each_compiled(some: Path, boards: Path, a
                 assert [arrays(one) for one in family.models(mode=mode)] == [arrays(variant.model(mode)) for variant in family]
 
 
-def test_where_an_array_is_written_wrongly_models_are_compiled(sliders: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first that comes without a compilation is compared with one."""
+def test_wrong_array_leads_to_compilation(sliders: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first model that is created without a compilation is compared with a compiled one."""
     from thingc.batch.mujoco_arrays import arrays as patched
 
     family = load(sliders)
@@ -258,14 +258,14 @@ def test_where_an_array_is_written_wrongly_models_are_compiled(sliders: Path, mo
     assert [arrays(one) for one in family.models()] == [arrays(variant.model()) for variant in family]
 
 
-def test_variants_with_the_same_meshes_share_what_mujoco_was_given(tmp_path: Path) -> None:
-    """Each has links to them in a folder of its own."""
+def test_variants_with_equal_meshes_share_files_in_mujoco(tmp_path: Path) -> None:
+    """Each variant has links to the meshes in a separate folder."""
     meshes, seen = MeshFiles(), []
     (tmp_path / "mesh.obj").write_bytes(b"v 0 0 0")
     for name in ("one", "other"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "mesh.obj").hardlink_to(tmp_path / "mesh.obj")
         stated = (tmp_path / name / "mesh.obj").stat()
-        with meshes.mounted({"mesh.obj": ((stated.st_dev, stated.st_ino), str(tmp_path / name / "mesh.obj"))}) as files:
+        with meshes.mount({"mesh.obj": ((stated.st_dev, stated.st_ino), str(tmp_path / name / "mesh.obj"))}) as files:
             seen.append(files)
     assert seen[0] is seen[1]

@@ -1,4 +1,4 @@
-"""Results against MuJoCo, on the models that the same compilation has written."""
+"""Results compared with MuJoCo, on the models of the same compilation."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def compiled(root: Path, shared_store: str) -> dict[str, tuple[Compilation, thin
 
 
 def posed(model: Any, robot: Robot, pose: str | None) -> Any:
-    """The state of a keyframe (None: that of the mode's own pose, q = 0 where it has none), at rest."""
+    """Return the state of a keyframe at rest. For None, return the pose of the mode, or q = 0 without a pose."""
     data = mujoco.MjData(model)
     name = pose or robot.mode.pose
     if name is not None:
@@ -50,7 +50,7 @@ def robot_of(compilation: Compilation, mode: str) -> Robot:
 
 
 @pytest.mark.parametrize(("document", "mode", "pose"), CASES)
-def test_torque_margin_is_that_of_inverse_dynamics(compiled: Any, document: str, mode: str, pose: str | None) -> None:
+def test_torque_margin_equals_inverse_dynamics(compiled: Any, document: str, mode: str, pose: str | None) -> None:
     compilation, written = compiled[document]
     model = written.modes[mode].model()
     data = posed(model, robot_of(compilation, mode), pose)
@@ -67,8 +67,8 @@ def test_torque_margin_is_that_of_inverse_dynamics(compiled: Any, document: str,
 
 
 @pytest.mark.parametrize(("document", "mode", "pose"), CASES)
-def test_mass_centre_and_inertia_are_those_of_the_model(compiled: Any, document: str, mode: str, pose: str | None) -> None:
-    """At q = 0, in the frame of the base component: the model's bodies, moved there by its own kinematics."""
+def test_mass_properties_equal_those_of_the_model(compiled: Any, document: str, mode: str, pose: str | None) -> None:
+    """At q = 0, in the frame of the base component. The bodies of the model are moved there by its kinematics."""
     compilation, written = compiled[document]
     robot = robot_of(compilation, mode)
     assembly = robot.assembly
@@ -109,8 +109,8 @@ def test_reach_is_the_distance_of_two_sites(compiled: Any, document: str, mode: 
 
 
 @pytest.mark.parametrize(("document", "mode", "pose"), CASES)
-def test_the_box_holds_every_vertex_and_is_not_much_larger(compiled: Any, document: str, mode: str, pose: str | None) -> None:
-    """The box is around the parts' own boxes: the vertices of all meshes lie in it; at right angles it touches them."""
+def test_box_contains_every_vertex_and_is_tight(compiled: Any, document: str, mode: str, pose: str | None) -> None:
+    """The box contains the boxes of all parts, so it contains the vertices of all meshes. At right angles, vertices touch it."""
     compilation, written = compiled[document]
     model = written.modes[mode].model()
     data = posed(model, robot_of(compilation, mode), pose)
@@ -130,7 +130,7 @@ def test_the_box_holds_every_vertex_and_is_not_much_larger(compiled: Any, docume
 
 @pytest.mark.parametrize(("document", "mode"), [("assemblies/arm.yaml", "bench"), ("assemblies/minchw/minchw.yaml", "crawl")])
 def test_lengths_are_distances_of_anchors(compiled: Any, document: str, mode: str) -> None:
-    """In a mode whose root is the base component, so that the model's joints are in the order of the document."""
+    """In a mode whose root is the base component, the joints of the model are in the order of the document."""
     compilation, written = compiled[document]
     model = written.modes[mode].model()
     data = posed(model, robot_of(compilation, mode), None)  # distances between joints of one link do not depend on the pose
@@ -145,7 +145,7 @@ def test_lengths_are_distances_of_anchors(compiled: Any, document: str, mode: st
     assert expected and found == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_pendulum_by_hand(tmp_path: Path, shared_store: str) -> None:
+def test_pendulum_in_closed_form(tmp_path: Path, shared_store: str) -> None:
     """0.5 kg at 0.3 m and 0.1 kg at 0.15 m, 20 deg from the vertical: tau = g sin(20 deg) (0.5 0.3 + 0.1 0.15)."""
     workspace(tmp_path)
     with Environment(str(tmp_path / "pendulum.yaml"), Options(store=shared_store)) as environment:

@@ -1,4 +1,4 @@
-"""Environments in which actions switch the mode; observations, controls and disturbances, each computed by hand once more."""
+"""Environments in which actions switch the mode: observations, controls and disturbances, compared with separate computations."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ def acting(mode: int, *joints: float) -> dict[str, Any]:
     return {"mode": mode, "joints": np.array(joints or (0.0, 0.0))}
 
 
-def test_a_switch_is_that_of_the_modes(family: thingc.RobotFamily) -> None:
-    """The models, the switch and the controls by hand: `rear` has no drive at the knee."""
+def test_switch_equals_that_of_modes(family: thingc.RobotFamily) -> None:
+    """The models, the switch and the controls are computed separately. `rear` has no drive at the knee."""
     env = make_env(family, modes=MODES, settings=[{"span": 0.3}], observation=("joints", "mode"), frame_skip=4)
     first, _ = env.reset(seed=1)
     assert first.tolist() == pytest.approx([0.4, -0.7, 0.0, 0.0, 1.0, 0.0, 0.0])
@@ -92,8 +92,8 @@ def test_a_switch_is_that_of_the_modes(family: thingc.RobotFamily) -> None:
     assert env.data.time == pytest.approx(20 * env.model.opt.timestep)
 
 
-def test_an_episode_begins_anew(family: thingc.RobotFamily) -> None:
-    """In the pose that was asked for, and without what was left of other modes."""
+def test_new_episode_has_a_clean_state(family: thingc.RobotFamily) -> None:
+    """The episode starts in the requested pose, without data of other modes."""
     env = make_env(family, modes=MODES, pose="flat")
     assert env.reset(seed=1)[0][:4].tolist() == pytest.approx([0.1, 0.0, 0.0, 0.0])
     env.step(acting(1))
@@ -104,7 +104,7 @@ def test_an_episode_begins_anew(family: thingc.RobotFamily) -> None:
     assert "unstable" not in env.step(acting(1))[4] and env.data is left and left.time == pytest.approx(5 * env.model.opt.timestep)
 
 
-def test_a_refused_switch_is_an_info_and_can_be_a_reward(family: thingc.RobotFamily) -> None:
+def test_refused_switch_is_in_info_and_can_set_the_reward(family: thingc.RobotFamily) -> None:
     def reward(step: Any) -> float:
         return -1.0 if step.refused else 0.5
 
@@ -154,9 +154,9 @@ def test_the_same_seed_gives_the_same_episodes(family: thingc.RobotFamily) -> No
 
 
 @pytest.mark.filterwarnings("error", "ignore:.*A Box observation space m..imum value is.*", "ignore::DeprecationWarning")
-def test_gymnasium_finds_nothing_wrong(tmp_path: Path) -> None:
+def test_gymnasium_checker_finds_no_errors(tmp_path: Path) -> None:
     if "mujoco.egl" not in sys.modules:  # MuJoCo selects its backend when it is imported: run this test in another process
-        own = ("--basetemp", str(tmp_path / "own"), "-k", "finds_nothing")
+        own = ("--basetemp", str(tmp_path / "own"), "-k", "checker_finds")
         words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *own, __file__]
         done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "MUJOCO_GL": "egl"})
         assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout + done.stderr
@@ -178,7 +178,7 @@ def test_gymnasium_finds_nothing_wrong(tmp_path: Path) -> None:
     made.close()
 
 
-def test_observations_by_hand(family: thingc.RobotFamily) -> None:
+def test_observations(family: thingc.RobotFamily) -> None:
     terms = ("joints", "sensors", "gravity", "action", "mode")
     env = make_env(family, modes=MODES, observation=terms, descriptor="span", settings=[{"span": 0.25}])
     noisy = make_env(family, modes=MODES, observation=terms, observation_noise={"gravity": 0.5}, settings=[{"span": 0.25}])
@@ -208,8 +208,8 @@ def test_observations_by_hand(family: thingc.RobotFamily) -> None:
     assert seen[:3].tolist() == pytest.approx(list(alone.data.body("body").xmat.reshape(3, 3).T @ [0, 0, -1])) and len(seen) == 3 + 8 + 2
 
 
-def test_controls_by_hand(family: thingc.RobotFamily) -> None:
-    """Scale, offset, ranges and delay, in modes with other drives."""
+def test_controls(family: thingc.RobotFamily) -> None:
+    """Scale, offset, ranges and delay, in modes with different drives."""
     env = make_env(family, modes=MODES, action_scale=(0.5, 0.2), action_delay=2)
     env.reset(seed=1)
     assert env.data.ctrl.tolist() == pytest.approx([0.4, -0.7])
@@ -239,8 +239,8 @@ def test_controls_by_hand(family: thingc.RobotFamily) -> None:
     assert late == {0, 1, 2, 3}
 
 
-def test_a_push_is_an_impulse(family: thingc.RobotFamily) -> None:
-    """Of a robot that floats: its momentum, less the weight, changes by the impulse, sideways."""
+def test_push_is_an_impulse(family: thingc.RobotFamily) -> None:
+    """The robot floats. Without its weight, its momentum changes by the sideways impulse."""
     env = make_env(family, mode="loose", push=(3, 0.5), frame_skip=4, floor=False)
     env.reset(seed=6)
     mass, weight = env.model.body_mass.sum(), env.model.opt.gravity
@@ -262,7 +262,7 @@ def momentum(data: mujoco.MjData) -> np.ndarray:
     return momenta
 
 
-def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily) -> None:
+def test_errors(family: thingc.RobotFamily) -> None:
     for given, kind, words in (
         ({"observation": ("sensor",)}, UnknownVariant, "there is no observation `sensor`: did you mean `sensors`"),
         ({"modes": (), "mode": "front", "observation": "joints"}, FamilyError, "expected `modes` for the observation `joints`"),

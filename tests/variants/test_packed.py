@@ -1,4 +1,4 @@
-"""Packed batches: many variants in a file. The oracle is the same batch with a folder for each variant, and single builds."""
+"""Packed batches: many variants in one file, compared with the same batch in folders, and with single builds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module", autouse=True)
 def small() -> Iterator[None]:
-    """Five variants to a chunk, two to a group: for batches that are driven in this process."""
+    """Five variants per chunk and two per group, for batches that run in this process."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(packed_layout, "CHUNK", 5)
         patch.setattr(packed_layout, "GROUP", 2)
@@ -44,7 +44,7 @@ def small() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def here(small: None, tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
-    """A workspace in which `some` is built, packed."""
+    """A workspace in which the batch `some` is built and packed."""
     folder = workspace(tmp_path_factory.mktemp("packed"), some=SOME, boards=BOARDS)
     summary = run(str(folder / "some.yaml"), options=Options(store=shared_store), executor=InThisProcess(), layout="packed")
     assert summary.layout == "packed" and summary.statuses == {"built": 8, "kept_out": 4}
@@ -52,11 +52,11 @@ def here(small: None, tmp_path_factory: pytest.TempPathFactory, shared_store: st
 
 
 def sealed(folder: Path) -> dict[str, bytes]:
-    """What does not tell of the run."""
+    """Return the files that do not depend on the run."""
     return {name: data for name, data in tree(folder / "chunks").items() if not name.endswith(".run.parquet")}
 
 
-def test_a_packed_batch_is_a_file_for_many_variants_and_the_same_table(here: Path, some: Path) -> None:
+def test_packed_batch_has_few_files_and_the_same_table(here: Path, some: Path) -> None:
     out = here / "build" / "some"
     assert sorted(tree(out)) == sorted([
         *(f"chunks/{k:06d}{end}" for k in range(3) for end in (".parquet", ".run.parquet")), "batch.json", "index.html",
@@ -72,7 +72,7 @@ def test_a_packed_batch_is_a_file_for_many_variants_and_the_same_table(here: Pat
     assert table.column("modes.json").to_pylist()[built] == (some / "variants" / id / "modes.json").read_bytes()
 
 
-def test_a_family_of_a_packed_batch_is_that_of_folders(here: Path, some: Path) -> None:
+def test_results_of_a_packed_batch_equal_those_of_folders(here: Path, some: Path) -> None:
     ours, theirs = load(here / "build" / "some", mode="flying"), load(some, mode="flying")
     assert [one.id for one in ours] == [one.id for one in theirs] and len(ours.rows) == len(theirs.rows) == 12
     for one, other in zip(reversed(ours), reversed(theirs), strict=True):
@@ -93,8 +93,8 @@ def test_a_family_of_a_packed_batch_is_that_of_folders(here: Path, some: Path) -
             ours[key]
 
 
-def test_an_unpacked_variant_is_the_single_build(here: Path, boards: Path, shared_store: str) -> None:
-    """Of parts: meshes are shared, names of files differ from variant to variant."""
+def test_unpacked_variant_equals_the_single_build(here: Path, boards: Path, shared_store: str) -> None:
+    """The variants have parts: meshes are shared, and the names of files differ between variants."""
     env = environment(shared_store)
     done = thingc("batch", "boards.yaml", "--layout", "packed", "--pictures", "2", "--jobs", "1", cwd=here, env=env)
     assert done.returncode == 0, done.stderr
@@ -117,8 +117,9 @@ def test_an_unpacked_variant_is_the_single_build(here: Path, boards: Path, share
     assert again.layout == "folders" and not (out / "chunks").exists() and len(list((out / "variants").iterdir())) == 1
 
 
-def test_the_same_batch_gives_the_same_chunks(here: Path, tmp_path: Path, shared_store: str) -> None:
-    """Whoever finishes first, and however often it was stopped: here after 7 of 12, within a chunk."""
+def test_chunks_are_reproducible(here: Path, tmp_path: Path, shared_store: str) -> None:
+    """The chunks do not depend on the order in which variants finish, nor on interruptions. Here, the batch stops after 7 of 12
+    variants, within a chunk."""
     other = workspace(tmp_path, some=SOME)
     options = Options(store=shared_store)
     run(str(other / "some.yaml"), options=options, executor=InThisProcess(), layout="packed", limit=7)
@@ -131,16 +132,16 @@ def test_the_same_batch_gives_the_same_chunks(here: Path, tmp_path: Path, shared
 
 
 def journalled(folder: Path, number: int) -> None:
-    """Put a sealed chunk back into its journal, the last variant first: as a batch has it before the chunk is whole."""
+    """Convert a sealed chunk back to a journal, the last variant first, as before the chunk was complete."""
     chunk = Chunk(str(folder), number)
     with Journal(str(folder / f"chunks/{number:06d}.jsonl")) as journal:
         for index in reversed(chunk.indices):
             files = {path: base64.b64encode(data).decode() for path, data in chunk.files(index).items()}
-            journal.append({**chunk.line(index), **({"files": files, "shared": chunk.shared(index)} if files else {})})
+            journal.append({**chunk.line(index), **({"files": files, "shared": chunk.asset_digests(index)} if files else {})})
     chunk.close()
 
 
-def test_a_sealed_chunk_takes_files_that_it_has_no_column_for(tmp_path: Path) -> None:
+def test_sealed_chunk_accepts_files_without_a_column(tmp_path: Path) -> None:
     (tmp_path / "chunks").mkdir()
     for index, files in enumerate(({}, {"files": {"modes.json": base64.b64encode(b"{}").decode()}, "shared": {}})):
         with PackedWriter(str(tmp_path), bytearray(2)) as writer:
@@ -152,7 +153,7 @@ def test_a_sealed_chunk_takes_files_that_it_has_no_column_for(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("sealed_before", [False, True], ids=["before the chunk is there", "before its journal is gone"])
-def test_a_kill_while_a_chunk_is_sealed_loses_nothing(here: Path, tmp_path: Path, shared_store: str, *, sealed_before: bool) -> None:
+def test_kill_during_sealing_loses_nothing(here: Path, tmp_path: Path, shared_store: str, *, sealed_before: bool) -> None:
     other = workspace(tmp_path, some=SOME)
     shutil.copytree(here / "build", other / "build")
     out = other / "build" / "some"
@@ -164,13 +165,13 @@ def test_a_kill_while_a_chunk_is_sealed_loses_nothing(here: Path, tmp_path: Path
     ours = load(out)
     assert [one.id for one in ours] == [one.id for one in load(here / "build" / "some")] and ours[4].sizes("flying").nq == 9
     assert list(in_order(str(out))) == list(in_order(str(here / "build" / "some")))
-    count, some_lines = build_records.spread(str(out), 4)
+    count, some_lines = build_records.sample_records(str(out), 4)
     assert count == 12 and list(some_lines) == list(in_order(str(out)))[::3]
     summary = run(str(other / "some.yaml"), options=Options(store=shared_store), executor=InThisProcess(), resume=True)
     assert summary.before == 12 and tree(out / "chunks") == expected
 
 
-def test_what_failed_is_packed_when_it_is_built_later(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_variants_are_packed_after_a_later_build(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
     here = workspace(tmp_path, faults=listed({1: "kill", 3: "raise", 6: "raise"}, 8))
     path = with_emitter(tmp_path)
     monkeypatch.setenv("PYTHONPATH", path)
@@ -190,8 +191,8 @@ def test_what_failed_is_packed_when_it_is_built_later(tmp_path: Path, shared_sto
     assert sealed(fresh / "build/faults") == sealed(here / "build/faults")
 
 
-def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared_store: str) -> None:
-    """SIGKILL and SIGTERM at any moment: every variant that is in a journal stays, and the chunk is that of an undisturbed batch."""
+def test_packed_batch_can_be_resumed_after_kills(tmp_path: Path, shared_store: str) -> None:
+    """SIGKILL and SIGTERM come at random moments. Every variant in a journal stays, and the chunk equals that of an undisturbed batch."""
     env = environment(shared_store, with_emitter(tmp_path))
     places = [workspace(tmp_path / name, faults=FAULTS + "    layout: packed\n") for name in ("killed", "fresh")]
     assert thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", cwd=places[1], env=env).returncode == 0
@@ -212,13 +213,13 @@ def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared
     assert sealed(here / "build/faults") == sealed(places[1] / "build/faults")
 
 
-def test_a_batch_is_gone_on_with_in_its_own_layout(here: Path, shared_store: str) -> None:
+def test_resume_keeps_the_layout(here: Path, shared_store: str) -> None:
     with pytest.raises(BatchFault, match="started with different input: its layout is `packed`, not `folders`") as caught:
         run(str(here / "some.yaml"), options=Options(store=shared_store), resume=True, layout="folders")
     assert caught.value.diagnostic.code is Code.BATCH_CHANGED
 
 
-def test_the_page_of_a_long_table_has_some_of_its_rows(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page_of_a_long_table_has_some_of_its_rows(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page, "MOST", 4)
     out = here / "build" / "some"
     described = json.loads((out / "batch.json").read_text())
@@ -228,7 +229,7 @@ def test_the_page_of_a_long_table_has_some_of_its_rows(here: Path, monkeypatch: 
 
 
 @pytest.mark.parametrize("name", ["000001.parquet", "000001.run.parquet"])
-def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, tmp_path: Path, shared_store: str) -> None:
+def test_damaged_chunk_is_reported_and_rebuilt_after_deletion(name: str, tmp_path: Path, shared_store: str) -> None:
     document = workspace(tmp_path, some=SOME) / "some.yaml"
     run(str(document), options=Options(store=shared_store), executor=InThisProcess(), layout="packed")
     out = tmp_path / "build" / "some"
@@ -256,7 +257,7 @@ def test_a_damaged_chunk_is_said_and_built_again_once_it_is_deleted(name: str, t
         load(out)
 
 
-def test_a_file_that_is_not_there_is_said(here: Path, tmp_path: Path, shared_store: str) -> None:
+def test_missing_file_is_reported(here: Path, tmp_path: Path, shared_store: str) -> None:
     other = workspace(tmp_path, some=SOME)
     run(str(other / "some.yaml"), options=Options(store=shared_store), executor=InThisProcess(), layout="packed", emit=("bom",), limit=2)
     with pytest.raises(FamilyError, match="the batch was built without the target `mjcf`"):
@@ -264,7 +265,7 @@ def test_a_file_that_is_not_there_is_said(here: Path, tmp_path: Path, shared_sto
 
 
 @pytest.mark.parametrize("way", ["shared", "shared path", "file", "file and folder", "id"])
-def test_a_chunk_of_somebody_else_writes_and_reads_nothing_outside(
+def test_untrusted_chunk_cannot_leave_the_folder(
     here: Path, tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str], way: str,
 ) -> None:
     shutil.copytree(here, tmp_path / "copy")

@@ -1,5 +1,5 @@
-"""The page of a batch, in a real browser: a copy of it gets a script of the test's own, which uses the page as a person would and
-leaves what it saw in the document. Where no Chromium is installed those tests are skipped."""
+"""The page of a batch in a real browser. A script is added to a copy of the page. It uses the page like a person, and leaves its
+observations in the document. Without Chromium, these tests are skipped."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Using = Callable[[Path, str], dict[str, object]]
 
 @pytest.fixture(scope="module")
 def seen() -> Iterator[Using]:
-    """What a program, the body of a function, returns when it has used a page, and `faults`: whatever went wrong meanwhile."""
+    """Run a program (the body of a function) in a page. Return its result, and a list `faults` of all errors."""
     with chromium() as steered:
         context = steered.new_context()
         context.new_page()  # with the last page of a context its process would end
@@ -61,7 +61,7 @@ def seen() -> Iterator[Using]:
 
 
 def used_by(program: str) -> str:
-    """A script that uses the page as a person would, and leaves what it saw in the document."""
+    """Return a script that uses the page like a person, and leaves its observations in the document."""
     return f"""<script>
       window.addEventListener("load", () => {{
         const $ = (selector) => document.querySelector(selector), all = (selector) => [...document.querySelectorAll(selector)];
@@ -99,14 +99,14 @@ STANDS = """
 
 @pytest.fixture(scope="module")
 def stands(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
-    """The folder of a batch with pictures: 12 variants, some of them kept out."""
+    """The folder of a batch with pictures: 12 variants, of which some are excluded."""
     here = workspace(tmp_path_factory.mktemp("page"), stands=STANDS)
     done = batch_here("stands.yaml", "--pictures", "6", "--jobs", "1", cwd=here, env=environment(shared_store))
     assert done.returncode == 0, done.stderr
     return here / "build" / "stands"
 
 
-def test_the_page_shows_some_pictures_by_one_camera(stands: Path) -> None:
+def test_pictures_have_one_camera(stands: Path) -> None:
     built = [row for row in table(stands) if row["status"] == "built"]
     pictures = sorted(path.name for path in (stands / "pictures").iterdir())
     assert len(built) == 9 and len(pictures) == 6 and set(pictures) <= {f"{row['id']}.png" for row in built}
@@ -122,7 +122,7 @@ def test_the_page_shows_some_pictures_by_one_camera(stands: Path) -> None:
     assert by_side == sorted(by_side) and by_side[-1] > 1.3 * by_side[0]  # the larger plate is larger in its picture
 
 
-def test_the_page_is_the_same_again(stands: Path, shared_store: str) -> None:
+def test_page_is_reproducible(stands: Path, shared_store: str) -> None:
     before = (stands / "index.html").read_bytes()
     pictures = {path.name: path.read_bytes() for path in (stands / "pictures").iterdir()}
     (stands / "index.html").unlink()
@@ -132,8 +132,8 @@ def test_the_page_is_the_same_again(stands: Path, shared_store: str) -> None:
     assert {path.name: path.read_bytes() for path in (stands / "pictures").iterdir()} == pictures
 
 
-def test_a_process_that_draws_and_is_killed_is_told(stands: Path, tmp_path: Path) -> None:
-    """The pictures that are there stay."""
+def test_killed_renderer_is_reported(stands: Path, tmp_path: Path) -> None:
+    """Existing pictures stay."""
     folder = tmp_path / "stands"
     shutil.copytree(stands, folder)
 
@@ -150,14 +150,14 @@ def test_a_process_that_draws_and_is_killed_is_told(stands: Path, tmp_path: Path
     assert [path for path in (folder / "pictures").iterdir() if path.suffix != ".png"] == []
 
 
-def test_the_page_asks_nothing_of_anybody(stands: Path) -> None:
+def test_page_sends_no_requests(stands: Path) -> None:
     text = (stands / "index.html").read_text()
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", text)
     assert not re.search(r"""(src|href)=["'](?!data:)""", text)
 
 
 @needed
-def test_sorting_filtering_and_choosing(stands: Path, seen: Using) -> None:
+def test_sorting_filtering_and_selecting(stands: Path, seen: Using) -> None:
     found = seen(stands / "index.html", """
         const first = names();
         type("#sort", "mass");
@@ -200,7 +200,7 @@ def test_sorting_filtering_and_choosing(stands: Path, seen: Using) -> None:
 
 
 @needed
-def test_values_are_in_the_units_of_documents_and_what_has_no_picture_is_a_closed_list(stands: Path, seen: Using) -> None:
+def test_values_have_units_and_other_variants_are_collapsed(stands: Path, seen: Using) -> None:
     found = seen(stands / "index.html", """
         const bare = $("#bare"), cards = all(".card").map((e) => e.textContent), lines = all("#bare .line").map((e) => e.textContent);
         const said = $("#bare summary").textContent, open = bare.open;
@@ -218,8 +218,9 @@ def test_values_are_in_the_units_of_documents_and_what_has_no_picture_is_a_close
     assert set(found["sides"]) == {"30", "40", "50", "60", "70", "80"}  # type: ignore[call-overload]
 
 
-def test_pictures_are_of_variants_along_the_axes() -> None:
-    """Of a grid of 9 x 5 x 2: a line along each axis through the middle, with both ends; a setting that repeats another is no axis."""
+def test_pictures_show_variants_along_the_axes() -> None:
+    """In a grid of 9 x 5 x 2 variants, the pictures are on a line along each axis through the middle, with both ends. A setting that
+    repeats another one is not an axis."""
     grid = [(x, x * 2.0, y, z) for x in range(9) for y in (0.1, 0.2, 0.3, 0.4, 0.5) for z in ("a", "b")]
     found = [grid[k] for k in along_the_axes(grid, 14)]
     assert len(set(found)) == 14 and found == sorted(found)
@@ -230,7 +231,7 @@ def test_pictures_are_of_variants_along_the_axes() -> None:
     assert along_the_axes([(1,), (1,), (1,), (1,)], 2) == [0, 2]
 
 
-def test_of_very_many_variants_there_are_no_pictures_unless_asked(tmp_path: Path, shared_store: str) -> None:
+def test_large_batches_have_no_pictures_by_default(tmp_path: Path, shared_store: str) -> None:
     assert [usual(count) for count in (1, 48, 200, 201, 50_000)] == [48, 48, 48, 0, 0]
     many = "thingc: variants/1\nassembly: pendulum.yaml\nname: many\nparameters: {length: {from: 200 mm, to: 400 mm, count: 201}}\n"
     here = workspace(tmp_path, many=many + "keep: [length < 202 mm]\n")
@@ -243,7 +244,7 @@ def test_of_very_many_variants_there_are_no_pictures_unless_asked(tmp_path: Path
 
 
 @needed
-def test_the_plot(stands: Path, seen: Using) -> None:
+def test_plot(stands: Path, seen: Using) -> None:
     found = seen(stands / "index.html", """
         type("#plot-x", "parameters.side"); type("#plot-y", "mass"); type("#plot-colour", "components.plate.material");
         const points = all("#chart circle").map(
@@ -278,7 +279,7 @@ NASTY = [
 
 
 def made(folder: Path, count: int, text: str = "plain") -> tuple[Path, list[Column]]:
-    """A page of so many rows from a journal written by hand, with `text` wherever a document or a part could have put it."""
+    """Create a page with this number of rows from a journal, with `text` in all values that a document or a part can contain."""
     folder.mkdir(parents=True)
     wanted = list(columns([Column(name="length", kind="number", unit="m"), Column(name="label", kind="text")], [], []))
     with (folder / folder_layout.JOURNAL).open("w") as stream:
@@ -298,7 +299,7 @@ def made(folder: Path, count: int, text: str = "plain") -> tuple[Path, list[Colu
 
 @needed
 @pytest.mark.parametrize("text", NASTY, ids=range(len(NASTY)))
-def test_nothing_in_a_document_gets_out_of_its_place(tmp_path: Path, text: str, seen: Using) -> None:
+def test_texts_of_documents_are_escaped(tmp_path: Path, text: str, seen: Using) -> None:
     page, _ = made(tmp_path / "batch", 6, text)
     found = seen(page, """
         $("#view-table").click();
@@ -332,12 +333,12 @@ def test_ten_thousand_rows_stay_usable(tmp_path: Path, seen: Using) -> None:
     assert found["points"] == count and float(found["spent"]) < 5000.0  # type: ignore[arg-type]
 
 
-def test_the_run_leaves_no_trace_on_the_page(tmp_path: Path) -> None:
+def test_page_does_not_depend_on_the_run(tmp_path: Path) -> None:
     page, _ = made(tmp_path / "batch", 3)
     assert "seconds" not in page.read_text().split('id="batch"')[1].split("</script>")[0]
 
 
-def test_robots_of_frames_have_no_pictures_and_a_page(tmp_path: Path, shared_store: str) -> None:
+def test_robots_of_frames_have_a_page_without_pictures(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     done = batch_here("sweep.yaml", "--jobs", "1", cwd=here, env=environment(shared_store))
     assert done.returncode == 0 and (here / "build/sweep/index.html").is_file() and not (here / "build/sweep/pictures").exists()
@@ -345,8 +346,8 @@ def test_robots_of_frames_have_no_pictures_and_a_page(tmp_path: Path, shared_sto
 
 
 @needed
-def test_a_card_says_what_it_leaves_out(tmp_path: Path, shared_store: str, seen: Using) -> None:
-    """Two cards may tell the same: then what differs is in what they leave out."""
+def test_cards_show_the_number_of_omitted_values(tmp_path: Path, shared_store: str, seen: Using) -> None:
+    """Two cards can show the same values if only their omitted values differ."""
     both = [f"materials.{name}.{key}" for key in ("friction.slide", "density") for name in ("light", "heavy")]
     paths = ["side", "simulation.timestep", *both]
     listed = "".join(
@@ -372,7 +373,7 @@ def test_a_card_says_what_it_leaves_out(tmp_path: Path, shared_store: str, seen:
     ]}
 
 
-def test_where_nothing_can_be_drawn_the_page_says_less(stands: Path, tmp_path: Path, shared_store: str) -> None:
+def test_page_without_graphics(stands: Path, tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, stands=STANDS)
     env = {**environment(shared_store), "MUJOCO_GL": "nonsense"}
     done = thingc("batch", "stands.yaml", "--verify", "none", "--jobs", "1", cwd=here, env=env)

@@ -1,4 +1,4 @@
-"""Plans: which variants there are, in which order, under which ids; nothing is built."""
+"""Plans: the variants with their order and ids. Nothing is built."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from thingc.base.diagnostics import Code
 from thingc.base.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, TORQUE, Dimension, Quantity, parse_quantity
 from thingc.batch import Plan, PlanError, folder_layout, job, plan
 from thingc.batch.planning import points
-from thingc.batch.values import spaced
+from thingc.batch.values import evenly_spaced
 from thingc.documents.expressions.value_text import text_of
 from thingc.driver.environment import Options
 from thingc.driver.up_to_date import state_of
@@ -34,7 +34,7 @@ def planned(folder: Path, text: str, store: str) -> Plan:
 HEAD = "thingc: variants/1\nassembly: pendulum.yaml\nname: family\n"
 
 
-def test_a_grid_is_in_order_and_the_last_axis_changes_fastest(tmp_path: Path, shared_store: str) -> None:
+def test_last_axis_of_a_grid_changes_fastest(tmp_path: Path, shared_store: str) -> None:
     found = planned(tmp_path, HEAD + "parameters:\n  length: [200 mm, 400 mm]\n  damped: [true, false]\n  label: [a, b, c]\n", shared_store)
     expected = list(product([0.2, 0.4], [True, False], ["a", "b", "c"]))
     assert [(v.values["length"], v.values["damped"], v.values["label"]) for v in found] == expected
@@ -43,7 +43,7 @@ def test_a_grid_is_in_order_and_the_last_axis_changes_fastest(tmp_path: Path, sh
     assert all(v.values["double"] == 2 * v.values["length"] for v in found)  # worked out by the assembly's own expression
 
 
-def test_a_range_in_steps_has_the_values_that_a_person_would_write(tmp_path: Path, shared_store: str) -> None:
+def test_values_of_a_range_have_few_digits(tmp_path: Path, shared_store: str) -> None:
     text = HEAD + "parameters:\n  length: {from: 150 mm, to: 850 mm, count: 8}\n  tilt: {from: 10 deg, to: 40 deg, count: 4}\n"
     found = planned(tmp_path, text, shared_store)
     assert sorted({v.values["length"] for v in found}) == [0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85]
@@ -51,13 +51,13 @@ def test_a_range_in_steps_has_the_values_that_a_person_would_write(tmp_path: Pat
 
 
 @given(st.integers(-500, 500), st.integers(1, 2000), st.integers(2, 12), st.sampled_from(["mm", "deg", "g", "kg", ""]))
-def test_steps_are_quantities_as_documents_read_them(first: int, step: int, count: int, unit: str) -> None:
+def test_steps_are_parsed_like_quantities_in_documents(first: int, step: int, count: int, unit: str) -> None:
     texts = [f"{first + k * step} {unit}".strip() for k in range(count)]
-    found = spaced(texts[0], texts[-1], count)
+    found = evenly_spaced(texts[0], texts[-1], count)
     assert found is not None and [one.value for one in found] == [parse_quantity(text).value for text in texts]
 
 
-def test_the_id_is_the_digest_of_the_settings(tmp_path: Path, shared_store: str) -> None:
+def test_id_is_the_digest_of_the_settings(tmp_path: Path, shared_store: str) -> None:
     text = HEAD + "parameters: {length: [120 mm], label: [x]}\nchoices: {defaults.component.material: heavy}\n"
     variant = next(iter(planned(tmp_path, text, shared_store)))
     written = json.dumps({
@@ -66,8 +66,8 @@ def test_the_id_is_the_digest_of_the_settings(tmp_path: Path, shared_store: str)
     assert variant.id == hashlib.sha256(written.encode()).hexdigest()[:12]
 
 
-def test_one_variant_has_one_id_in_every_batch(tmp_path: Path, shared_store: str) -> None:
-    """Whatever the order, the unit and the batch; a setting that the assembly makes itself is none."""
+def test_variant_has_the_same_id_in_every_batch(tmp_path: Path, shared_store: str) -> None:
+    """The id does not depend on the order, the unit and the batch. A setting equal to the value in the assembly does not count."""
     texts = [
         "name: a\nparameters: {length: [0.2 m], bob: [0.25 kg]}\n",
         "name: b\nparameters: {bob: [100 g, 250 g], length: [20 cm, 300 mm]}\n",
@@ -80,13 +80,13 @@ def test_one_variant_has_one_id_in_every_batch(tmp_path: Path, shared_store: str
     assert len(ids[0]) == 1 and ids[0] == ids[1] == ids[2]
 
 
-def test_a_value_in_place_of_an_expression_is_a_setting(tmp_path: Path, shared_store: str) -> None:
-    """`double` is twice the length unless it is set: to set it to what it is now says something about other lengths."""
+def test_value_in_place_of_an_expression_is_a_setting(tmp_path: Path, shared_store: str) -> None:
+    """`double` is twice the length unless it is set. Setting it to its current value matters for other lengths."""
     found = list(planned(tmp_path, HEAD + "list: [{}, {parameters: {double: 600 mm}}]\n", shared_store))
     assert len({v.id for v in found}) == 2 and found[0].values == found[1].values
 
 
-def test_equal_variants_are_one(tmp_path: Path, shared_store: str) -> None:
+def test_equal_variants_are_merged(tmp_path: Path, shared_store: str) -> None:
     entries = "[{name: first, parameters: {length: 300 mm}}, {parameters: {length: 30 cm}}]"
     text = HEAD + f"parameters: {{length: [200 mm, 0.2 m, 300 mm]}}\nlist: {entries}\n"
     found = planned(tmp_path, text, shared_store)
@@ -95,12 +95,12 @@ def test_equal_variants_are_one(tmp_path: Path, shared_store: str) -> None:
     assert [note.code for note in found.notes] == [Code.DUPLICATE_VARIANT] * 2  # in the axis and in the list
 
 
-def test_a_document_without_axes_is_one_variant(tmp_path: Path, shared_store: str) -> None:
+def test_document_without_axes_is_one_variant(tmp_path: Path, shared_store: str) -> None:
     found = planned(tmp_path, HEAD, shared_store)
     assert [(v.parameters, v.choices) for v in found] == [({}, {})] and found.count == 1
 
 
-def test_rules_on_parameters_are_decided_by_the_plan(tmp_path: Path, shared_store: str) -> None:
+def test_plan_applies_rules_on_parameters(tmp_path: Path, shared_store: str) -> None:
     rules = '["double < 900 mm", "mass < 1 g", "length != 300 mm"]'
     text = HEAD + f"parameters: {{length: {{from: 200 mm, to: 600 mm, count: 5}}}}\nkeep: {rules}\n"
     found = {v.values["length"]: v.failed for v in planned(tmp_path, text, shared_store)}
@@ -120,7 +120,7 @@ keep: ["joints.swing.limit.upper > 1.1 rad"]
 """
 
 
-def test_paths_are_axes_like_parameters(tmp_path: Path, shared_store: str) -> None:
+def test_paths_can_be_axes(tmp_path: Path, shared_store: str) -> None:
     found = list(planned(tmp_path, PATHS, shared_store))
     upper, damping, mass = "joints.swing.limit.upper", "joints.swing.dynamics.damping", "components.weight.mass"
     grid = [(v.values[upper], v.values[damping], v.values[mass]) for v in found[2:]]
@@ -135,7 +135,7 @@ def test_paths_are_axes_like_parameters(tmp_path: Path, shared_store: str) -> No
     assert {v.failed for v in found if v.values[upper] > 1.1} == {None}
 
 
-def test_paths_are_drawn_like_parameters(tmp_path: Path, shared_store: str) -> None:
+def test_paths_can_be_sampled(tmp_path: Path, shared_store: str) -> None:
     ranges = "{joints.swing.limit.upper: [60 deg, 90 deg], raw.mjcf.joint.swing.group: [1, 4]}"
     found = list(planned(tmp_path, HEAD + f"sample: {{method: uniform, count: 50, seed: 3, ranges: {ranges}}}\n", shared_store))
     cube = numpy.random.default_rng(3).random((50, 2)).tolist()
@@ -158,7 +158,7 @@ sample:
 
 
 def drawn_by_scipy(method: str, count: int, seed: int) -> numpy.ndarray:
-    """Points of the unit cube, straight from scipy and numpy, all at once."""
+    """Return points of the unit cube, all at once, directly from scipy and numpy."""
     from scipy.stats import qmc
 
     if method == "sobol":
@@ -170,7 +170,7 @@ def drawn_by_scipy(method: str, count: int, seed: int) -> numpy.ndarray:
 
 @pytest.mark.filterwarnings("ignore:The balance properties")
 @pytest.mark.parametrize(("method", "count", "seed"), [("sobol", 600, 7), ("lhs", 50, 3), ("uniform", 300, 11)])
-def test_drawn_variants_are_those_of_scipy(tmp_path: Path, shared_store: str, method: str, count: int, seed: int) -> None:
+def test_sampled_variants_equal_those_of_scipy(tmp_path: Path, shared_store: str, method: str, count: int, seed: int) -> None:
     found = list(planned(tmp_path, DRAWN.format(method=method, count=count, seed=seed), shared_store))
     cube = drawn_by_scipy(method, count, seed)
     assert len(found) == count
@@ -186,13 +186,13 @@ def test_drawn_variants_are_those_of_scipy(tmp_path: Path, shared_store: str, me
 
 @settings(max_examples=25)
 @given(st.sampled_from(["sobol", "lhs", "uniform"]), st.integers(1, 6), st.integers(1, 700), st.integers(0, 2**31 - 1))
-def test_points_are_the_same_each_time_and_inside_the_cube(method: str, dimensions: int, count: int, seed: int) -> None:
+def test_points_are_reproducible_and_inside_the_cube(method: str, dimensions: int, count: int, seed: int) -> None:
     first, second = list(points(method, dimensions, count, seed)), list(points(method, dimensions, count, seed))
     assert first == second and len(first) == count
     assert all(len(point) == dimensions and all(0.0 <= u < 1.0 for u in point) for point in first)
 
 
-def test_a_discrete_draw_has_every_combination_once(tmp_path: Path, shared_store: str) -> None:
+def test_discrete_sample_has_every_combination_once(tmp_path: Path, shared_store: str) -> None:
     text = HEAD + "parameters: {label: [a, b], damped: [true, false]}\nsample: {method: uniform, count: 200, seed: 1}\n"
     found = planned(tmp_path, text, shared_store)
     assert sorted((v.values["label"], v.values["damped"]) for v in found) == sorted(product("ab", [True, False]))
@@ -233,7 +233,7 @@ DIMENSIONS = st.sampled_from([NUMBER, LENGTH, MASS, ANGLE, TORQUE, INERTIA, FREQ
 
 
 @given(st.floats(-1e6, 1e6).map(lambda x: x + 0.0), DIMENSIONS)
-def test_texts_say_the_same_value_to_the_last_bit(value: float, dimension: Dimension) -> None:
+def test_texts_have_exactly_the_same_value(value: float, dimension: Dimension) -> None:
     from thingc.documents.expressions.evaluation import evaluate
     from thingc.documents.expressions.parsing import parse_expression
 
@@ -244,7 +244,7 @@ def test_texts_say_the_same_value_to_the_last_bit(value: float, dimension: Dimen
 
 
 @given(st.floats(-1e6, 1e6).map(lambda x: x + 0.0), st.sampled_from(["mm", "g", "in", "deg", "N*m/rad", "%", "rpm", "kHz"]))
-def test_texts_in_a_unit_say_the_same_value_to_the_last_bit(value: float, unit: str) -> None:
+def test_texts_in_a_unit_have_exactly_the_same_value(value: float, unit: str) -> None:
     found = Quantity(value, parse_quantity(f"1 {unit}").dimension)
     text = text_of(found, unit)
     assert parse_quantity(text) == found
@@ -253,12 +253,12 @@ def test_texts_in_a_unit_say_the_same_value_to_the_last_bit(value: float, unit: 
 
 
 @given(st.integers(-10**8, 10**8), st.integers(0, 6), st.sampled_from(["mm", "g", "in", "deg", "N*m/rad", "%", "rpm", "kHz"]))
-def test_what_was_written_in_few_digits_is_written_in_them(digits: int, decimals: int, unit: str) -> None:
+def test_short_numbers_keep_their_digits(digits: int, decimals: int, unit: str) -> None:
     written = f"{digits / 10**decimals:.15g} {unit}"
     assert text_of(parse_quantity(written), unit) == written
 
 
-def test_a_wrong_document_raises_with_every_place(tmp_path: Path, shared_store: str) -> None:
+def test_error_lists_every_location(tmp_path: Path, shared_store: str) -> None:
     with pytest.raises(PlanError) as fault:
         planned(tmp_path, HEAD + "parameters: {lenght: [1 mm], bob: [3 mm]}\nkeep: [mass < 3 mm]\n", shared_store)
     assert [(d.code, d.span.line if d.span else None) for d in fault.value.diagnostics] == [
@@ -269,7 +269,7 @@ def test_a_wrong_document_raises_with_every_place(tmp_path: Path, shared_store: 
 # --- the pages -------------------------------------------------------------------------------------------------------
 
 
-def test_the_page_names_every_result_and_the_table_every_column(root: Path) -> None:
+def test_page_lists_results_and_columns(root: Path) -> None:
     import re
 
     from docs.pages import table
@@ -285,8 +285,8 @@ def test_the_page_names_every_result_and_the_table_every_column(root: Path) -> N
     ]
 
 
-def test_a_name_of_two_things_wants_a_prefix(root: Path, tmp_path: Path, shared_store: str) -> None:
-    """The arm has a parameter called `reach`, which is also a result."""
+def test_ambiguous_name_needs_a_prefix(root: Path, tmp_path: Path, shared_store: str) -> None:
+    """The arm has a parameter `reach`, which is also the name of a result."""
     import shutil
 
     for folder in ("assemblies", "parts"):
@@ -305,10 +305,11 @@ def test_a_name_of_two_things_wants_a_prefix(root: Path, tmp_path: Path, shared_
     assert [rule.needs_results for rule in found.rules] == [False, True]
 
 
-def test_a_grid_of_two_quadrillion_is_refused_before_it_is_worked_out(
+def test_huge_grid_is_rejected_before_it_is_computed(
     tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A value of an axis takes microseconds; four axes of 6 700 of them, or three of 100 000, must not be made to be counted."""
+    """A value of an axis takes microseconds. Four axes with 6 700 values each, or three with 100 000, must not be computed to count
+    them."""
     names = ["a", "b", "c"]
     (tmp_path / "r.yaml").write_text(
         "thingc: assembly/1\nname: r\nparameters: {a: 1 mm, b: 1 mm, c: 1 mm, d: 1}\n"
@@ -328,8 +329,8 @@ def test_a_grid_of_two_quadrillion_is_refused_before_it_is_worked_out(
     assert plan(str(tmp_path / "v.yaml"), options=Options(store=shared_store)).count == 100, "as many as may be"
 
 
-def test_machines_are_asked_for_files_of_the_workspace_alone(tmp_path: Path, shared_store: str) -> None:
-    """A document of an installed package is an input of the plan, and no file below the workspace."""
+def test_workers_need_only_files_of_the_workspace(tmp_path: Path, shared_store: str) -> None:
+    """A document of an installed package is an input of the plan, but not a file in the workspace."""
     workspace(tmp_path, family=HEAD + "parameters: {length: [200 mm, 400 mm]}\n")
     document = tmp_path / "pendulum.yaml"
     text = document.read_text()
@@ -341,6 +342,6 @@ def test_machines_are_asked_for_files_of_the_workspace_alone(tmp_path: Path, sha
     found = plan(str(tmp_path / "family.yaml"), options=Options(store=shared_store))
     (tmp_path / "batch").mkdir()
     (tmp_path / "batch" / folder_layout.BATCH).write_text("{}")
-    files = job.seen(found, str(tmp_path / "batch"))
+    files = job.digest_files(found, str(tmp_path / "batch"))
     assert any("thingc_stock.materials" in name for name in found.inputs) and str(document) in files
     assert {path: state_of(path) for path in files} == files

@@ -1,4 +1,4 @@
-"""The two robots of the repository: sampled variants equal single builds, and their results are what `thingc info` says."""
+"""The arm and MInchW: sampled variants equal single builds, and their results equal the output of `thingc info`."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
-"""Batches on workers that share no folder with the driver: a real scheduler of dask, and worker processes of a mount namespace of their
-own, in which the driver's folders are an empty file system.
-
-Every file that a worker or its runners open is noted by an audit hook of Python (`AUDIT`), which knows nothing of thingc: it tells
-what was opened of the driver's folders, how often a workspace was unpacked, and how often a shared file was fetched.
-"""
+"""Batches on workers that share no folder with the driver: a real scheduler of dask, and worker processes in a separate mount namespace,
+in which the folders of the driver are an empty file system. An audit hook of Python (`AUDIT`), which does not depend on thingc,
+records every file that a worker or its runners open: accesses to folders of the driver, the number of unpacked workspaces, and the
+number of fetched shared files."""
 
 from __future__ import annotations
 
@@ -54,7 +52,7 @@ if "AUDIT_LOG" in os.environ:
 '''
 
 COVERED = 'mount -t tmpfs -o size="$0" tmpfs "$1" && shift && exec "$@"'
-"""A shell's script: cover a folder with a file system of that size, then be the command."""
+"""A shell script that covers a folder with a file system of the given size, and then runs the command."""
 
 STANDS = """
     thingc: variants/1
@@ -104,27 +102,29 @@ CUP_SWEEP = """
 
 @dataclass(frozen=True)
 class Apart:
-    """Workers that share no folder with the driver: `driver` is hidden from them, `log` what they opened, `path` their PYTHONPATH."""
+    """Workers that share no folder with the driver. `driver` is hidden from them, `log` contains the opened files, and `path` is their
+    PYTHONPATH."""
 
     dask: Dask
     driver: Path
     log: Path
 
     def events(self) -> list[list[str]]:
-        """What has been noted since the last call: process, event, mode, path."""
+        """Return the events since the last call: process, event, mode, path."""
         found = self.log.read_text().splitlines() if self.log.exists() else []
         self.log.write_text("")
         return [line.split("\t") for line in found]
 
     def places(self) -> list[Path]:
-        """What workers that live keep of shipments."""
+        """Return the folders with shipments of running workers."""
         alive = [place for place, worker in zip(self.dask.places, self.dask.workers, strict=True) if worker.poll() is None]
         walks = [one for place in alive for one in os.walk(place)]  # `rglob` fails if a folder is removed meanwhile
         return [Path(top) / name for top, names, _ in walks for name in names if name.startswith("thingc-")]
 
 
 def namespace(folder: Path, size: str = "100m") -> list[str]:
-    """The words before a command that make `folder` empty for it, with so much room. Skips the test where that is not permitted."""
+    """Return the words before a command that make `folder` empty for it, with the given free space. Skip the test without permission to
+    do so."""
     words = ["unshare", *([] if os.geteuid() == 0 else ["--user", "--map-root-user"]), "--mount", "--propagation", "private"]
     words += ["sh", "-c", COVERED, size, str(folder)]
     try:
@@ -136,14 +136,14 @@ def namespace(folder: Path, size: str = "100m") -> list[str]:
 
 @pytest.fixture(scope="module")
 def apart(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Apart]:
-    """Two workers in mount namespaces, with a store of their own."""
+    """Two workers in mount namespaces, with a separate store."""
     folder, driver = tmp_path_factory.mktemp("apart"), tmp_path_factory.mktemp("driver")
     with dask(folder / "dask", audited(folder, driver), 2, namespace(driver)) as two:
         yield Apart(dask=two, driver=driver, log=folder / "log")
 
 
 def audited(folder: Path, driver: Path) -> dict[str, str]:
-    """The environment of workers whose files are noted, with the emitter that is slow when it is told to."""
+    """Return the environment of workers whose files are recorded, with the emitter that can be slow."""
     (folder / "audit").mkdir()
     (folder / "audit" / "sitecustomize.py").write_text(AUDIT)
     path = os.pathsep.join([str(folder / "audit"), with_emitter(folder)])
@@ -151,13 +151,13 @@ def audited(folder: Path, driver: Path) -> dict[str, str]:
 
 
 def plain_journal(folder: Path) -> list[dict[str, object]]:
-    """The lines in plan order, without what tells of the run."""
+    """Return the journal lines in plan order without values that depend on the run."""
     found = [{key: value for key, value in line.items() if key not in ("pid", "seconds", "modelled", "reused")} for line in journal(folder)]
     return sorted(found, key=lambda line: int(str(line["index"])))
 
 
 def kept(folder: Path) -> tuple[Any, ...]:
-    """Everything of a batch that must not depend on where it was built."""
+    """Return all files of a batch that must not depend on the place of the build."""
     out = folder / "build" / "faults"
     return (
         tree(out / "variants"), tree(out / "assets"), (out / "index.html").read_bytes(), (out / "batch.json").read_bytes(),
@@ -166,7 +166,7 @@ def kept(folder: Path) -> tuple[Any, ...]:
 
 
 def built_here(folder: Path, env: dict[str, str], document: str = "faults.yaml", cwd: Path | None = None) -> tuple[Any, ...]:
-    """What the local engine writes; the folder is then as if it had never been built."""
+    """Return the files of the local executor. Afterwards, the folder is as before the build."""
     done = batch_here(document, "--jobs", "1", "--pictures", "none", cwd=cwd or folder, env=env)
     assert done.returncode in (0, 1), done.stderr
     found = (*kept(folder), done.returncode, re.sub(r"\d+ parts modelled", "", done.stderr))
@@ -175,7 +175,7 @@ def built_here(folder: Path, env: dict[str, str], document: str = "faults.yaml",
 
 
 def built_in_this_process(folder: Path, store: str) -> tuple[Any, ...]:
-    """The same without what is printed, and without a process."""
+    """Return the same files without the output, built in this process."""
     with contextlib.chdir(folder):
         run("faults.yaml", executor=InThisProcess(), options=Options(store=store), pictures=0)
     found = kept(folder)
@@ -192,18 +192,18 @@ def shipped(
 
 
 def fetched(events: list[list[str]]) -> Counter[str]:
-    """How often each shared file was read where it had been built."""
+    """Return how often each shared file was read at the place where it was built."""
     found = (re.search(r"/out/assets/([0-9a-f]{64})$", path) for _, event, mode, path in events if event == "open" and "r" in mode)
     return Counter(match[1] for match in found if match is not None)
 
 
 def unpacked(events: list[list[str]]) -> Counter[str]:
-    """How often each process unpacked a workspace."""
+    """Return how often each process unpacked a workspace."""
     return Counter(process for process, event, _, path in events if event == "os.rename" and path.endswith(".new"))
 
 
 @pytest.mark.slow
-def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_path: Path, shared_store: str) -> None:
+def test_isolated_workers_build_the_same_files(apart: Apart, tmp_path: Path, shared_store: str) -> None:
     here = workspace(apart.driver / "stands", faults=STANDS)
     local = built_in_this_process(here, shared_store)
     assert Counter(line["status"] for line in local[5]) == {"built": 5, "kept_out": 3} and len(local[1]) > 5
@@ -228,7 +228,7 @@ def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_pat
 
 
 @pytest.mark.slow
-def test_workers_that_see_nothing_pack_what_is_packed_here(apart: Apart, tmp_path: Path, shared_store: str) -> None:
+def test_isolated_workers_pack_the_same_files(apart: Apart, tmp_path: Path, shared_store: str) -> None:
     here = workspace(apart.driver / "packed", faults=STANDS + "    layout: packed\n")
 
     def written() -> dict[str, bytes]:
@@ -246,7 +246,7 @@ def test_workers_that_see_nothing_pack_what_is_packed_here(apart: Apart, tmp_pat
 
 @pytest.mark.slow
 @pytest.mark.parametrize("inside", [True, False])
-def test_what_is_wrong_is_said_as_if_it_had_been_built_here(apart: Apart, shared_store: str, inside: bool) -> None:
+def test_errors_equal_those_of_a_local_build(apart: Apart, shared_store: str, inside: bool) -> None:
     folder = apart.driver / f"cups{inside}"
     here = workspace(folder, faults=CUP_SWEEP)
     (here / "robots").mkdir()
@@ -266,7 +266,7 @@ def test_what_is_wrong_is_said_as_if_it_had_been_built_here(apart: Apart, shared
 
 
 @pytest.mark.slow
-def test_a_worker_killed_on_the_way_takes_nothing_along(apart: Apart, tmp_path: Path, shared_store: str) -> None:
+def test_killed_worker_loses_no_variants(apart: Apart, tmp_path: Path, shared_store: str) -> None:
     here = workspace(apart.driver / "killed", faults=listed(dict.fromkeys(range(14), "slow"), 14))
     env = environment(shared_store, with_emitter(tmp_path))
     local = built_here(here, env)
@@ -283,8 +283,8 @@ def test_a_worker_killed_on_the_way_takes_nothing_along(apart: Apart, tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_batch_that_is_stopped_goes_on_and_leaves_nothing_behind(apart: Apart, tmp_path: Path, shared_store: str) -> None:
-    """Interrupted, gone on with, killed, and gone on with again."""
+def test_stopped_batch_resumes_and_removes_shipments(apart: Apart, tmp_path: Path, shared_store: str) -> None:
+    """The batch is interrupted, resumed, killed, and resumed again."""
     here = workspace(apart.driver / "stopped", faults=listed(dict.fromkeys(range(20), "slow"), 20))
     env, how = environment(shared_store, with_emitter(tmp_path)), ["--cluster", apart.dask.address, "--ship", "--pictures", "none"]
     done = 0
@@ -307,7 +307,7 @@ def test_a_batch_that_is_stopped_goes_on_and_leaves_nothing_behind(apart: Apart,
 
 @pytest.fixture(scope="module")
 def beside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Apart]:
-    """Two workers that might see the driver's folder, with a cache of their own: no privileges are needed to have them."""
+    """Two workers that could access the folder of the driver, with a separate cache. They need no privileges."""
     folder, driver = tmp_path_factory.mktemp("beside"), tmp_path_factory.mktemp("driver")
     env = {**audited(folder, driver), "XDG_CACHE_HOME": str(folder / "cache")}
     del env["THINGC_STORE"]
@@ -319,8 +319,8 @@ def beside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Apart]:
 def test_workers_open_nothing_of_the_drivers_folder(
     beside: Apart, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """With a driver in this process: nothing larger than a piece is fetched at once, and each file by itself where it is. Chunks have
-    several variants that share a mesh which nobody has met before."""
+    """The driver runs in this process. At most one piece of a file is fetched at a time, each file separately. Chunks have several
+    variants with a common mesh that is not fetched yet."""
     text = STANDS.replace("29 g", "90 g") + "    choices: {components.plate.material: [light, heavy]}\n"
     here = workspace(beside.driver / "stands", faults=text)
     local = built_in_this_process(here, shared_store)
@@ -347,7 +347,7 @@ def test_workers_open_nothing_of_the_drivers_folder(
 
 
 @pytest.mark.slow
-def test_a_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) -> None:
+def test_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) -> None:
     whole = packed(workspace(tmp_path))
     with DaskCluster(beside.dask.address) as cluster, pytest.raises(BatchFault, match="cannot receive the workspace: .*damaged during"):
         cluster.ship("thingc-damaged", replace(whole, sha256="0" * 64))
@@ -360,8 +360,8 @@ def test_a_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str) -> None:
-    """What workers model is sent there, and comes to the driver from there. Without `--ship` they write into the batch's folder."""
+def test_store_with_a_url(beside: Apart, tmp_path: Path, shared_store: str) -> None:
+    """Workers send built parts there, and the driver reads them from there. Without `--ship`, they write to the folder of the batch."""
     here = workspace(beside.driver / "ftp", faults=STANDS)
     (tmp_path / "outside.txt").write_text("10")
     (here / "parts" / "data").mkdir()
@@ -395,8 +395,8 @@ def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str) 
 
 
 @pytest.mark.slow
-def test_a_worker_that_comes_and_has_no_room_ends_the_batch_in_words(beside: Apart, tmp_path: Path, shared_store: str) -> None:
-    """It would otherwise take chunk after chunk, and nobody would know why variants fail."""
+def test_new_worker_without_free_space_ends_the_batch(beside: Apart, tmp_path: Path, shared_store: str) -> None:
+    """Otherwise, this worker would fail for one chunk after another without a visible reason."""
     here = workspace(tmp_path / "here", faults=listed(dict.fromkeys(range(20), "slow"), 20))  # not done before the worker comes
     (here / "large.stl").write_bytes(bytes(1_000_000))
     env, one = environment(shared_store, with_emitter(tmp_path)), beside.dask.with_workers(1)
@@ -418,8 +418,8 @@ def test_a_worker_that_comes_and_has_no_room_ends_the_batch_in_words(beside: Apa
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_gone_is_not_waited_for(beside: Apart) -> None:
-    """The last test of these workers."""
+def test_driver_does_not_wait_for_an_ended_worker(beside: Apart) -> None:
+    """This is the last test that uses these workers."""
     victim = beside.dask.living()[0]
     with DaskCluster(beside.dask.address) as cluster:
         worker = next(one for one in cluster._client.nthreads() if cluster.ask(one, os.getpid) == victim.pid)
@@ -437,14 +437,14 @@ def test_a_worker_that_is_gone_is_not_waited_for(beside: Apart) -> None:
 # --- the command line -----------------------------------------------------------------------------------------------
 
 
-def test_ship_alone_is_a_wrong_command_line(tmp_path: Path, shared_store: str) -> None:
+def test_ship_needs_a_cluster(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     done = batch_here("sweep.yaml", "--ship", cwd=here, env=environment(shared_store))
     assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship requires --cluster" in done.stderr
     assert "--cluster tcp://HOST:8786" in done.stderr and not (here / "build").exists()
 
 
-def test_slurm_and_executors_that_carry_no_files(tmp_path: Path, shared_store: str) -> None:
+def test_slurm_and_executors_without_file_transfer(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path)
     done = batch_here("sweep.yaml", "--ship", "--cluster", "slurm:cluster=local", cwd=here, env=environment(shared_store))
     assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship can only be used with Dask " in done.stderr

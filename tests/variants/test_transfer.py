@@ -1,4 +1,4 @@
-"""What of a workspace is packed, and what unpacking makes of it. What is in an archive is told by `tarfile`."""
+"""The files of a workspace that are packed, and the result of unpacking. `tarfile` reads the archives."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def packed(here: Path, document: str = "sweep") -> WorkspaceArchive:
 
 
 def names(found: WorkspaceArchive) -> set[str]:
-    """What tarfile says is in it."""
+    """Return the names in the archive, read by tarfile."""
     with tarfile.open(fileobj=io.BytesIO(zlib.decompress(found.data))) as archive:
         return set(archive.getnames())
 
@@ -34,7 +34,7 @@ def names(found: WorkspaceArchive) -> set[str]:
 DOCUMENTS = {f"{name}.yaml" for name in ("pendulum", "sweep", "stand", "mast", "tall_mast")} | {"thingc.toml", "parts", "parts/plates.py"}
 
 
-def test_the_same_files_make_the_same_parcel(tmp_path: Path) -> None:
+def test_archive_is_reproducible(tmp_path: Path) -> None:
     one, two = workspace(tmp_path / "one"), workspace(tmp_path / "another")
     for path in two.rglob("*"):
         os.utime(path, (1, 1))
@@ -46,7 +46,7 @@ def test_the_same_files_make_the_same_parcel(tmp_path: Path) -> None:
     assert packed(two).sha256 != packed(one).sha256 and names(packed(two)) == DOCUMENTS | {"note.txt"}
 
 
-def test_what_robots_are_not_made_of_stays_here(tmp_path: Path) -> None:
+def test_unrelated_files_are_not_packed(tmp_path: Path) -> None:
     here = workspace(tmp_path)
     for name in (
         "build/arm/manifest.json", ".git/objects/pack", ".venv/pyvenv.cfg", "env/pyvenv.cfg", "env/lib/x.py", "node_modules/a.js",
@@ -60,7 +60,7 @@ def test_what_robots_are_not_made_of_stays_here(tmp_path: Path) -> None:
     assert names(packed(here)) == DOCUMENTS | {"old", "empty"}
 
 
-def test_part_folders_and_documents_go_along_wherever_they_are(tmp_path: Path) -> None:
+def test_part_folders_and_documents_are_packed(tmp_path: Path) -> None:
     here = workspace(tmp_path)
     (here / ".shapes").mkdir()
     (here / ".shapes" / "round.py").write_text("")
@@ -72,7 +72,7 @@ def test_part_folders_and_documents_go_along_wherever_they_are(tmp_path: Path) -
     assert found == DOCUMENTS | {".shapes", ".shapes/round.py", ".robots/pendulum_2.yaml"}
 
 
-def test_links_stay_links_and_lead_nowhere_else(tmp_path: Path) -> None:
+def test_links_are_packed_as_links(tmp_path: Path) -> None:
     here = workspace(tmp_path / "robots")
     (here / "deep").mkdir()
     (here / "deep" / "relative.yaml").symlink_to("../mast.yaml")
@@ -97,7 +97,7 @@ def test_links_stay_links_and_lead_nowhere_else(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("target", ["../outside.txt", "/etc/hostname", "..", "../hop"])
-def test_links_out_of_the_workspace_are_refused(tmp_path: Path, target: str) -> None:
+def test_links_out_of_the_workspace_are_rejected(tmp_path: Path, target: str) -> None:
     here = workspace(tmp_path / "robots")
     (tmp_path / "outside.txt").write_text("x")
     (tmp_path / "hop").symlink_to("robots/mast.yaml")  # leaves and comes back: there is no such hop elsewhere
@@ -108,7 +108,7 @@ def test_links_out_of_the_workspace_are_refused(tmp_path: Path, target: str) -> 
 
 
 @pytest.mark.parametrize(("bound", "value", "words"), [("MOST_BYTES", 2_000_000, "2 MB"), ("MOST_FILES", 9, "9 files")])
-def test_a_workspace_that_is_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bound: str, value: int, words: str) -> None:
+def test_too_large_workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bound: str, value: int, words: str) -> None:
     here = workspace(tmp_path)
     (here / "videos").mkdir()
     (here / "videos" / "walk.mp4").write_bytes(bytes(1_990_000))
@@ -119,7 +119,7 @@ def test_a_workspace_that_is_too_large(tmp_path: Path, monkeypatch: pytest.Monke
     assert caught.value.diagnostic.code is Code.TOO_LARGE and "thingc.toml" in str(caught.value.diagnostic.help)
 
 
-def test_a_document_that_changes_meanwhile(tmp_path: Path) -> None:
+def test_document_that_changes_during_packing(tmp_path: Path) -> None:
     here = workspace(tmp_path)
     planned = plan(str(here / "sweep.yaml"))
     (here / "pendulum.yaml").write_text((here / "pendulum.yaml").read_text() + "# new\n")
@@ -129,7 +129,7 @@ def test_a_document_that_changes_meanwhile(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unreadable to root")
-def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
+def test_unreadable_file(tmp_path: Path) -> None:
     here = workspace(tmp_path)
     (here / "secret.txt").write_text("x")
     (here / "secret.txt").chmod(0)
@@ -137,15 +137,15 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         packed(here)
 
 
-def test_a_file_that_goes_while_it_is_looked_for(tmp_path: Path) -> None:
+def test_file_that_is_deleted_during_the_search(tmp_path: Path) -> None:
     here = workspace(tmp_path)
     search = workspace_archive._Search(plan(str(here / "sweep.yaml")).workspace, ())
     with pytest.raises(BatchFault, match=r"cannot read `.*draft.yaml~` to ship it: no such file"):
         search._add(str(here / "draft.yaml~"))
 
 
-def test_a_workspace_without_a_file_of_its_own_stays_the_same_elsewhere(tmp_path: Path) -> None:
-    """Unpacked below another workspace, it must not become part of that."""
+def test_workspace_without_a_workspace_file(tmp_path: Path) -> None:
+    """If it is unpacked below another workspace, it must not become part of that workspace."""
     here = workspace(tmp_path / "robots")
     (here / "thingc.toml").unlink()
     assert plan(str(here / "sweep.yaml")).workspace.origin is None
@@ -156,7 +156,7 @@ def test_a_workspace_without_a_file_of_its_own_stays_the_same_elsewhere(tmp_path
 
 
 @pytest.mark.parametrize("data", [b"", b"no archive", None])
-def test_a_damaged_parcel_is_not_unpacked(tmp_path: Path, data: bytes | None) -> None:
+def test_damaged_archive_is_not_unpacked(tmp_path: Path, data: bytes | None) -> None:
     whole = packed(workspace(tmp_path))
     with pytest.raises(ValueError, match="damaged during the transfer"):
         replace(whole, data=whole.data[:-20] if data is None else data).unpack(str(tmp_path / "place"))
@@ -164,8 +164,8 @@ def test_a_damaged_parcel_is_not_unpacked(tmp_path: Path, data: bytes | None) ->
 
 
 @pytest.mark.parametrize("kind", ["above", "absolute", "link", "device", "link and folder", "twice"])
-def test_nothing_is_unpacked_beside_the_folder(tmp_path: Path, kind: str) -> None:
-    """An archive that somebody else has made."""
+def test_unpacking_stays_in_the_folder(tmp_path: Path, kind: str) -> None:
+    """Another program has created the archive."""
     member = tarfile.TarInfo({"above": "../stolen", "absolute": str(tmp_path / "stolen")}.get(kind, kind))
     member.size = 1 if kind in ("above", "absolute") else 0
     if kind == "link":

@@ -1,4 +1,4 @@
-"""Worlds of a family in one process: each does, to the last bit, what a single environment over a batch of the same variants does."""
+"""Vector environments of a family in one process. Each world equals a single environment over a batch of the same variants, bit by bit."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def family(tmp_path_factory: pytest.TempPathFactory) -> Iterator[thingc.RobotFam
 
 
 def same(one: Any, other: Any) -> None:
-    """What two vectors of environments say, infos too, is the same to the last bit."""
+    """Compare the results of two vector environments, including infos, bit by bit."""
     if isinstance(one, dict):
         assert one.keys() == other.keys()
         for key in one:
@@ -61,8 +61,8 @@ def same(one: Any, other: Any) -> None:
 
 
 @pytest.mark.parametrize("autoreset", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_worlds_are_single_environments(some: Path, family: thingc.RobotFamily, autoreset: AutoresetMode) -> None:
-    """With contacts, noise, ends that the caller and MuJoCo say, and other robots after each."""
+def test_worlds_equal_single_environments(some: Path, family: thingc.RobotFamily, autoreset: AutoresetMode) -> None:
+    """The episodes contain contacts, noise, ends by the caller and by MuJoCo, and other robots afterwards."""
     given: dict[str, Any] = {
         "mode": "flying", "reward": "forward", "noise": 0.3, "max_steps": 7, "frame_skip": 3,
         "terminated": lambda step: bool(step.data.qpos[7] > 0.25),
@@ -89,7 +89,7 @@ def test_worlds_are_single_environments(some: Path, family: thingc.RobotFamily, 
     single.close()
 
 
-def test_what_falls_on_a_floor_falls_as_in_a_batch(sliders: Path, shared_store: str) -> None:
+def test_objects_fall_on_a_floor_as_in_a_batch(sliders: Path, shared_store: str) -> None:
     given: dict[str, Any] = {"reward": "hold", "max_steps": 60}
     with thingc.family(sliders.parent.parent / "sliders.yaml", store=shared_store) as family:
         worlds = make_vec_env(family, 8, **given)
@@ -102,7 +102,7 @@ def test_what_falls_on_a_floor_falls_as_in_a_batch(sliders: Path, shared_store: 
         assert max(data.ncon for data in worlds.data) > 0
 
 
-def test_gymnasium_makes_it_and_finds_nothing_wrong(tmp_path: Path) -> None:
+def test_gymnasium_can_create_and_check_it(tmp_path: Path) -> None:
     document = str(documents(tmp_path) / "some.yaml")
     worlds = gymnasium.make_vec(ENVIRONMENT, num_envs=3, family=document, mode="hanging", descriptor=("length", "bob"), max_steps=4)
     assert isinstance(worlds.unwrapped, FamilyVectorEnv) and worlds.spec is not None and worlds.spec.id == ENVIRONMENT
@@ -126,8 +126,8 @@ def test_gymnasium_makes_it_and_finds_nothing_wrong(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:.*A Box observation space m..imum value is.*", "ignore:.*alternative render modes.*")
-def test_one_world_by_itself_is_an_environment(family: thingc.RobotFamily, some: Path) -> None:
-    """The same as over a batch of the same variants, to the last bit; and Gymnasium, which makes it as well, finds nothing wrong."""
+def test_single_world_is_an_environment(family: thingc.RobotFamily, some: Path) -> None:
+    """It equals the environment over a batch of the same variants, bit by bit. Gymnasium can create it, and its checker finds no errors."""
     given: dict[str, Any] = {"mode": "flying", "reward": "forward", "noise": 0.3, "max_steps": 7, "frame_skip": 3}
     one, other = family_env.make_env(family, **given), make_env(some, **given)
     check_env(one)
@@ -151,7 +151,7 @@ def test_one_world_by_itself_is_an_environment(family: thingc.RobotFamily, some:
         one.step(action[None])
 
 
-def test_the_same_seed_gives_the_same_episodes_in_any_number_of_threads(family: thingc.RobotFamily) -> None:
+def test_episodes_do_not_depend_on_the_number_of_threads(family: thingc.RobotFamily) -> None:
     def run(threads: int, seed: Any, cache: int = 100) -> list[Any]:
         worlds = make_vec_env(family, 6, mode="hanging", noise=0.1, max_steps=5, threads=threads, cache=cache, seed=4)
         seen = [worlds.reset(seed=seed)[0].tolist()]
@@ -166,7 +166,7 @@ def test_the_same_seed_gives_the_same_episodes_in_any_number_of_threads(family: 
     assert first == run(3, None) == run(2, 4, cache=1) == run(1, [4, 5, 6, 7, 8, 9]) != run(1, 5)
 
 
-def test_what_is_meant_is_taken(family: thingc.RobotFamily) -> None:
+def test_single_values_and_numpy_integers_are_accepted(family: thingc.RobotFamily) -> None:
     """One of what there may be many of, and whole numbers as numpy has them."""
     one = make_vec_env(family, 2, mode="hanging", settings={"length": 0.3}, descriptor="length")  # type: ignore[arg-type]
     many = make_vec_env(family, 2, mode="hanging", settings=[{"length": 0.3}], descriptor=("length",))
@@ -174,7 +174,7 @@ def test_what_is_meant_is_taken(family: thingc.RobotFamily) -> None:
     same(one.reset(seed=[np.int64(1), None], options={"variant": np.int64(0)}), many.reset(seed=[1, None], options={"variant": 0}))
 
 
-def test_settings_are_listed_or_drawn(family: thingc.RobotFamily) -> None:
+def test_settings_are_listed_or_sampled(family: thingc.RobotFamily) -> None:
     many = [{"length": 0.2}, {"length": "30 cm", "bob": 0.3, "joints.swing.dynamics.damping": "0.3 N*m*s/rad"}]
     worlds = make_vec_env(family, 4, settings=many, mode="hanging", descriptor=("length",))
     observations, infos = worlds.reset(seed=1)
@@ -199,8 +199,8 @@ def test_settings_are_listed_or_drawn(family: thingc.RobotFamily) -> None:
     assert [id(data) for data in drawn.data] == states  # no new memory for another robot
 
 
-def test_an_observation_ends_with_what_settings_come_to(tmp_path: Path) -> None:
-    """Flags, expressions, and what follows from a parameter that is set: from their bounds, by hand."""
+def test_observation_ends_with_scaled_settings(tmp_path: Path) -> None:
+    """Flags, expressions, and parameters that depend on a setting, scaled by their bounds."""
     (tmp_path / "crane.yaml").write_text(CRANE)
     many = [{"arm": 0.2}, {"arm": "=100 mm * 4", "braced": True}, {"rope": "=arm + 100 mm"}, {}]
     with thingc.family(tmp_path / "crane.yaml") as crane:
@@ -209,7 +209,7 @@ def test_an_observation_ends_with_what_settings_come_to(tmp_path: Path) -> None:
     assert seen == [pytest.approx(row) for row in ([-0.75, -0.6, -1.0], [-0.25, -0.2, 1.0], [-0.5, -0.6, -1.0], [-0.5, -0.4, -1.0])]
 
 
-def test_worlds_of_equal_settings_share_a_model_and_no_state(family: thingc.RobotFamily) -> None:
+def test_worlds_with_equal_settings_share_a_model(family: thingc.RobotFamily) -> None:
     worlds = make_vec_env(family, 3, settings=[{"length": 0.25}], mode="hanging")
     worlds.reset(seed=1)
     assert len({id(model) for model in worlds.models}) == 1 and len({id(data) for data in worlds.data}) == 3
@@ -217,7 +217,7 @@ def test_worlds_of_equal_settings_share_a_model_and_no_state(family: thingc.Robo
     assert len({row.tobytes() for row in observations}) == 3
 
 
-def test_worlds_are_simulated_at_once(family: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_worlds_are_simulated_in_parallel(family: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
     worlds = make_vec_env(family, 8, mode="hanging", threads=2)
     worlds.reset(seed=1)
     step, seen = mujoco.mj_step, set()
@@ -234,7 +234,7 @@ def test_worlds_are_simulated_at_once(family: thingc.RobotFamily, monkeypatch: p
     assert len(seen) == 2
 
 
-def test_an_end_must_be_seen_to_where_nothing_begins_anew(family: thingc.RobotFamily) -> None:
+def test_step_after_the_end_is_an_error_without_autoreset(family: thingc.RobotFamily) -> None:
     worlds = make_vec_env(family, 2, mode="hanging", max_steps=1, autoreset_mode="Disabled")
     worlds.reset(seed=1)
     assert worlds.step(np.zeros((2, 1)))[3].all()
@@ -245,8 +245,8 @@ def test_an_end_must_be_seen_to_where_nothing_begins_anew(family: thingc.RobotFa
         worlds.step(np.zeros((2, 1)))
 
 
-def test_a_refused_draw_is_drawn_again(family: thingc.RobotFamily) -> None:
-    """Each world draws from its own source until settings are sound: what comes out is what that source draws among sound ones."""
+def test_refused_settings_are_sampled_again(family: thingc.RobotFamily) -> None:
+    """Each world samples from its own random source until the settings are valid. The result is the first valid sample of this source."""
     def draw(source: np.random.Generator) -> dict[str, float]:
         return {"length": source.uniform(0.2, 1.6)}  # at most 0.9 m is sound
 
@@ -270,7 +270,7 @@ def test_a_refused_draw_is_drawn_again(family: thingc.RobotFamily) -> None:
         never.reset(seed=1)
 
 
-def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: Path) -> None:
+def test_errors(family: thingc.RobotFamily, tmp_path: Path) -> None:
     for given, kind, words in (
         ({"mode": "hangin"}, UnknownChoice, "has no mode `hangin`"),
         ({"num_envs": 0}, FamilyError, "expected `num_envs` to be a whole number of at least 1, found 0"),

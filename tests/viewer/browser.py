@@ -1,4 +1,4 @@
-"""A real browser with a page of a robot in it, from a file, as a person would open it."""
+"""A real browser that opens the page of a robot from a file."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ FLAGS = (
     "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-compositing",
     "--disable-background-networking",
 )
-"""It draws without a graphics card: the robot by what stands in for one, the page around it in the plain way, which is quicker."""
+"""Render without a graphics card: WebGL with SwiftShader, and the page itself without GPU compositing, which is faster."""
 
 OWN = ("file:", "blob:", "data:", "http://127.0.0.1")
-"""Where a page may ask for something."""
+"""Allowed request origins of a page."""
 
 
 @contextmanager
 def chromium() -> Iterator[Any]:
-    """The browser, as playwright steers it."""
+    """Yield the browser, controlled by playwright."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as steering:
@@ -37,13 +37,13 @@ def chromium() -> Iterator[Any]:
 LATER = """globalThis.waiting = [];
   globalThis.frames_of_browser = globalThis.requestAnimationFrame.bind(globalThis);
   globalThis.requestAnimationFrame = (draw) => waiting.push(draw);"""
-"""A page draws nothing until it is asked to: without a graphics card, a picture takes long, and most tests ask for numbers."""
+"""The page draws nothing until `drawn` is called: rendering without a graphics card is slow, and most tests only check numbers."""
 
 
 @contextmanager
 def opened(browser: Any, address: str, size: tuple[int, int] = (760, 480)) -> Iterator[Any]:
-    """A page that has been read to its end, and shows its robot when it is `drawn`; nothing may go wrong in it, and nothing be asked of a
-    network. Of a browser it has a process of its own; a context of one keeps that, and what was compiled in it, from page to page."""
+    """Yield a completely loaded page, which renders once `drawn` is called. Errors in the page and network requests fail the test. Each
+    browser has its own process; a context keeps it, and code compiled in it, from page to page."""
     page = browser.new_page()
     page.add_init_script(LATER)
     page.set_viewport_size({"width": size[0], "height": size[1]})
@@ -60,29 +60,29 @@ def opened(browser: Any, address: str, size: tuple[int, int] = (760, 480)) -> It
 
 
 def until(page: Any, condition: str) -> None:
-    """Wait for a condition, which is otherwise asked whenever the page draws."""
+    """Wait for a condition by polling; by default it is evaluated with each drawn frame."""
     page.wait_for_function(condition, polling=50)
 
 
 def address(path: Path, fragment: str = "") -> str:
-    """Of a file."""
+    """Return the address of a file."""
     return path.resolve().as_uri() + fragment
 
 
 def drawn(page: Any) -> None:
-    """Draw from now on, and wait until what has changed is in the picture."""
+    """Draw from now on, and wait until changes are rendered."""
     page.evaluate("""() => { globalThis.requestAnimationFrame = frames_of_browser; waiting.splice(0).forEach(requestAnimationFrame);
       return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))); }""")
 
 
 def links(page: Any) -> dict[str, list[float]]:
-    """Where the page has every link in the world: 16 numbers by rows."""
+    """Return the world pose of every link in the page: 16 numbers by rows."""
     found: dict[str, list[float]] = page.evaluate("thingc.viewer.links()")
     return found
 
 
 def spot(page: Any, path: str) -> tuple[float, float]:
-    """A point of the window at which the page shows the component of that path."""
+    """Return a point of the window where the page shows the component with this path."""
     x, y = page.evaluate("""(path) => {
       const { viewer } = thingc, box = viewer.stage.canvas.getBoundingClientRect();
       for (let x = 20; x < box.width - 20; x += 6) for (let y = 20; y < box.height - 20; y += 6) {

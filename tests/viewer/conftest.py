@@ -1,4 +1,4 @@
-"""The pages of the arm and of MInchW, built once, and one context of a browser for all tests of a file."""
+"""The pages of the arm and of MInchW, built once, and one browser context for all tests of a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether everybody can use the page: axe-core's rules, contrast of every text, every control by keys; in light, in dark, 400 px wide."""
+"""Accessibility of the page: rules of axe-core, contrast of all texts, keyboard access to all controls; in light, dark and 400 px wide."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TABS = ("Joints", "Parts", "BOM", "Display", "Measure")
 
 EVERYTHING = """() => { const { viewer } = thingc;
   viewer.setOptions({ colouring: "torque margin" }); viewer.toggle("names"); viewer.choose([2]); viewer.showMessage("a message"); }"""
-"""Everything that can be drawn over the 3D view."""
+"""Show everything that can be drawn over the 3D view."""
 
 CONTRASTS = """() => {
   const parsed = (text) => { const own = /rgba?\\(([^)]*)\\)/.exec(text)[1].split(/[ ,/]+/).map(Number);
@@ -53,7 +53,7 @@ CONTRASTS = """() => {
   }
   return [poor, seen.size];
 }"""
-"""Texts whose contrast with what is, or may be, behind them is below 4.5 (WCAG 2.2, 1.4.3), and how many pairs of colours there are."""
+"""Return the texts whose contrast with any possible background is below 4.5 (WCAG 2.2, 1.4.3), and the number of colour pairs."""
 
 FOCUS = """() => { const node = document.activeElement, { outlineStyle, outlineWidth, outlineColor } = getComputedStyle(node);
   const all = [...document.querySelectorAll("button, input, select, a[href], canvas, [tabindex]")];
@@ -72,9 +72,9 @@ RINGS = f"""() => {{ const all = [...document.querySelectorAll("button, input, s
 
 
 @pytest.mark.parametrize("look", LOOKS)
-def test_everybody_can_use_it(browser: Any, pages: Pages, look: str) -> None:
-    """No rule of axe-core is broken seriously, no text is hard to read, and Tab reaches every control, where it is seen to be. Only colours
-    depend on the theme."""
+def test_page_is_accessible(browser: Any, pages: Pages, look: str) -> None:
+    """No serious violation of axe-core, no text with low contrast, and Tab reaches every control, which then shows its focus. Only
+    colours depend on the theme."""
     size, themes = LOOKS[look]
     axe, poor, pairs = Axe(), [], 0
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home&theme=light"), size) as page:
@@ -94,20 +94,20 @@ def test_everybody_can_use_it(browser: Any, pages: Pages, look: str) -> None:
 
 
 def broken(axe: Axe, page: Any, tab: str) -> list[str]:
-    """The rules of axe-core that are broken seriously."""
+    """Return the serious violations of axe-core rules."""
     found = axe.run(page, options={"resultTypes": ["violations"]}).response["violations"]
     return [f"{tab}: {one['id']}: {one['nodes'][0]['html']}" for one in found if one["impact"] in ("serious", "critical")]
 
 
 def ringless(page: Any) -> list[str]:
-    """Controls that do not show that they have the focus."""
+    """Return the controls without a visible focus indicator."""
     page.keyboard.press("Tab")  # after a click, nothing shows it
     found: list[str] = page.evaluate(RINGS)
     return found
 
 
 def keyed(page: Any, tab: str) -> list[str]:
-    """What Tab does not reach from the top of the page, and what does not show that it has the focus, in words."""
+    """Return the controls that Tab does not reach from the top of the page, and those without a visible focus indicator."""
     page.evaluate("document.activeElement.blur()")
     page.evaluate("getSelection().collapse(document.body, 0)")
     wanted, met, faults = set(page.evaluate(EXPECTED)), set(), []

@@ -1,4 +1,4 @@
-"""The page in a real browser: what it shows is where MuJoCo, and matrices, have it; buttons, sliders, links and keys do what they say."""
+"""The page in a real browser: link poses equal those of MuJoCo and of matrices; buttons, sliders, links and keys work."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from viewer.test_page import element
 pytestmark = [needed, pytest.mark.slow]
 
 NEAR = 1e-5
-"""How far [m] the page may have a link from where it is."""
+"""Allowed deviation [m] of the pose of a link in the page."""
 
 
 def model_of(folder: Path, robot: str, mode: str) -> tuple[Any, Any]:
@@ -44,7 +44,7 @@ def model_of(folder: Path, robot: str, mode: str) -> tuple[Any, Any]:
 
 
 def assert_as_in_mujoco(found: dict[str, list[float]], model: Any, data: Any) -> None:
-    """Every link of the page lies where MuJoCo has the body of its name."""
+    """Assert that every link of the page has the pose of MuJoCo's body with its name."""
     assert sorted(found) == bodies_of_links(model)
     for name, numbers in found.items():
         pose, body = np.array(numbers).reshape(4, 4), data.body(name)
@@ -53,7 +53,8 @@ def assert_as_in_mujoco(found: dict[str, list[float]], model: Any, data: Any) ->
 
 @pytest.fixture(scope="module")
 def undrawn_pages(browser: Any, pages: Pages) -> Iterator[dict[str, Any]]:
-    """The page of each robot, which takes a second to open, for tests of numbers: each sets the mode and where the robot is."""
+    """Yield the page of each robot for tests of numbers. Opening takes a second, so the pages are shared; each test sets the mode and
+    the configuration."""
     with ExitStack() as stack:
         found = {}
         for robot in ("arm", "minchw"):
@@ -62,7 +63,7 @@ def undrawn_pages(browser: Any, pages: Pages) -> Iterator[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("robot", ["arm", "minchw"])
-def test_every_pose_of_every_mode_is_where_mujoco_has_it(undrawn_pages: dict[str, Any], pages: Pages, robot: str) -> None:
+def test_poses_of_every_mode_match_mujoco(undrawn_pages: dict[str, Any], pages: Pages, robot: str) -> None:
     folder, page = getattr(pages, robot), undrawn_pages[robot]
     modes = json.loads((folder / "modes.json").read_text())
     for mode, told in modes.items():
@@ -75,8 +76,8 @@ def test_every_pose_of_every_mode_is_where_mujoco_has_it(undrawn_pages: dict[str
             assert_as_in_mujoco(links(page), model, data)
 
 
-def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_path: Path) -> None:
-    """Where links are, and what joints bear, in the page as in the compiler, at random q, in modes that cross joints backwards; also of
+def test_random_trees_with_every_joint_type(browser: Any, pages: Pages, tmp_path: Path) -> None:
+    """Link poses and joint loads in the page equal those of the compiler, at random q, in modes that traverse joints backwards, and with
     several joints on one body."""
     rng = np.random.default_rng(7)
     joined = compiled(tmp_path, LEGS + MODES).compilation.assembly
@@ -100,8 +101,8 @@ def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_p
 
 @pytest.mark.parametrize("robot", ["arm", "minchw"])
 def test_margins_of_any_configuration(undrawn_pages: dict[str, Any], pages: Pages, robot: str) -> None:
-    """How many times over drives hold the robot: in all poses as the compiler says, and elsewhere by MuJoCo's inverse dynamics at rest, as
-    long as loads are those of a tree; how loops and feet share them is known of poses alone, and the page says so."""
+    """Torque margins of the drives: in poses they equal those of the compiler, elsewhere those of MuJoCo's inverse dynamics at rest, if
+    the loads are those of a tree. Load sharing of loops and feet is known only in poses, and the page reports this."""
     folder, page, rng = getattr(pages, robot), undrawn_pages[robot], np.random.default_rng(3)
     told = json.loads(element((folder / f"html/{robot}.html").read_text(), "thingc-robot"))
     limits = {joint["path"]: joint["effort"] for joint in told["joints"]}
@@ -133,7 +134,7 @@ def test_margins_of_any_configuration(undrawn_pages: dict[str, Any], pages: Page
 
 
 def test_margins_follow_a_slider(browser: Any, pages: Pages) -> None:
-    """The colours of the picture, and their legend, are those of where the robot is."""
+    """The colours of the picture and the legend are updated for the current configuration."""
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home&colour=torque+margin")) as page:
         seen = []
         for angle in (0, 60):
@@ -146,7 +147,7 @@ def test_margins_follow_a_slider(browser: Any, pages: Pages) -> None:
         assert seen[0][0] != seen[1][0] and "effort limit of the drive / effort required" in seen[0][0]
 
 
-def test_a_slider_moves_its_joint_and_stops_at_its_limits(browser: Any, pages: Pages) -> None:
+def test_slider_moves_its_joint_within_limits(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html")) as page:
         page.get_by_role("spinbutton", name="shoulder").fill("-20")
         page.get_by_role("spinbutton", name="shoulder").press("Enter")
@@ -167,8 +168,8 @@ def test_a_slider_moves_its_joint_and_stops_at_its_limits(browser: Any, pages: P
 
 
 def test_loops_stay_closed_while_a_joint_is_moved(undrawn_pages: dict[str, Any], pages: Pages) -> None:
-    """MInchW's bridge, held at both feet: a joint that a slider moves takes the others with it, and both soles stay where they are held,
-    by MuJoCo's own equality residuals."""
+    """MInchW's bridge is held at both feet. A joint moved by a slider moves other joints, and both soles stay in place, by MuJoCo's own
+    equality residuals."""
     page = undrawn_pages["minchw"]
     page.evaluate("() => { thingc.viewer.setMode('bridge'); thingc.viewer.setPose('arched'); }")
     page.get_by_role("tab", name="Joints").click()
@@ -194,7 +195,7 @@ def test_loops_stay_closed_while_a_joint_is_moved(undrawn_pages: dict[str, Any],
     assert np.abs(np.array(links(page)["front/foot"]) - np.array(after["front/foot"])).max() < 1e-6
 
 
-def test_a_link_is_drawn_to_where_the_pointer_goes(browser: Any, pages: Pages) -> None:
+def test_link_is_dragged_to_the_pointer(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
         drawn(page)
         x, y = spot(page, "hand/pen")
@@ -215,7 +216,7 @@ def test_a_link_is_drawn_to_where_the_pointer_goes(browser: Any, pages: Pages) -
             assert abs(page.evaluate(f"thingc.viewer.q.{name}")) <= math.radians(joint) + 1e-12
 
 
-def test_what_a_mode_stands_on_is_not_let_go(undrawn_pages: dict[str, Any]) -> None:
+def test_supports_of_a_mode_stay_fixed(undrawn_pages: dict[str, Any]) -> None:
     page = undrawn_pages["minchw"]
     page.evaluate("() => { thingc.viewer.setMode('bridge'); thingc.viewer.setPose('arched'); }")
     names = page.evaluate("thingc.viewer.robot.links.map((link) => link.name)")
@@ -224,7 +225,7 @@ def test_what_a_mode_stands_on_is_not_let_go(undrawn_pages: dict[str, Any]) -> N
     assert page.evaluate(f"thingc.viewer.whyFixed({names.index('body')})") is None
 
 
-def test_a_click_tells_what_is_there(browser: Any, pages: Pages) -> None:
+def test_click_shows_details_of_a_part(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
         drawn(page)
         page.mouse.click(*spot(page, "hand/pen"))
@@ -238,8 +239,9 @@ def test_a_click_tells_what_is_there(browser: Any, pages: Pages) -> None:
         assert card.is_hidden()
 
 
-def test_the_tree_of_links_is_that_of_the_mode(browser: Any, pages: Pages) -> None:
-    """Links are in the order of MuJoCo's bodies, and select their parts; a joint has its kind and coordinate, and selects what it moves."""
+def test_link_tree_follows_the_mode(browser: Any, pages: Pages) -> None:
+    """Links are in the order of MuJoCo's bodies and select their parts. A joint shows its type and coordinate, and selects the parts
+    that it moves."""
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
         page.get_by_role("tab", name="Parts").click()
         page.get_by_role("radio", name="Links and joints").click()
@@ -268,7 +270,7 @@ def test_the_tree_of_links_is_that_of_the_mode(browser: Any, pages: Pages) -> No
         assert page.get_by_text("No results").is_visible() and rows.count() == 0
 
 
-def test_the_bill_highlights_all_pieces_of_a_row(undrawn_pages: dict[str, Any]) -> None:
+def test_bom_row_highlights_all_its_pieces(undrawn_pages: dict[str, Any]) -> None:
     page = undrawn_pages["arm"]
     page.get_by_role("tab", name="BOM").click()
     page.locator("#panel-bom tr", has_text="XM430").click()
@@ -277,7 +279,7 @@ def test_the_bill_highlights_all_pieces_of_a_row(undrawn_pages: dict[str, Any]) 
     assert "4 components" in page.locator("#card").inner_text() and "328.00 g" in page.locator("#card").inner_text()
 
 
-def test_a_link_restores_everything(browser: Any, pages: Pages) -> None:
+def test_url_restores_the_view(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.minchw / "html/minchw.html")) as page:
         page.evaluate("""() => {
           const { viewer } = thingc;
@@ -302,8 +304,8 @@ def test_a_link_restores_everything(browser: Any, pages: Pages) -> None:
         assert max(np.abs(np.array(again[name]) - np.array(placed[name])).max() for name in placed) < 1e-8
 
 
-def test_between_two_mounts(undrawn_pages: dict[str, Any], pages: Pages) -> None:
-    """The distance that the panel shows is that of MuJoCo's sites."""
+def test_distance_between_two_mounts(undrawn_pages: dict[str, Any], pages: Pages) -> None:
+    """The distance in the panel equals that of MuJoCo's sites."""
     page = undrawn_pages["minchw"]
     page.evaluate("() => { thingc.viewer.setMode('front_foot'); thingc.viewer.setPose('arched'); }")
     page.get_by_role("tab", name="Measure").click()
@@ -318,12 +320,12 @@ def test_between_two_mounts(undrawn_pages: dict[str, Any], pages: Pages) -> None
 
 
 def picture(page: Any) -> np.ndarray[Any, Any]:
-    """What a person sees, without what lies over it."""
+    """Return the rendered picture without overlays."""
     return np.asarray(Image.open(io.BytesIO(page.locator("#canvas").screenshot())).convert("RGB"), dtype=np.int16)
 
 
-def test_every_view_shows_something_else(browser: Any, pages: Pages) -> None:
-    """Pixels change with every way to show the robot, each in its way, and are the first ones again when all are taken back."""
+def test_every_display_option_changes_the_picture(browser: Any, pages: Pages) -> None:
+    """Pixels differ for every option, and equal the first picture after all options are reset."""
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home&theme=light"), (420, 320)) as page:
         drawn(page)
         plain = picture(page)
@@ -346,9 +348,9 @@ def test_every_view_shows_something_else(browser: Any, pages: Pages) -> None:
         assert np.abs(picture(page) - plain).max() <= 2  # the background is dithered
 
 
-def test_a_section_shows_solids(browser: Any, pages: Pages) -> None:
-    """A cube of 100 mm, cut in the middle and seen from above: the pixels of the plane in it have its colour, hatched, and no others have;
-    of the other half there is nothing of that to see. One more call draws the cut, and one for each solid works it out."""
+def test_section_shows_solids(browser: Any, pages: Pages) -> None:
+    """A cube of 100 mm is cut in the middle and seen from above: exactly the pixels of the cut have its colour, hatched; the other half
+    is invisible. One more draw call draws the cut, and one for each solid computes it."""
     told = json.loads(element((pages.arm / "html/arm.html").read_text(), "thingc-robot"))
     for one in told["occurrences"]:
         one |= {"visual": [], "collision": []}
@@ -385,12 +387,12 @@ def test_a_section_shows_solids(browser: Any, pages: Pages) -> None:
 
 
 def linear(color: str) -> np.ndarray[Any, Any]:
-    """The three parts of a colour of sRGB as light (IEC 61966-2-1)."""
+    """Return the three components of an sRGB colour as linear light (IEC 61966-2-1)."""
     parts = np.array([int(color[k : k + 2], 16) for k in (1, 3, 5)]) / 255
     return np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
 
 
-def test_what_is_exploded_stays_in_the_picture(browser: Any, pages: Pages) -> None:
+def test_exploded_view_stays_in_the_picture(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
         page.get_by_role("tab", name="Display").click()
         camera = "[...thingc.viewer.stage.camera.position.toArray(), ...thingc.viewer.stage.controls.target.toArray()]"
@@ -417,8 +419,8 @@ def test_what_is_exploded_stays_in_the_picture(browser: Any, pages: Pages) -> No
 
 
 @pytest.mark.parametrize("size", [(1300, 420), (460, 900)])
-def test_a_robot_fills_a_window_wide_or_narrow(browser: Any, pages: Pages, size: tuple[int, int]) -> None:
-    """From every side all corners of the box around it are in the picture, and one of them is near its rim."""
+def test_robot_fills_a_wide_or_narrow_window(browser: Any, pages: Pages, size: tuple[int, int]) -> None:
+    """From every side all corners of the robot's box are in the picture, and one of them is near the border."""
     corners = """() => { const { stage } = thingc.viewer, { min, max } = stage.bounds(); stage.camera.updateMatrixWorld();
       return [0, 1, 2, 3, 4, 5, 6, 7].map((k) => stage.world.localToWorld(min.clone().set(
         (k & 1 ? min : max).x, (k & 2 ? min : max).y, (k & 4 ? min : max).z)).project(stage.camera).toArray().slice(0, 2)); }"""
@@ -428,8 +430,8 @@ def test_a_robot_fills_a_window_wide_or_narrow(browser: Any, pages: Pages, size:
             assert 0.89 < np.abs(page.evaluate(corners)).max() < 0.92, view
 
 
-def test_a_robot_stays_in_a_window_that_gets_narrower(browser: Any, pages: Pages) -> None:
-    """As a phone that is turned, or whose panels are put away."""
+def test_robot_stays_visible_in_a_narrower_window(browser: Any, pages: Pages) -> None:
+    """As on a phone that is rotated, or whose panels are hidden."""
     with opened(browser, address(pages.arm / "html/arm.html"), (800, 400)) as page:
         shown = "(({ stage }) => [stage.shows(stage.bounds()), stage.camera.aspect < 0.9])(thingc.viewer)"
         assert page.evaluate(shown) == [True, False]
@@ -439,9 +441,9 @@ def test_a_robot_stays_in_a_window_that_gets_narrower(browser: Any, pages: Pages
         assert page.evaluate(shown) == [True, True]
 
 
-def test_as_few_calls_as_definitions(browser: Any, pages: Pages) -> None:
-    """Draw calls of everything at once are at most definitions x materials + 20, and with a section, for which every definition is drawn
-    once more, that many more; a frame's script is measured in benchmarks."""
+def test_number_of_draw_calls_is_limited(browser: Any, pages: Pages) -> None:
+    """There are at most definitions x materials + 20 draw calls. A section draws every definition once more. Script time per frame is
+    measured in the benchmarks."""
     for robot in ("arm", "minchw"):
         with opened(browser, address(getattr(pages, robot) / f"html/{robot}.html"), (420, 320)) as page:
             page.evaluate("['frames', 'mounts', 'joint axes', 'inertia', 'centres of mass'].forEach((mark) => thingc.viewer.toggle(mark))")
@@ -454,7 +456,7 @@ def test_as_few_calls_as_definitions(browser: Any, pages: Pages) -> None:
             assert calls < page.evaluate("thingc.viewer.stage.calls") <= 2 * kinds + 20
 
 
-def test_keys_do_what_the_help_says(browser: Any, pages: Pages) -> None:
+def test_keyboard_shortcuts(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
         page.locator("#canvas").focus()
         page.keyboard.press("m")
@@ -475,7 +477,7 @@ def test_keys_do_what_the_help_says(browser: Any, pages: Pages) -> None:
         assert page.locator("#panel-tree li:visible").count() in range(1, 6)
 
 
-def test_the_picture_can_be_kept(browser: Any, pages: Pages) -> None:
+def test_picture_can_be_saved(browser: Any, pages: Pages) -> None:
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
         drawn(page)
         with page.expect_download() as waiting:
@@ -486,12 +488,12 @@ def test_the_picture_can_be_kept(browser: Any, pages: Pages) -> None:
 
 
 BEYOND = "(one) => document.querySelector(one).scrollWidth - document.querySelector(one).clientWidth"
-"""How much of an element is beyond its right edge [px]."""
+"""Return how much of an element is beyond its right edge [px]."""
 
 
 @pytest.mark.parametrize("size", [(400, 800), (720, 600), (1280, 720)])
-def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, size: tuple[int, int]) -> None:
-    """Nothing is wider than the window, and what there is to press can be pressed."""
+def test_controls_are_reachable_on_a_small_screen(browser: Any, pages: Pages, size: tuple[int, int]) -> None:
+    """No element is wider than the window, and all controls can be clicked."""
     with opened(browser, address(pages.minchw / "html/minchw.html"), size) as page:
         assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
         box = page.locator("#canvas").bounding_box()
@@ -516,8 +518,8 @@ def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, si
         assert (modes.get_attribute("class") or "").split() == ["chips", *(["before"] if fades else [])]
 
 
-def test_gravity_is_down_in_every_mode(undrawn_pages: dict[str, Any]) -> None:
-    """A robot on the wall is seen on a wall: the world is turned so that gravity points down in the picture."""
+def test_gravity_points_down_in_every_mode(undrawn_pages: dict[str, Any]) -> None:
+    """A robot on the wall is shown on a wall: the world is rotated so that gravity points down in the picture."""
     page = undrawn_pages["minchw"]
     page.evaluate("thingc.viewer.reset()")
     for mode in ("crawl", "crawl_wall", "crawl_ceiling"):
@@ -529,7 +531,7 @@ def test_gravity_is_down_in_every_mode(undrawn_pages: dict[str, Any]) -> None:
         assert page.evaluate("(({ world, camera }) => world.worldToLocal(camera.position.clone()).z)(thingc.viewer.stage)") > 0.05
 
 
-def test_gravity_and_root_have_labels_beside_the_robot(browser: Any, pages: Pages) -> None:
+def test_gravity_and_root_labels_do_not_cover_the_robot(browser: Any, pages: Pages) -> None:
     """In a narrow window, in modes on the floor and on the ceiling: the labels are in the view, and no part is below them."""
     covered = """(id) => { const { left, top, right, bottom } = document.getElementById(id).getBoundingClientRect(), found = [];
       for (let x = left; x <= right; x += 5) for (let y = top; y <= bottom; y += 5)
@@ -547,8 +549,8 @@ def test_gravity_and_root_have_labels_beside_the_robot(browser: Any, pages: Page
                 assert view["y"] <= box["y"] and box["y"] + box["height"] <= view["y"] + view["height"]
 
 
-def test_a_robot_is_followed_out_of_the_picture(browser: Any, pages: Pages) -> None:
-    """By as much as it goes into a pose; not where it stays in the picture, and not where the picture was of a detail."""
+def test_camera_follows_a_robot_out_of_the_picture(browser: Any, pages: Pages) -> None:
+    """The camera moves by as much as the robot moves into a pose, unless the robot stays in the picture or the camera showed a detail."""
     with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=front_foot&pose=stretched")) as page:
         there = """({ stage }) => { const middle = stage.world.localToWorld(stage.bounds().min.clone().lerp(stage.bounds().max, 0.5));
           return [middle, stage.controls.target].map((point) => point.toArray()); }"""
@@ -571,8 +573,9 @@ def test_a_robot_is_followed_out_of_the_picture(browser: Any, pages: Pages) -> N
         assert np.allclose(pose("arched", 0.0, 0.8)[1], 0.0)
 
 
-def test_what_grows_out_of_the_picture_is_fetched_back(browser: Any, pages: Pages) -> None:
-    """A robot that is loaded again, larger: seen from where it was seen, as a whole; where the picture was of a detail, it stays."""
+def test_grown_robot_stays_in_the_picture(browser: Any, pages: Pages) -> None:
+    """A robot is loaded again, but larger: it is shown completely from the same direction. If the picture showed a detail, the camera
+    stays."""
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
         grown = """([scale, zoom]) => { const { viewer } = thingc, { stage } = viewer, told = structuredClone(viewer.robot);
           viewer.load(viewer.robot, []); stage.frame([1, -1, 0.5]); stage.camera.position.lerp(stage.controls.target, zoom);
@@ -592,8 +595,8 @@ def test_what_grows_out_of_the_picture_is_fetched_back(browser: Any, pages: Page
                           "box.size = box.size.map((side) => side / scale); }", scale)
 
 
-def test_another_mode_is_in_the_picture(browser: Any, pages: Pages) -> None:
-    """As a whole, as the one before was; where the picture was of a detail, it stays as near."""
+def test_mode_change_keeps_the_robot_in_the_picture(browser: Any, pages: Pages) -> None:
+    """The whole robot is shown, as before. If the picture showed a detail, the camera distance stays."""
     with opened(browser, address(pages.minchw / "html/minchw.html"), (1280, 800)) as page:
         shown = """(zoom) => { const { viewer } = thingc, { stage } = viewer, found = {};
           for (const mode of viewer.robot.modes) { viewer.setMode("front_foot"); viewer.reset();
@@ -607,8 +610,8 @@ def test_another_mode_is_in_the_picture(browser: Any, pages: Pages) -> None:
         assert all(abs(times - 1.0) < 1e-6 for _, times in detail.values())
 
 
-def test_another_robot_is_seen_through_it(browser: Any, pages: Pages, tmp_path: Path) -> None:
-    """A page `against` another: in the same pose where that has one of the name, and both in the picture."""
+def test_comparison_shows_both_robots(browser: Any, pages: Pages, tmp_path: Path) -> None:
+    """A page with `against` shows the other robot in the pose of the same name, if any, and both are in the picture."""
     def page_of(name: str) -> Page:
         text = (getattr(pages, name) / f"html/{name}.html").read_text()
         return Page(name=name, data=element(text, "thingc-robot"), glb=base64.b64decode(element(text, "thingc-geometry")))

@@ -1,7 +1,6 @@
-"""How the page moves robots of frames alone: loops, limits of what is coupled, cones, bases, and links that restore all of it.
+"""How the page moves robots that consist only of frames: loops, limits of coupled joints, cones, bases, and URLs that restore the state.
 
-Where links are is asked of the page; where they should be says trigonometry, or MuJoCo.
-"""
+The page reports link poses; the expected values come from trigonometry or MuJoCo."""
 
 from __future__ import annotations
 
@@ -103,13 +102,13 @@ def page_of(browser: Any, folder: Path, text: str, fragment: str = "") -> Iterat
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where each robot is built once."""
+    """Return the folder in which each robot is built once."""
     return tmp_path_factory.mktemp("robots")
 
 
 @pytest.fixture
 def four_bar(tmp_path: Path) -> Built:
-    """What MuJoCo is asked about the four-bar."""
+    """Return the compiled four-bar for MuJoCo."""
     folder = tmp_path / "compiled"
     folder.mkdir()
     return compiled(folder, FOUR_BAR)
@@ -121,21 +120,21 @@ def q_of(page: Any) -> dict[str, float]:
 
 
 def gap(page: Any) -> float:
-    """How far [mm] the ends of coupler and rocker are apart, by the law that each is where its link is."""
+    """Return the distance [mm] between the ends of coupler and rocker, from the poses of their links."""
     links = {name: np.array(numbers).reshape(4, 4) for name, numbers in page.evaluate("thingc.viewer.links()").items()}
     ends = [1000.0 * links[name][:3, 3] + length * links[name][:3, 0] for name, length in (("coupler", COUPLER), ("rocker", ROCKER))]
     return float(np.linalg.norm(ends[0] - ends[1]))
 
 
 def opposite(drive: float) -> float:
-    """How far [mm] the end of the crank is from the rocker's bearing."""
+    """Return the distance [mm] between the end of the crank and the bearing of the rocker."""
     return math.hypot(CRANK * math.cos(drive) - GROUND, CRANK * math.sin(drive))
 
 
 @pytest.mark.parametrize("mode", ["bench", "unposed"])
-def test_a_crank_turns_all_round_with_its_loop_closed(browser: Any, folder: Path, mode: str) -> None:
-    """It has the shortest link and turns all round (Grashof), however far a slider is moved at once; the triangle of coupler, rocker
-    and what is left between them has the angle that the law of cosines says."""
+def test_crank_turns_fully_with_a_closed_loop(browser: Any, folder: Path, mode: str) -> None:
+    """The shortest link turns fully (Grashof), however far a slider moves at once. The angle between coupler and rocker follows the law
+    of cosines."""
     with page_of(browser, folder, FOUR_BAR, f"#mode={mode}") as page:
         assert gap(page) < 1e-3
         for drive in (-170.0, 179.0, -60.0, 120.0, 20.0):
@@ -149,7 +148,7 @@ def test_a_crank_turns_all_round_with_its_loop_closed(browser: Any, folder: Path
             assert math.acos(float(links["coupler"] @ links["rocker"])) == pytest.approx(inner, abs=1e-6)
 
 
-def test_a_loop_stays_closed_on_the_way_between_poses(browser: Any, folder: Path) -> None:
+def test_loop_stays_closed_between_poses(browser: Any, folder: Path) -> None:
     with page_of(browser, folder, FOUR_BAR, "#mode=bench&pose=at_20") as page:
         between = """(part) => { const { configuration: here, mode } = thingc.viewer, [from, to] = mode.poses;
           here.between({ q: from.q, base: here.tree.home }, { q: to.q, base: here.tree.home }, part); return { ...here.q }; }"""
@@ -160,7 +159,7 @@ def test_a_loop_stays_closed_on_the_way_between_poses(browser: Any, folder: Path
         assert math.degrees(parts[5]["drive"]) == pytest.approx(110.0, abs=1e-6)
 
 
-def test_the_page_has_links_where_mujoco_closes_the_loop(browser: Any, folder: Path, four_bar: Built) -> None:
+def test_link_poses_match_the_mujoco_loop(browser: Any, folder: Path, four_bar: Built) -> None:
     model = four_bar.model("bench")
     with page_of(browser, folder, FOUR_BAR, "#mode=bench&pose=at_20") as page:
         page.evaluate("thingc.viewer.setCoordinate('drive', 1.7)")
@@ -174,8 +173,9 @@ def test_the_page_has_links_where_mujoco_closes_the_loop(browser: Any, folder: P
             assert np.abs(np.array(numbers).reshape(4, 4) - pose_of(data.body(name))).max() < 1e-9
 
 
-def test_what_is_coupled_stays_within_every_limit(browser: Any, folder: Path) -> None:
-    """The leader stops where its follower is at a limit: -0.8 q + 4 deg within 40 deg leaves -45 to 55 deg of its own 90."""
+def test_coupled_joints_stay_within_all_limits(browser: Any, folder: Path) -> None:
+    """The leader stops when its follower reaches a limit: -0.8 q + 4 deg within 40 deg restricts the leader's limits of 90 deg to -45 to
+    55 deg."""
     with page_of(browser, folder, FINGER, "#mode=still") as page:
         number = page.get_by_role("spinbutton", name="lead value")
         for typed, leads, follows in ((90, 55, -40), (-90, -45, 40)):
@@ -188,20 +188,20 @@ def test_what_is_coupled_stays_within_every_limit(browser: Any, folder: Path) ->
         assert q_of(page)["follow"] == pytest.approx(0.1) and q_of(page)["lead"] == pytest.approx((math.radians(4) - 0.1) / 0.8)
 
 
-def test_a_ball_stays_in_its_cone(browser: Any, folder: Path) -> None:
+def test_ball_joint_stays_in_its_cone(browser: Any, folder: Path) -> None:
     with page_of(browser, folder, FINGER, "#mode=still") as page:
         page.evaluate("thingc.viewer.setCoordinate('gaze_0', 2.0); thingc.viewer.setCoordinate('gaze_1', 2.0)")
         q = q_of(page)
         assert math.degrees(math.hypot(*(q[f"gaze_{k}"] for k in range(3)))) == pytest.approx(30.0, abs=1e-9)
 
 
-def test_one_of_a_kind_is_no_plural(browser: Any, folder: Path) -> None:
+def test_singular_and_plural_in_the_subtitle(browser: Any, folder: Path) -> None:
     text = f"thingc: assembly/1\nname: alone\ncomponents:\n  palm: {{{MASS}}}\nmodes: {{still: {{root: palm}}}}\n"
     with page_of(browser, folder, text) as page:
         assert page.locator("#subtitle").text_content() == "100.00 g, 1 link, 0 joints"
 
 
-def test_a_robot_without_geometry_is_seen_by_its_frames(browser: Any, folder: Path) -> None:
+def test_robot_without_geometry_is_shown_by_its_frames(browser: Any, folder: Path) -> None:
     with page_of(browser, folder, FINGER) as page:
         page.evaluate("thingc.viewer.toggle('frames'); thingc.viewer.toggle('names')")
         drawn(page)
@@ -212,7 +212,7 @@ def test_a_robot_without_geometry_is_seen_by_its_frames(browser: Any, folder: Pa
 @pytest.mark.parametrize("fragment", [
     "q=lead:9,spin:1e300,toString:1,:,lead", "camera=0,0,0,0,0,0", "camera=1e308,0,0,0,0,0", "section=x", "%%%=&q=&mode=no",
 ])
-def test_rubbish_in_a_link_does_no_harm(browser: Any, folder: Path, fragment: str) -> None:
+def test_invalid_url_fragments_are_ignored(browser: Any, folder: Path, fragment: str) -> None:
     with page_of(browser, folder, FINGER, f"#{fragment}") as page:
         drawn(page)
         assert -1.0 < q_of(page)["lead"] <= math.radians(55) + 1e-12
@@ -221,7 +221,7 @@ def test_rubbish_in_a_link_does_no_harm(browser: Any, folder: Path, fragment: st
         assert page.evaluate("thingc.viewer.options.section.part") == 0.5
 
 
-def test_a_base_that_floats_can_be_moved_and_is_in_the_link(browser: Any, folder: Path) -> None:
+def test_floating_base_can_be_moved_and_is_in_the_url(browser: Any, folder: Path) -> None:
     with page_of(browser, folder, FINGER, "#mode=adrift") as page:
         moved = """() => { const { viewer } = thingc, link = viewer.robot.links.findIndex(({ name }) => name === "one");
           const zero = viewer.stage.camera.position.clone().set(0, 0, 0);
@@ -238,9 +238,9 @@ def test_a_base_that_floats_can_be_moved_and_is_in_the_link(browser: Any, folder
         assert "cannot move" in page.evaluate("thingc.viewer.whyFixed(0)")
 
 
-def test_a_base_moves_as_its_mode_lets_it(browser: Any, folder: Path, tmp_path: Path) -> None:
-    """Sliders of a planar base against MuJoCo's joints, of a ball and of a floating one against matrices: turns are rotation vectors in the
-    axes of `at`, about its origin."""
+def test_base_moves_as_its_mode_allows(browser: Any, folder: Path, tmp_path: Path) -> None:
+    """Sliders of a planar base against MuJoCo's joints, those of a ball and a floating base against matrices: rotations are rotation
+    vectors in the axes of `at`, about its origin."""
     compiled_there = compiled(tmp_path, FINGER)
     at = np.eye(4)
     at[:3, :3], at[:3, 3] = Rotation.from_euler("xyz", [20, -30, 40], degrees=True).as_matrix(), [0.03, 0.02, 0.01]
@@ -288,14 +288,14 @@ TURNS = ("base about x", "base about y", "base about z")
 
 
 def slide(page: Any, values: Mapping[str, float]) -> None:
-    """Types values [deg or mm] of coordinates, as a person does."""
+    """Type values [deg or mm] of coordinates into the number fields."""
     for name, value in values.items():
         page.get_by_role("spinbutton", name=f"{name} value").fill(str(value))
         page.get_by_role("spinbutton", name=f"{name} value").press("Enter")
 
 
-def test_a_base_goes_no_further_than_what_is_held_lets_it(browser: Any, folder: Path) -> None:
-    """A planar base whose other end is held: joints go along as it moves, and out of their reach it stops, with the hold still closed."""
+def test_base_stops_where_a_hold_would_open(browser: Any, folder: Path) -> None:
+    """A planar base whose other end is held: joints follow its motion, and beyond their reach it stops with the hold still closed."""
     with page_of(browser, folder, REACHER, "#mode=pinned") as page:
         held, q = np.array(page.evaluate("thingc.viewer.links()")["three"]), q_of(page)
         slide(page, {"base x": 5})
@@ -306,7 +306,7 @@ def test_a_base_goes_no_further_than_what_is_held_lets_it(browser: Any, folder: 
         assert np.abs(np.array(page.evaluate("thingc.viewer.links()")["three"]) - held).max() < 1e-6
 
 
-def test_a_base_that_stays_is_not_moved_by_a_link(browser: Any, folder: Path) -> None:
+def test_fixed_base_is_not_moved_by_a_url(browser: Any, folder: Path) -> None:
     with page_of(browser, folder, FINGER, "#mode=still&q=lead:0.1&base=1,0,0,0.5,0,1,0,0,0,0,1,0") as page:
         assert page.evaluate("thingc.viewer.configuration.atHome") and q_of(page)["lead"] == pytest.approx(0.1)
         assert page.locator("h2", has_text="Base").count() == 0

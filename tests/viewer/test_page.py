@@ -1,4 +1,4 @@
-"""The file of a page: what it is told, how its meshes are packed, and that whatever a document says stays text in it."""
+"""The HTML file of a page: its data, how meshes are packed, and that text of documents is never interpreted as HTML."""
 
 from __future__ import annotations
 
@@ -26,22 +26,23 @@ from viewer.conftest import Pages
 
 
 def element(page: str, name: str) -> str:
-    """What the page has in the element of that name."""
+    """Return the content of the script element with this id."""
     match = re.search(rf'<script id="{name}"[^>]*>(.*?)</script>', page, re.DOTALL)
     assert match is not None
     return match[1]
 
 
 def told(made: Artifacts) -> tuple[str, dict[str, Any], bytes]:
-    """The one page, what it is told, and its meshes."""
+    """Return the only page, its data, and its meshes."""
     ((path, data),) = made.files.items()
     assert path == "html/arm.html" and isinstance(data, bytes)
     page = data.decode()
     return page, json.loads(element(page, "thingc-robot")), base64.b64decode(element(page, "thingc-geometry"))
 
 
-def test_meshes_are_packed_to_a_few_micrometres(tmp_path: Path) -> None:
-    """trimesh reads the packed file, with the node that undoes the packing: vertices are those of the store to half a step of 16 bits."""
+def test_packed_meshes_are_accurate_to_micrometres(tmp_path: Path) -> None:
+    """trimesh reads the packed file, including the node that undoes the packing: vertices equal those of the store to half a step of 16
+    bits."""
     store = Store(str(tmp_path))
     asked = small_robot.request(small_robot.assembly(store), store)
     packed = PackedMeshes(store)
@@ -59,8 +60,8 @@ def test_meshes_are_packed_to_a_few_micrometres(tmp_path: Path) -> None:
         assert np.array_equal(scene.geometry[mesh.sha256].faces, faces)
 
 
-def test_names_are_text(tmp_path: Path) -> None:
-    """A name that would be HTML, end a script or look like a place of the frame stands in the page as it is, as data."""
+def test_names_are_escaped(tmp_path: Path) -> None:
+    """A name that looks like HTML, ends a script or looks like a placeholder of the template stays plain data in the page."""
     store = Store(str(tmp_path))
     whole = small_robot.assembly(store)
     evil = '</script><img src=x onerror="alert(1)">@SCRIPT@&amp;'
@@ -70,7 +71,7 @@ def test_names_are_text(tmp_path: Path) -> None:
     assert "<img" not in page and page.count("</script>") == 3
 
 
-def test_a_page_is_the_same_twice_and_asks_for_nothing(tmp_path: Path) -> None:
+def test_page_is_deterministic_and_loads_nothing(tmp_path: Path) -> None:
     store = Store(str(tmp_path))
     asked = small_robot.request(small_robot.assembly(store), store)
     page, data, _ = told(emit(asked))
@@ -80,8 +81,8 @@ def test_a_page_is_the_same_twice_and_asks_for_nothing(tmp_path: Path) -> None:
     assert [mode["name"] for mode in data["modes"]] == [robot.mode.name for robot in asked.robots]
 
 
-def test_the_page_says_where_things_are_written(pages: Pages) -> None:
-    """Document and part file with their lines, in the words of the workspace: as a search through the files finds them."""
+def test_page_shows_source_locations(pages: Pages) -> None:
+    """Document and part file with their lines, relative to the workspace, as found by searching the files."""
     data = json.loads(element((pages.arm / "html/arm.html").read_text(), "thingc-robot"))
     document = (ROOT / "assemblies/arm.yaml").read_text().splitlines()
     plate = next(one for one in data["occurrences"] if one["path"] == "plate")
@@ -98,8 +99,8 @@ def test_pages_are_small(pages: Pages, robot: str, most: float) -> None:
     assert (getattr(pages, robot) / f"html/{robot}.html").stat().st_size < most
 
 
-def test_the_program_was_made_from_these_sources() -> None:
-    """`make viewer` was run after the last change of `viewer/`: the digest is worked out as viewer/build.mjs does it."""
+def test_bundled_script_matches_its_sources() -> None:
+    """`make viewer` must be run after the last change of `viewer/`: the digest is computed as in viewer/build.mjs."""
     folder = ROOT / "viewer"
     digest = hashlib.sha256()
     names = [str(path.relative_to(folder)) for path in (folder / "src").rglob("*.ts")]
@@ -109,7 +110,7 @@ def test_the_program_was_made_from_these_sources() -> None:
     assert first.endswith(f"sources {digest.hexdigest()}"), "run `make viewer`"
 
 
-def test_the_page_contains_the_licence_of_three(pages: Pages) -> None:
+def test_page_contains_the_licence_of_three(pages: Pages) -> None:
     """The MIT licence requires its text in every copy."""
     version = json.loads((ROOT / "viewer/package.json").read_text())["dependencies"]["three"]
     page = (pages.arm / "html/arm.html").read_text()

@@ -26,11 +26,11 @@ VISIBLE = """() => { const { stage, robot } = thingc.viewer, box = stage.canvas.
     if (hit !== null) found.add(robot.occurrences[hit.occurrence].path);
   }
   return [...found]; }"""
-"""The paths of the components that a click can select."""
+"""Return the paths of the components that a click can select."""
 
 
 def test_parts_are_hidden_isolated_and_made_transparent(browser: Any, pages: Pages) -> None:
-    """By keys and by the buttons of the card. A link restores it."""
+    """With keys and with the buttons of the card. A URL restores it."""
     with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home&theme=light")) as page:
         drawn(page)
         bar, at = page.locator("#visibility"), spot(page, "hand/pen")
@@ -58,8 +58,8 @@ def test_parts_are_hidden_isolated_and_made_transparent(browser: Any, pages: Pag
         assert len(page.evaluate(VISIBLE)) > 5
 
 
-def test_a_motion_is_played_between_two_poses(browser: Any, tmp_path: Path) -> None:
-    """Of a four-bar: the drive is interpolated and the loop stays closed. Space pauses, and a slider ends the motion."""
+def test_motion_is_played_between_two_poses(browser: Any, tmp_path: Path) -> None:
+    """On a four-bar: the drive is interpolated and the loop stays closed. Space pauses, and a slider ends the motion."""
     with page_of(browser, tmp_path, FOUR_BAR, "#mode=bench") as page:
         page.get_by_label("From pose").select_option("at_20")
         page.get_by_label("To pose").select_option("at_200")
@@ -84,8 +84,8 @@ def test_a_motion_is_played_between_two_poses(browser: Any, tmp_path: Path) -> N
         assert page.get_by_role("slider", name="Position in the motion").input_value() == "0"
 
 
-def test_a_motion_of_the_document_is_played(browser: Any, tmp_path: Path) -> None:
-    """Of a four-bar, with minimum jerk from rest to rest, and the loop closed on the way."""
+def test_motion_of_the_document_is_played(browser: Any, tmp_path: Path) -> None:
+    """On a four-bar, with minimum jerk from rest to rest, and with the loop closed on the way."""
     motions = "motions: {turn: [{pose: at_20, time: 1 s}, {pose: at_200, time: 2 s}, {pose: at_20, time: 4 s}]}\nmodes:\n"
     with page_of(browser, tmp_path, FOUR_BAR.replace("modes:\n", motions), "#mode=bench") as page:
         assert page.get_by_label("Motion", exact=True).input_value() == "turn" and not page.get_by_label("From pose").is_visible()
@@ -100,7 +100,7 @@ def test_a_motion_of_the_document_is_played(browser: Any, tmp_path: Path) -> Non
         assert page.get_by_label("From pose").is_visible() and slider.input_value() == "0"
 
 
-def test_the_bill_has_totals_and_is_exported(browser: Any, pages: Pages) -> None:
+def test_bom_has_totals_and_is_exported(browser: Any, pages: Pages) -> None:
     bom = json.loads(element((pages.arm / "html/arm.html").read_text(), "thingc-robot"))["bom"]
     image = "data:image/svg+xml;base64," + b64encode(b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>').decode()
     bom[0] |= {"cost": "10.50 EUR", "total": f"{10.5 * bom[0]['quantity']} EUR", "name": '=1+1, "x"', "image": image}

@@ -1,4 +1,5 @@
-"""Docs, messages and docstrings are plain English: no more phrases that the rules of `wording.py` object to than `allowed.toml` has."""
+"""Docs, messages and docstrings are in plain English: the number of phrases found by the rules of `wording.py` is at most that in
+`allowed.toml`."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from wording.wording import Text, findings, texts
 ALLOWED = Path(__file__).with_name("allowed.toml")
 
 
-def test_phrases_that_the_rules_object_to_become_fewer() -> None:
+def test_number_of_findings_does_not_grow() -> None:
     found: dict[str, list[str]] = {}
     for text in texts():
         for one in findings(text):
@@ -30,12 +31,12 @@ def test_phrases_that_the_rules_object_to_become_fewer() -> None:
     ("A torque of 3 N*m. There is no such joint, and the part is no longer used.", 0),
     ("Return the record, or None if the store does not contain it.", 0),
 ])
-def test_the_rules(words: str, number: int) -> None:
+def test_rules(words: str, number: int) -> None:
     found = list(findings(Text("model docstrings", "x.py:1", words)))
     assert len(found) == number, found
 
 
-def test_a_long_sentence_is_found_in_docs_alone() -> None:
+def test_long_sentences_are_found_only_in_docs() -> None:
     words = "word " * 31 + "end."
     assert [one.rule for one in findings(Text("docs/x.md", "docs/x.md:1", words))] == ["a sentence of more than 30 words"]
     assert not list(findings(Text("model messages", "x.py:1", words)))

@@ -34,10 +34,10 @@ BANNED = {
         r"\b(file|document|page|model|mode|joint|part|table|lock|record|robot|schema|message|compiler|thingc|MuJoCo|it)"
         r" (says|tells|knows|wants)\b",
 }
-"""Patterns by what to do about them."""
+"""Patterns, each with the suggested replacement."""
 
 PYTHON = ("compiler/thingc", "parts", "examples", "benchmarks", "docs", "gate")
-"""Folders whose docstrings and messages are plain English."""
+"""Folders whose docstrings and messages are checked."""
 
 OTHERS = (
     "viewer/src/**/*.ts", "compiler/thingc/**/*.js", "compiler/thingc/**/*.html", "compiler/thingc/tools/templates/**/*.yaml", "gate/*.sh",
@@ -46,11 +46,11 @@ OTHERS = (
 """Files in other languages."""
 
 LONGEST = 30
-"""Words of a sentence in the docs."""
+"""The largest number of words of a sentence in the docs."""
 
 
 class Text(NamedTuple):
-    """A text that people read: the area that it is counted in, its file with the line, and the words."""
+    """A text for readers: its area, its file with the line, and the words."""
 
     area: str
     place: str
@@ -58,7 +58,7 @@ class Text(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """One place that a rule objects to."""
+    """A place that a rule rejects."""
 
     area: str
     place: str
@@ -67,14 +67,14 @@ class Finding(NamedTuple):
 
 
 def pages() -> list[Path]:
-    """The pages that are written by hand; those of diagnostic codes are made from the messages."""
+    """Return the pages that are written by people. Pages of diagnostic codes are generated from messages."""
     named = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "SECURITY.md")]
     docs = [page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "codes" and page.name != "diagnostics.md"]
     return sorted(page for page in (*named, *docs) if page.exists())
 
 
 def prose(page: Path) -> Iterator[Text]:
-    """The paragraphs, items of lists and cells of tables of a page, without code, pictures and the targets of links."""
+    """Return the paragraphs, list items and table cells of a page, without code, pictures and the targets of links."""
     area, fenced, begin = page.relative_to(ROOT).as_posix(), False, 0
     lines = _without_options(page.read_text()).splitlines()
     paragraph: list[str] = []
@@ -95,7 +95,7 @@ def prose(page: Path) -> Iterator[Text]:
 
 
 def _without_options(text: str) -> str:
-    """Return a page with empty lines for the options of a command: their texts are messages, which are counted where they are written."""
+    """Return a page with empty lines in place of the options of a command. Their texts are counted as messages in the code."""
     options = r"(?s)<!-- generated: options -->.*?<!-- /generated -->"
     return re.sub(options, lambda found: "\n" * found[0].count("\n"), text)
 
@@ -106,7 +106,7 @@ def _plain(line: str) -> str:
 
 
 def code(path: Path) -> Iterator[Text]:
-    """The docstrings of a module, and its other texts of at least three words: messages and helps."""
+    """Return the docstrings of a module, and its other texts with at least three words, which are messages and helps."""
     tree = ast.parse(path.read_text())
     place = path.relative_to(ROOT).as_posix()
     room = place.removeprefix("compiler/thingc/").partition("/")[0].removesuffix(".py")
@@ -120,13 +120,14 @@ def code(path: Path) -> Iterator[Text]:
 
 
 def lines(path: Path) -> Iterator[Text]:
-    """The lines of a file in another language: the rules do not match code, so it is not distinguished from comments and strings."""
+    """Return the lines of a file in another language. The rules do not match code, so code is not distinguished from comments and
+    strings."""
     place = path.relative_to(ROOT).as_posix()
     yield from (Text(place, f"{place}:{number}", line.strip()) for number, line in enumerate(path.read_text().splitlines(), 1))
 
 
 def texts() -> Iterator[Text]:
-    """All texts that the rules are about."""
+    """Return all texts to which the rules apply."""
     for page in pages():
         yield from prose(page)
     for folder in PYTHON:
@@ -138,7 +139,7 @@ def texts() -> Iterator[Text]:
 
 
 def findings(text: Text) -> Iterator[Finding]:
-    """What the rules object to in a text."""
+    """Return the findings of the rules in a text."""
     for rule, pattern in BANNED.items():
         yield from (Finding(text.area, text.place, rule, found[0]) for found in re.finditer(pattern, text.words))
     if text.area.endswith(".md"):

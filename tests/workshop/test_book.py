@@ -206,7 +206,8 @@ def read(folder: Path) -> Page:
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
-    """The page of a build that also writes MuJoCo models, in a new process: MuJoCo selects how it renders when it is imported."""
+    """The page of a build that also writes MuJoCo models. It runs in a new process, because MuJoCo selects its renderer when it is
+    imported."""
     folder = tmp_path_factory.mktemp("book")
     subprocess.run([sys.executable, "-m", "thingc", *command(folder), "mjcf,book"], check=True)
     return read(folder)
@@ -222,12 +223,12 @@ def test_nested_assemblies_come_first_and_the_core_before_the_lid(page: Page) ->
     assert "2.5" not in page.steps
 
 
-def test_what_hangs_below_the_lid_is_attached_to_it_first(page: Page) -> None:
+def test_parts_below_the_lid_are_attached_to_it_first(page: Page) -> None:
     assert [page.steps[f"1.{k}"] for k in (1, 2)] == [["1 × Lid (No. 4)"], ["1 × Weight (No. 5)", "weight.top on lid.below"]]
     assert "1.3" not in page.steps
 
 
-def test_pieces_without_a_way_name_what_is_in_the_way(page: Page) -> None:
+def test_blocked_pieces_name_the_parts_in_their_way(page: Page) -> None:
     steps = {text[0].partition(" (")[0]: text[1:] for number, text in page.steps.items() if number.startswith("3.")}
     assert steps["1 × Ball"] == ["ball.heart on cage.middle", "No free way in along the axes of its mount: fit together with cage."]
     notes = [text for number, text in page.steps.items() if any("No free way" in line for line in text)]

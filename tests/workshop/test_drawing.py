@@ -83,7 +83,7 @@ def paths(drawing: ElementTree.Element, kind: str) -> list[svgelements.Path]:
 
 
 def rows(drawing: ElementTree.Element) -> list[list[str]]:
-    """The texts of the sheet, in lines from top to bottom, each from left to right."""
+    """Return the texts of the sheet in lines from top to bottom, each from left to right."""
     lines: dict[float, list[tuple[float, str]]] = {}
     for one in drawing.iter(f"{SVG}text"):
         lines.setdefault(float(one.attrib["y"]), []).append((float(one.attrib["x"]), one.text or ""))
@@ -109,7 +109,7 @@ def test_views_are_to_scale_and_in_first_angle(block: ElementTree.Element) -> No
     assert left[0, 0] > front[1, 0] and left[0, 1] == front[0, 1], "the view from the left is to the right of the front view"
 
 
-def test_edges_are_where_the_part_has_them(block: ElementTree.Element) -> None:
+def test_edges_match_the_part(block: ElementTree.Element) -> None:
     front, top, left, _ = paths(block, "visible")
     x0, _, _, bottom = top.bbox()
     circles = {
@@ -156,7 +156,7 @@ def test_holes_with_cuts_in_their_walls_are_through(tmp_path: Path) -> None:
     }
 
 
-def test_a_long_part_is_reduced(tmp_path: Path) -> None:
+def test_long_part_is_drawn_at_a_reduced_scale(tmp_path: Path) -> None:
     drawing = ElementTree.fromstring(build(tmp_path, "needle")["needle_alu_x2.svg"])
     assert "1 : 10" in [one.text for one in drawing.iter(f"{SVG}text")]
     x0, y0, x1, y1 = paths(drawing, "visible")[0].bbox()
@@ -165,7 +165,7 @@ def test_a_long_part_is_reduced(tmp_path: Path) -> None:
     assert x1 - x0 > 100.0, "the isometric view has its own scale and place"
 
 
-def test_the_outline_of_a_round_part_is_visible(tmp_path: Path) -> None:
+def test_outline_of_a_round_part_is_visible(tmp_path: Path) -> None:
     """The exact algorithm of the CAD kernel draws one end of the ring as hidden."""
     drawing = ElementTree.fromstring(build(tmp_path, "ring")["ring_alu_x2.svg"])
     for path, size in zip(paths(drawing, "visible")[:3], ((50, 10), (50, 50), (50, 10)), strict=True):

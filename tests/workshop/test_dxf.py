@@ -107,7 +107,7 @@ def points_of(entity: Any) -> Points:
 
 
 def loops_of(drawing: Any, layer: str = "CUT") -> list[Points]:
-    """The closed outlines in a layer: every end of an entity meets exactly one other end."""
+    """Return the closed outlines in a layer. Every end of an entity must meet exactly one other end."""
     rest = [points_of(one) for one in drawing.modelspace().query(f'*[layer=="{layer}"]')]
     loops: list[Points] = []
     while rest:
@@ -126,7 +126,7 @@ def area(loop: Points) -> float:
 
 
 def measured(drawing: Any) -> tuple[float, float]:
-    """The area inside the largest outline and outside all others, and the length of all outlines."""
+    """Return the area inside the largest outline and outside all others, and the length of all outlines."""
     outer, *holes = loops_of(drawing)
     length = sum(float(np.linalg.norm(np.diff(loop, axis=0), axis=1).sum()) for loop in (outer, *holes))
     return abs(area(outer)) - sum(abs(area(hole)) for hole in holes), length
@@ -149,7 +149,7 @@ def holes(drawing: Any) -> dict[float, Points]:
 
 
 def turn(drawing: Any) -> float:
-    """Twice the signed area of the triangle from the smallest to the largest hole."""
+    """Return twice the signed area of the triangle from the smallest to the largest hole."""
     (_, a), (_, b), (_, c) = sorted(holes(drawing).items())
     return float(np.cross([*(b - a), 0.0], [*(c - a), 0.0])[2])
 
@@ -199,6 +199,6 @@ def test_the_edges_of_a_mesh_are_straight(tmp_path: Path) -> None:
     assert [one.dxftype() for one in drawing.modelspace()] == ["LINE"] * 4 and measured(drawing) == pytest.approx((2500, 200), rel=1e-6)
 
 
-def test_a_robot_of_bought_parts_is_a_loss(tmp_path: Path) -> None:
+def test_robot_of_bought_parts_is_a_loss(tmp_path: Path) -> None:
     assert build(tmp_path, ROBOT.replace("flat:PART", "flat:plate, bom: {make: buy}")) == {}
     assert lost(tmp_path) == [("robot", "the robot has no part with geometry that is not bought")]

@@ -1,4 +1,4 @@
-"""Print plates, read as the standard defines them and sliced by PrusaSlicer, against the files of the parts."""
+"""Print plates, read by the rules of the 3MF standard and sliced by PrusaSlicer, compared with the files of the parts."""
 
 from __future__ import annotations
 
@@ -57,7 +57,8 @@ def plates(folder: Path) -> list[bytes]:
 
 
 def placed(plate: bytes) -> list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]:
-    """Every item of a plate as the standard defines it: the name of its object, and the corners of its triangles on the bed [mm]."""
+    """Return every item of a plate by the rules of the standard: the name of its object, and the corners of its triangles on the bed
+    [mm]."""
     with zipfile.ZipFile(BytesIO(plate)) as archive:
         root = ElementTree.fromstring(archive.read("3D/3dmodel.model"))
     objects: dict[str, tuple[str, NDArray[np.float64], NDArray[np.int64]]] = {}
@@ -73,7 +74,7 @@ def placed(plate: bytes) -> list[tuple[str, NDArray[np.float64], NDArray[np.floa
     return found
 
 
-def test_parts_are_on_the_bed_upright_and_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_parts_are_upright_on_the_bed_without_overlaps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert build(tmp_path, capsys)[0] == 0
     (plate,) = plates(tmp_path)
     items = placed(plate)
@@ -133,7 +134,7 @@ def test_a_bed_has_three_lengths(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 @pytest.mark.skipif(shutil.which("prusa-slicer") is None, reason="PrusaSlicer is not installed")
 def test_prusaslicer_reads_names_instances_and_settings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The wedges are sliced with 15 % and the long part with 100 % infill, whatever the preset."""
+    """PrusaSlicer uses 15 % infill for the wedges and 100 % for the long part, regardless of the preset."""
     build(tmp_path, capsys)
     plate, code = tmp_path / "plate.3mf", tmp_path / "plate.gcode"
     plate.write_bytes(plates(tmp_path)[0])

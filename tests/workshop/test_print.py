@@ -1,4 +1,4 @@
-"""Supports of prints against closed forms, and the command that lists them."""
+"""Supports of prints, compared with closed forms, and the command that lists them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from thingc.tools.workshop.supports import support_of
 T_SHAPE = trimesh.boolean.union([
     trimesh.creation.box(bounds=[[20, 20, 0], [30, 30, 31]]), trimesh.creation.box(bounds=[[0, 0, 30], [50, 50, 35]]),
 ])
-"""A plate of 50 mm on a stem of 10 mm, 30 mm high: 24 cm^2 hang over 72 cm^3."""
+"""A plate of 50 mm on a stem of 10 mm, 30 mm high. An area of 24 cm^2 overhangs a volume of 72 cm^3."""
 
 
 def stl(mesh: trimesh.Trimesh) -> bytes:
@@ -38,14 +38,14 @@ def test_the_space_below_a_plate_is_its_support(up: tuple[float, float, float], 
 
 @pytest.mark.parametrize(("slope", "hangs"), [(40.0, True), (44.0, True), (46.0, False), (60.0, False)])
 def test_surfaces_steeper_than_45_degrees_need_no_support(slope: float, hangs: bool) -> None:
-    """A cone on its tip, whose sides rise at the angle."""
+    """A cone stands on its tip. Its sides rise at the given angle."""
     run = 10.0 / np.tan(np.radians(slope))
     cone = trimesh.creation.cone(radius=run, height=10.0, sections=64)
     assert (support_of(*upright(stl(cone), (0.0, 0.0, -1.0))).area > 1.0) == hangs
 
 
 def test_support_rests_on_the_part_below() -> None:
-    """Two plates of a C: the upper one hangs over the lower one, 10 mm above it."""
+    """A part in the shape of a C: the upper plate overhangs the lower one, 10 mm above it."""
     shape = trimesh.boolean.union([
         trimesh.creation.box(bounds=[[0, 0, 0], [40, 20, 5]]), trimesh.creation.box(bounds=[[0, 0, 15], [40, 20, 20]]),
         trimesh.creation.box(bounds=[[0, 0, 1], [5, 20, 19]]),

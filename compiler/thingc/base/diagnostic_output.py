@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from thingc.base.diagnostics import Diagnostic, Severity, shown_path
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.safe_text import escape_control, shown_line
 from thingc.base.source import SET, Span
 
@@ -71,7 +71,7 @@ def summary(diagnostics: Sequence[Diagnostic]) -> str:
     for severity in (Severity.ERROR, Severity.WARNING):
         count = sum(1 for d in diagnostics if d.severity is severity)
         if count:
-            parts.append(counted(count, severity.value))
+            parts.append(format_count(count, severity.value))
     return ", ".join(parts)
 
 

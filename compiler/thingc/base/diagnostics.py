@@ -13,8 +13,8 @@ from enum import Enum
 from msgspec.structs import force_setattr, replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr, counted
-from thingc.base.safe_text import shortened
+from thingc.base.one_line_repr import OneLineRepr, format_count
+from thingc.base.safe_text import abbreviate
 from thingc.base.source import Edit, Node, Origin, Span, stands_in
 from thingc.base.suggestions import Hint, Suggestion, text_of
 
@@ -305,17 +305,17 @@ class Note(OneLineRepr, FrozenStruct):
     span: Span | None = None
 
     def __post_init__(self) -> None:
-        force_setattr(self, "message", shortened(self.message))
+        force_setattr(self, "message", abbreviate(self.message))
 
 
-def noted(message: str, origin: Origin) -> tuple[Note, ...]:
+def make_notes(message: str, origin: Origin) -> tuple[Note, ...]:
     """Create a note with the text `message` at the innermost location of `origin`. Return an empty tuple if `origin` is empty."""
     return (Note(message=message, span=origin[0]),) if origin else ()
 
 
 def first_notes(notes: Sequence[Note], most: int, noun: str) -> list[Note]:
     """Return the first notes, and a note with the number of the others: `and 3 more parts` for the noun `more part`."""
-    more = [Note(message=f"and {counted(len(notes) - most, noun)}")] if len(notes) > most else []
+    more = [Note(message=f"and {format_count(len(notes) - most, noun)}")] if len(notes) > most else []
     return [*notes[:most], *more]
 
 
@@ -345,9 +345,9 @@ class Diagnostic(OneLineRepr, FrozenStruct):
         return self.help if not self.allow else f"{self.help}; {allow_hint(self.code)}" if self.help else allow_hint(self.code)
 
     def __post_init__(self) -> None:
-        force_setattr(self, "message", shortened(self.message))
+        force_setattr(self, "message", abbreviate(self.message))
         if self.help is not None:
-            force_setattr(self, "help", shortened(self.help))
+            force_setattr(self, "help", abbreviate(self.help))
 
 
 class UserError(Exception):
@@ -448,7 +448,7 @@ class Report:
         """Add a warning to the report. The arguments have the same meaning as for `add`."""
         return self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING, allow=allow)
 
-    def continued(self) -> Report:
+    def copy(self) -> Report:
         """Return an independent copy of this report. Diagnostics that are added to the copy are not added to this report."""
         return Report(list(self.diagnostics), self.allowances, set(self.needed), self.allowed, set(self._known))
 
@@ -473,7 +473,7 @@ class Report:
         """Return whether the report contains at least one error."""
         return any(d.severity is Severity.ERROR for d in self.diagnostics)
 
-    def ordered(self) -> list[Diagnostic]:
+    def sorted_diagnostics(self) -> list[Diagnostic]:
         """Return the diagnostics sorted by file, line and column. Diagnostics at the same location keep the order in which they were added.
 
         Diagnostics without a location are last.
@@ -483,7 +483,7 @@ class Report:
             key=lambda d: (d.span is None, d.span.file if d.span else "", *((d.span.line, d.span.column) if d.span else (0, 0))),
         )
 
-    def judged(self, *, strict: bool) -> Report:
+    def apply_strict(self, *, strict: bool) -> Report:
         """Return this report. With `strict`, return a copy of the report in which every warning has become an error."""
         return self if not strict else Report([
             replace(d, severity=Severity.ERROR) if d.severity is Severity.WARNING else d for d in self.diagnostics

@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any
 
 
-def exported(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
+def getattr_of(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
     """Return a function to use as the module-level `__getattr__` of a package.
 
     This `__getattr__` imports a module when one of the names of the module is first used.

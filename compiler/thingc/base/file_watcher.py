@@ -79,7 +79,7 @@ class FileWatcher:
         self._seen = {path: before[path] for path in paths if path in before}
         self.note(paths)
 
-    def changed(self) -> tuple[str, ...]:
+    def take_changes(self) -> tuple[str, ...]:
         """Return the watched paths that have changed since the last call of this method."""
         changed: list[str] = []
         for path, (stat, content) in self._seen.items():

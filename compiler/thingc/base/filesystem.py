@@ -49,7 +49,7 @@ def hash_name(text: str, digits: int = 64) -> str:
     return text
 
 
-def opened(path: str) -> BufferedReader:
+def open_file(path: str) -> BufferedReader:
     """Open a regular file for reading bytes. Raises `NotARegularFile` for pipes and devices, and `OSError` for other errors."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
@@ -58,8 +58,8 @@ def opened(path: str) -> BufferedReader:
 
 
 def beginning(path: str, most: int) -> bytes:
-    """Return the first `most` bytes of a file, or the whole file if it is shorter. Raises the same errors as `opened`."""
-    with opened(path) as stream:
+    """Return the first `most` bytes of a file, or the whole file if it is shorter. Raises the same errors as `open_file`."""
+    with open_file(path) as stream:
         return stream.read(most)
 
 
@@ -140,7 +140,7 @@ def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None
     The new content is first written to a temporary file in the same folder. Then `check` is called, and the temporary file is renamed to
     `path`. The mode of an existing file is preserved. A symbolic link is replaced, not followed. Raises `OSError`.
     """
-    with contextlib.suppress(OSError), opened(path) as stream:
+    with contextlib.suppress(OSError), open_file(path) as stream:
         if stream.read() == data:
             return False
     fresh = os.path.join(os.path.dirname(path), f".{os.path.basename(path)}.thingc-{os.getpid()}-{os.urandom(4).hex()}")

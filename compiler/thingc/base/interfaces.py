@@ -47,7 +47,7 @@ class MountPair(FrozenStruct):
 class MountFeature(FrozenStruct, tag=True, omit_defaults=True):
     """The base class of mating features."""
 
-    def converted(self, length: Conversion, angle: Conversion) -> Self:
+    def in_units(self, length: Conversion, angle: Conversion) -> Self:
         """Return the same feature in other units."""
 
         def change(name: str, value: Any) -> Any:
@@ -59,7 +59,7 @@ class MountFeature(FrozenStruct, tag=True, omit_defaults=True):
 
         return replace(self, **{name: change(name, getattr(self, name)) for name in self.__struct_fields__})
 
-    def mirrored(self) -> Self:
+    def mirror_image(self) -> Self:
         """Return the feature in the frame of a mirrored mount, whose y axis is reversed. Round features do not change."""
         return self
 
@@ -101,7 +101,7 @@ class Bolts(MountFeature, kw_only=False):
         angles = [self.start + 2.0 * math.pi * k / self.count for k in range(self.count)]
         return tuple((self.circle / 2.0 * cos(angle), self.circle / 2.0 * sin(angle)) for angle in angles)
 
-    def mirrored(self) -> Bolts:
+    def mirror_image(self) -> Bolts:
         """Return the pattern in the frame of a mirrored mount, whose y axis is reversed."""
         return replace(self, start=-self.start + 0.0, at=tuple((x, -y + 0.0) for x, y in self.at))
 
@@ -118,9 +118,9 @@ class Bolts(MountFeature, kw_only=False):
                 found.append((f"{self.count} bolts", f"{other.count} bolts", ""))
             if not abs((self.circle or 0.0) - (other.circle or 0.0)) <= SAME:
                 found.append((f"bolt circle {mm(self.circle or 0.0)}", f"bolt circle {mm(other.circle or 0.0)}", ""))
-        return found if found or pair.turns else self._misplaced(other, pair)
+        return found if found or pair.turns else self._compare_holes(other, pair)
 
-    def _misplaced(self, other: Bolts, pair: MountPair) -> list[Mismatch]:
+    def _compare_holes(self, other: Bolts, pair: MountPair) -> list[Mismatch]:
         """Return a mismatch for the first hole of the smaller pattern that is not at a hole of the larger pattern."""
         mine, theirs = self.points, [pair.pose.apply((x, y, 0.0))[:2] for x, y in other.points]
         swapped = len(theirs) < len(mine)
@@ -248,6 +248,6 @@ def mm(value: float) -> str:
     return f"{1e3 * value:.6g} mm"
 
 
-def described(interface: str | None, features: Sequence[MatingFeature]) -> str:
+def format_interface(interface: str | None, features: Sequence[MatingFeature]) -> str:
     """Format the name and the features of an interface, or return an empty string."""
     return ", ".join([*filter(None, [interface]), *map(str, features)])

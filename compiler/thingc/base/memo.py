@@ -39,7 +39,7 @@ class Memo:
         self.keep(place, inputs, answer)
         return answer
 
-    def apart(self) -> Memo:
+    def make_empty(self) -> Memo:
         """Return a new, empty cache for results that are valid only during one run of the compiler."""
         return Memo()
 

@@ -115,7 +115,7 @@ erf = one_operation(math.erf)
 
 
 @one_operation
-def rounded(value: float, digits: int) -> float:
+def round_significant(value: float, digits: int) -> float:
     """Round a number to `digits` significant decimal digits."""
     return float(f"{value:.{digits}g}")
 

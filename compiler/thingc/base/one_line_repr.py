@@ -30,13 +30,13 @@ class OneLineRepr:
         return _line(self)
 
 
-def counted(number: int, noun: str) -> str:
+def format_count(number: int, noun: str) -> str:
     """Format a number with its noun in the singular or plural: `1 document`, `2 documents`, `2 losses`."""
     return f"{number} {noun}{'' if number == 1 else 'es' if noun.endswith(('s', 'sh')) else 's'}"
 
 
 def _line(self: Any) -> str:
-    named = _called(self)
+    named = _name_of(self)
     words = [] if named is None else [_short_repr(named)]
     shown = self.__struct_fields__ if isinstance(self, FrozenStruct) else [one.name for one in fields(self) if one.repr]
     for name in shown:
@@ -51,7 +51,7 @@ def _line(self: Any) -> str:
     return line
 
 
-def _called(value: object) -> str | None:
+def _name_of(value: object) -> str | None:
     """Return the name, path, text or code of an object, for its representation. Return None if the object has none of these attributes."""
     names = (getattr(value, attribute, None) for attribute in ("name", "path", "text", "code"))
     return next((one for one in names if isinstance(one, str) and one), None)
@@ -64,18 +64,18 @@ def _short_repr(value: Any) -> str:
     if isinstance(value, Span):
         return f"{os.path.basename(value.file)}:{value.line}:{value.column}"
     if isinstance(value, FrozenStruct) or is_dataclass(value):
-        named = _called(value)
+        named = _name_of(value)
         return type(value).__name__ + ("" if named is None else f"({_short_repr(named)})")
     if isinstance(value, (Mapping, Set)):
-        return _listed(list(value))
+        return _format_items(list(value))
     if isinstance(value, Sequence):
-        return _short_repr(value[0]) if isinstance(value[0], Span) else _listed(value)
+        return _short_repr(value[0]) if isinstance(value[0], Span) else _format_items(value)
     if hasattr(value, "dtype"):
         return f"{value.dtype}{list(value.shape)}"
     return f"{value:.6g}" if isinstance(value, float) else f"{value!r}"[: _WORD + 20]
 
 
-def _listed(values: Sequence[Any]) -> str:
+def _format_items(values: Sequence[Any]) -> str:
     """Format a collection for `OneLineRepr`: a short list of plain values as `[bench, drawing]`, other collections as `[7 Body]`."""
     if len(values) <= LISTED and all(isinstance(one, (str, int, float)) and len(f"{one}") <= _WORD for one in values):
         return "[" + ", ".join(one if isinstance(one, str) else _short_repr(one) for one in values) + "]"

@@ -39,12 +39,12 @@ def dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def added(a: Vector, b: Vector, factor: float) -> Vector:
+def add_scaled(a: Vector, b: Vector, factor: float) -> Vector:
     """Return the vector `a + factor b`."""
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
-def scaled(v: Vector, factor: float) -> Vector:
+def scale_vector(v: Vector, factor: float) -> Vector:
     """Return the vector `factor v`. A component of zero never becomes -0.0."""
     return (factor * v[0] + 0.0, factor * v[1] + 0.0, factor * v[2] + 0.0)
 
@@ -215,12 +215,12 @@ def turned_z(angle: float) -> Pose:
     return Pose(rotation=((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
 
 
-def shifted(x: float, y: float, z: float) -> Pose:
+def make_translation(x: float, y: float, z: float) -> Pose:
     """Return the pose of a frame that is translated by (x, y, z) [m] without rotation."""
     return Pose(translation=(x, y, z))
 
 
-def placed(xyz: Vector, rpy: Vector) -> Pose:
+def make_pose(xyz: Vector, rpy: Vector) -> Pose:
     """Return the pose with the translation `xyz` [m] and the roll, pitch and yaw angles `rpy` [rad], as in an `<origin>` of URDF."""
     roll, pitch, yaw = rpy
     turned = turned_z(yaw) @ turned_y(pitch) @ turned_x(roll)

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 
 from thingc.base.diagnostics import Code, UserError, shown_path
-from thingc.base.filesystem import NO_ROOM, lock, opened, write_whole
+from thingc.base.filesystem import NO_ROOM, lock, open_file, write_whole
 
 Change = tuple[bytes | None, bytes | None]
 """The content of a file when it was read, and its new content. None means that the file does not exist."""
@@ -109,7 +109,7 @@ def _lock(folder: str, locks: contextlib.ExitStack) -> None:
 def _compare(path: str, before: bytes | None) -> None:
     now = None
     if os.path.lexists(path):
-        with opened(path) as stream:
+        with open_file(path) as stream:
             now = stream.read()
     if now != before:
         raise ReplacementRefused(f"`{shown_path(path)}` changed while this command ran", "Run the command again.")

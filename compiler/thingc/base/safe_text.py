@@ -31,7 +31,7 @@ def escape_control(text: str, *, most: int = LONGEST) -> str:
     unchanged. Strings with more than `most` characters are abbreviated in the middle.
     """
     text = _cut(text, most)
-    return text if _is_printable(text) else "".join(map(_escaped, text))
+    return text if _is_printable(text) else "".join(map(_escape, text))
 
 
 def html_text(text: str) -> str:
@@ -49,7 +49,7 @@ def shown_line(line: str) -> str:
     return "\t".join(escape_control(piece, most=len(piece)) for piece in line.split("\t"))
 
 
-def shortened(message: str) -> str:
+def abbreviate(message: str) -> str:
     """Abbreviate a message if it is too long: first its long quotations between backquotes, and then the whole message.
 
     Characters in the middle of a quotation or message are omitted.
@@ -65,12 +65,12 @@ def some(words: Sequence[str], most: int, *, between: str = ", ") -> str:
     return f"{first} and {len(words) - most} more" if len(words) > most else first
 
 
-def quoted(names: Sequence[str], most: int) -> str:
+def quote_names(names: Sequence[str], most: int) -> str:
     """Put the first `most` names in backquotes and join them, and append the number of the remaining names."""
     return some([f"`{name}`" for name in names], most)
 
 
-def unseen(name: str) -> str:
+def find_invisible(name: str) -> str:
     """Return the invisible characters in a name. Names with such characters are rejected, because they cannot be displayed.
 
     Invisible characters are control characters, line ends, bidirectional marks, zero-width characters, and undecodable bytes of file names.
@@ -105,7 +105,7 @@ def _is_printable(text: str) -> bool:
     return text.isprintable() and (text.isascii() or _UNSEEN.search(text) is None)
 
 
-def _escaped(character: str) -> str:
+def _escape(character: str) -> str:
     if _is_printable(character):
         return character
     return character.encode("unicode_escape").decode("ascii")

@@ -139,7 +139,7 @@ def entries_of(node: Node | None) -> Mapping[str, Node]:
     return node.entries if isinstance(node, MappingNode) else {}
 
 
-def dotted(path: Path) -> str:
+def format_path(path: Path) -> str:
     """Format a key path with dots and indices, such as `components.hand.at.xyz[0]`."""
     text = ""
     for step in path:

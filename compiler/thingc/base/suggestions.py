@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from itertools import islice
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.safe_text import quoted
+from thingc.base.safe_text import quote_names
 
 
 def closest_name(name: str, candidates: Iterable[str]) -> str | None:
@@ -102,7 +102,7 @@ def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -
         return close
     if not known:
         return f"there are no {what} here"
-    return f"known {what}: {quoted(known, 12)}"
+    return f"known {what}: {quote_names(known, 12)}"
 
 
 def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> Hint:

@@ -98,36 +98,36 @@ def _whole(exponent: Exponent) -> Exponent:
 _WORDS: dict[Dimension, tuple[str, str]] = {}
 
 
-def _named(words: str, example: str, **exponents: Exponent) -> Dimension:
+def _dimension(words: str, example: str, **exponents: Exponent) -> Dimension:
     """Create a physical dimension, with its description and an example for messages."""
     dimension = Dimension(**exponents)
     _WORDS[dimension] = words, example
     return dimension
 
 
-NUMBER = _named("a number", "2")
-LENGTH = _named("a length", "120 mm", length=1)
-MASS = _named("a mass", "120 g", mass=1)
-TIME = _named("a time", "2 ms", time=1)
-ANGLE = _named("an angle", "30 deg", angle=1)
-AREA = _named("an area", "120 mm^2", length=2)
-VOLUME = _named("a volume", "120 mm^3", length=3)
-DENSITY = _named("a density", "1270 kg/m^3", mass=1, length=-3)
-VELOCITY = _named("a velocity", "0.5 m/s", length=1, time=-1)
-ANGULAR_VELOCITY = _named("an angular velocity", "46 rpm", angle=1, time=-1)
-ACCELERATION = _named("an acceleration", "9.81 m/s^2", length=1, time=-2)
-FORCE = _named("a force", "300 N", mass=1, length=1, time=-2)
-TORQUE = _named("a torque", "4.1 N*m", mass=1, length=2, time=-2)
-POWER = _named("a power", "10 W", mass=1, length=2, time=-3)
-PRESSURE = _named("a pressure", "2 MPa", mass=1, length=-1, time=-2)
-FREQUENCY = _named("a frequency", "50 Hz", time=-1)
-INERTIA = _named("a moment of inertia", "0.01 kg*m^2", mass=1, length=2)
-ANGULAR_DAMPING = _named("an angular damping", "0.02 N*m*s/rad", mass=1, length=2, time=-1, angle=-1)
-LINEAR_DAMPING = _named("a linear damping", "2 N*s/m", mass=1, time=-1)
-ANGULAR_STIFFNESS = _named("an angular stiffness", "2 N*m/rad", mass=1, length=2, time=-2, angle=-1)
-LINEAR_STIFFNESS = _named("a linear stiffness", "200 N/m", mass=1, time=-2)
-LENGTH_PER_ANGLE = _named("a length per angle", "10 mm/rad", length=1, angle=-1)
-ANGLE_PER_LENGTH = _named("an angle per length", "10 rad/m", length=-1, angle=1)
+NUMBER = _dimension("a number", "2")
+LENGTH = _dimension("a length", "120 mm", length=1)
+MASS = _dimension("a mass", "120 g", mass=1)
+TIME = _dimension("a time", "2 ms", time=1)
+ANGLE = _dimension("an angle", "30 deg", angle=1)
+AREA = _dimension("an area", "120 mm^2", length=2)
+VOLUME = _dimension("a volume", "120 mm^3", length=3)
+DENSITY = _dimension("a density", "1270 kg/m^3", mass=1, length=-3)
+VELOCITY = _dimension("a velocity", "0.5 m/s", length=1, time=-1)
+ANGULAR_VELOCITY = _dimension("an angular velocity", "46 rpm", angle=1, time=-1)
+ACCELERATION = _dimension("an acceleration", "9.81 m/s^2", length=1, time=-2)
+FORCE = _dimension("a force", "300 N", mass=1, length=1, time=-2)
+TORQUE = _dimension("a torque", "4.1 N*m", mass=1, length=2, time=-2)
+POWER = _dimension("a power", "10 W", mass=1, length=2, time=-3)
+PRESSURE = _dimension("a pressure", "2 MPa", mass=1, length=-1, time=-2)
+FREQUENCY = _dimension("a frequency", "50 Hz", time=-1)
+INERTIA = _dimension("a moment of inertia", "0.01 kg*m^2", mass=1, length=2)
+ANGULAR_DAMPING = _dimension("an angular damping", "0.02 N*m*s/rad", mass=1, length=2, time=-1, angle=-1)
+LINEAR_DAMPING = _dimension("a linear damping", "2 N*s/m", mass=1, time=-1)
+ANGULAR_STIFFNESS = _dimension("an angular stiffness", "2 N*m/rad", mass=1, length=2, time=-2, angle=-1)
+LINEAR_STIFFNESS = _dimension("a linear stiffness", "200 N/m", mass=1, time=-2)
+LENGTH_PER_ANGLE = _dimension("a length per angle", "10 mm/rad", length=1, angle=-1)
+ANGLE_PER_LENGTH = _dimension("an angle per length", "10 rad/m", length=-1, angle=1)
 
 
 def fits(found: Dimension, expected: Dimension) -> bool:
@@ -155,9 +155,9 @@ class Quantity(FrozenStruct, kw_only=False):
 
     def __str__(self) -> str:
         """Format this quantity for messages with six digits and a common unit, such as mm, deg or g."""
-        return self.shown(6)
+        return self.format(6)
 
-    def shown(self, digits: int) -> str:
+    def format(self, digits: int) -> str:
         """Format this quantity for messages with `digits` significant digits and a common unit, such as mm, deg or g."""
         value = for_text(self.value)
         if self.dimension == MASS and abs(value) >= 1.0:
@@ -221,13 +221,13 @@ def exact(number: str) -> tuple[int, int]:
     if digits == 0:
         return 0, 1
     if exponent > 400:
-        raise UnitError(f"the number `{shortened(number)}` is too large", offset=0, end=len(number))
+        raise UnitError(f"the number `{shorten(number)}` is too large", offset=0, end=len(number))
     if exponent < -2000:
         return 0, 1
     return (digits * 10**exponent, 1) if exponent >= 0 else (digits, 10**-exponent)
 
 
-def converted(number: str, unit: Unit) -> float:
+def to_si(number: str, unit: Unit) -> float:
     """Convert a decimal number in some unit to SI units. The exact value is rounded once to the nearest float.
 
     For degrees, the function returns the result of `math.radians`, which `math.degrees` converts back best. The last bit may differ from
@@ -237,7 +237,7 @@ def converted(number: str, unit: Unit) -> float:
     try:
         value = math.radians(numerator / denominator) if unit == _DEGREE else (numerator * unit[0]) / (denominator * unit[1])
     except OverflowError:
-        raise UnitError(f"the number `{shortened(number)}` is too large", offset=0, end=len(number)) from None
+        raise UnitError(f"the number `{shorten(number)}` is too large", offset=0, end=len(number)) from None
     return value + 0.0  # this converts -0 to 0
 
 
@@ -333,7 +333,7 @@ def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimens
     if product and not close:
         at, end, found, close, sure = start, stop, text[start:stop], product, product
     close = close or near
-    message = f"unknown unit `{shortened(found)}`" + (f"; did you mean `{close}`?" if close else "")
+    message = f"unknown unit `{shorten(found)}`" + (f"; did you mean `{close}`?" if close else "")
     help = None if close else "use a unit such as mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %"
     return UnitError(Suggestion(message, (found, sure) if sure else None), kind="unit", offset=at, end=end, help=help)
 
@@ -361,7 +361,7 @@ def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
     at = len(text) - len(text.lstrip())
     scanned = scan_number(text, at)
     if scanned is None:
-        raise UnitError(f"expected a number with a unit, found `{shortened(text.strip())}`", help="write, for example, `120 mm`")
+        raise UnitError(f"expected a number with a unit, found `{shorten(text.strip())}`", help="write, for example, `120 mm`")
     number, at = scanned
     return _with_unit(text, number, at, wanted)
 
@@ -371,25 +371,25 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
     while at < len(text) and text[at].isspace():
         at += 1
     if at == len(text):
-        return Quantity(converted(number, (1, 1, NUMBER)))
+        return Quantity(to_si(number, (1, 1, NUMBER)))
     if scan_number(text, at) is not None or text[at] in "+-*/(),":
         raise UnitError(
-            f"expected a unit after `{number}`, found `{shortened(text[at:])}`", offset=at, end=len(text),
+            f"expected a unit after `{number}`, found `{shorten(text[at:])}`", offset=at, end=len(text),
             help=f"an expression begins with `=`: `={text.strip()}`" if text[at] in "+-*/()" else None,
         )
     if text[at] == "_" and begin == at:
-        raise UnitError(f"expected a number, found `{shortened(text.strip())}`", help="remove `_` from the number")
+        raise UnitError(f"expected a number, found `{shorten(text.strip())}`", help="remove `_` from the number")
     unit, end = scan_unit(text, at, wanted=wanted)
     if text[end:].strip():
         product = meant_unit(text[at:], wanted)
         raise UnitError(
-            f"unexpected `{shortened(text[end:].strip())}` after `{text[:end].strip()}`", offset=end, end=len(text),
+            f"unexpected `{shorten(text[end:].strip())}` after `{text[:end].strip()}`", offset=end, end=len(text),
             help=f"write `{number} {product}`" if product else "an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None,
         )
-    return Quantity(converted(number, unit), unit[2])
+    return Quantity(to_si(number, unit), unit[2])
 
 
-def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
+def check_dimension(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
     """Return a quantity if its physical dimension is one of the `expected` dimensions. The number 0 is valid for all physical dimensions.
 
     `text` is the source text of the quantity. Raises `UnitError` of the kind `unit` if only the unit is missing. Raises `UnitError` of the
@@ -398,7 +398,7 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
     for dimension in expected:
         if quantity.fits(dimension):
             return quantity
-    shown = shortened(text.strip())
+    shown = shorten(text.strip())
     wanted = " or ".join(dimension.words for dimension in expected)
     first = expected[0]
     if quantity.dimension == NUMBER and NUMBER not in expected:
@@ -450,6 +450,6 @@ must be in kg/m^3, because no material has a density of 100 g/cm^3.
 """
 
 
-def shortened(text: str, limit: int = 60) -> str:
+def shorten(text: str, limit: int = 60) -> str:
     """Shorten a source text to a single line for a message. Text beyond `limit` characters is omitted."""
     return flat if len(flat := " ".join(text.split())) <= limit else flat[: limit - 3] + "..."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from thingc.base.units import MAX_TEXT, NUMBER, NUMBER_TEXT, Dimension, Quantity, UnitError, converted, scan_number, scan_unit, shortened
+from thingc.base.units import MAX_TEXT, NUMBER, NUMBER_TEXT, Dimension, Quantity, UnitError, scan_number, scan_unit, shorten, to_si
 
 
 def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
@@ -27,23 +27,23 @@ def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantit
     count = {1: "one number", 2: "two numbers"}.get(len(numbers), f"{len(numbers)} numbers")
     how = "write, for example, `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
     if not numbers:
-        raise UnitError(f"expected three numbers and a unit, found `{shortened(text.strip())}`", help=how)
+        raise UnitError(f"expected three numbers and a unit, found `{shorten(text.strip())}`", help=how)
     if len(numbers) != 3:
-        how = _separated(text) or how
-        raise UnitError(f"expected three numbers and a unit, found {count} (`{shortened(text.strip())}`)", help=how)
+        how = _separator_hint(text) or how
+        raise UnitError(f"expected three numbers and a unit, found {count} (`{shorten(text.strip())}`)", help=how)
     unit = (1, 1, NUMBER)
     if at < len(text):
         unit, end = scan_unit(text, at, wanted=wanted)
         if text[end:].strip():
             raise UnitError(
-                f"unexpected `{shortened(text[end:].strip())}` after `{text[:end].strip()}`",
+                f"unexpected `{shorten(text[end:].strip())}` after `{text[:end].strip()}`",
                 offset=end, end=len(text), help=how,
             )
-    x, y, z = (Quantity(converted(number, unit), unit[2]) for number in numbers)
+    x, y, z = (Quantity(to_si(number, unit), unit[2]) for number in numbers)
     return x, y, z
 
 
-def _separated(text: str) -> str | None:
+def _separator_hint(text: str) -> str | None:
     """Return a hint for a vector whose three values are written with separators or several units.
 
     Return None if the vector has another error.
@@ -51,7 +51,7 @@ def _separated(text: str) -> str | None:
     pieces = [piece.strip() for piece in re.split("[,x×]", text)]
     if len(pieces) == 3 and all(scan_number(piece) for piece in pieces):
         shared = all(map(NUMBER_TEXT.fullmatch, pieces[:2]))
-        return f"write `{shortened(' '.join(pieces))}`" if shared else f"write `[{shortened(', '.join(pieces))}]`"
+        return f"write `{shorten(' '.join(pieces))}`" if shared else f"write `[{shorten(', '.join(pieces))}]`"
     number = NUMBER_TEXT.pattern
     values = re.fullmatch(rf"\s*({number})\s*([^\W\d]+)\s+({number})\s*\2\s+({number})\s*\2\s*", text)
     return f"write `{values.group(1)} {values.group(3)} {values.group(4)} {values.group(2)}`" if values is not None else None

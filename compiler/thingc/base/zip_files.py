@@ -32,7 +32,7 @@ class ZipEntry(FrozenStruct):
     size: int
 
 
-def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
+def make_zip(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
     """Create a zip archive from files by name. The archive is sorted by name, so the same files always result in the same bytes.
 
     The format of the archive is PKWARE APPNOTE.TXT 6.3.
@@ -53,7 +53,7 @@ def zipped(entries: Mapping[str, bytes | ZipEntry]) -> bytes:
 
 
 def entries(archive: bytes) -> dict[str, ZipEntry]:
-    """Return the files in a zip archive that `zipped` created, by name."""
+    """Return the files in a zip archive that `make_zip` created, by name."""
     from zipfile import ZipFile
 
     members = {}

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from thingc.base.exports import exported
+from thingc.base.exports import getattr_of
 
 if TYPE_CHECKING:
     from thingc.batch.batch import run
@@ -28,7 +28,7 @@ __all__ = [
     "Summary", "UnknownVariant", "Variant", "apply", "fields", "load", "plan", "read_plan", "run", "write",
 ]
 
-__getattr__ = exported(__name__, {
+__getattr__ = getattr_of(__name__, {
     "BatchFault": "folder", "BuiltVariant": "results", "BatchResults": "results", "FamilyError": "results", "Interrupted": "progress",
     "StructuresDiffer": "shared_model", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
     "UnknownVariant": "results", "Variant": "planning", "apply": "shared_model", "fields": "shared_model", "load": "results",

@@ -7,10 +7,10 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.source import Document, Path, ScalarNode, dotted, node_at
+from thingc.base.source import Document, Path, ScalarNode, format_path, node_at
 from thingc.base.suggestions import Hint
-from thingc.base.units import NUMBER, Quantity, shortened
-from thingc.batch.values import Paths, as_value, is_whole, of_kind, spaced, spaced_si
+from thingc.base.units import NUMBER, Quantity, shorten
+from thingc.batch.values import Paths, as_value, evenly_spaced, is_whole, of_kind, spaced_si
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
 from thingc.documents.expressions.terms import Expression
 from thingc.documents.expressions.value_text import text_of
@@ -37,7 +37,7 @@ class Axis(FrozenStruct):
     range: tuple[Quantity, Quantity] | None = None
     whole: bool = False
 
-    def drawn(self, u: float) -> ExpressionValue:
+    def draw(self, u: float) -> ExpressionValue:
         """Return the value on the axis for a random number `u` in [0, 1), which is interpreted as a fraction of the range."""
         if self.range is None:
             return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
@@ -83,7 +83,7 @@ class AxisParser:
         def complain(name: str, code: Code, message: str, *, help: Hint | None = None, notes: Iterable[Note] = ()) -> None:
             key = code is Code.UNKNOWN_PARAMETER
             where = self._key(path) if key else path
-            self.report.add(code, message, self.document.span(where, key=key), help=help, notes=notes, path=dotted(where))
+            self.report.add(code, message, self.document.span(where, key=key), help=help, notes=notes, path=format_path(where))
 
         value, own = self.parameters.fitting(name, stated, complain), self.parameters.values.get(name)
         if isinstance(value, Quantity) and value.dimension == NUMBER and value.value == 0.0 and isinstance(own, Quantity):
@@ -97,7 +97,7 @@ class AxisParser:
         same type.
         """
         tried = self.tried[name] = self.tried.get(name, 0) + 1
-        if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(value), path):
+        if tried <= MOST_TRIED and not self.fits(name, self._text_at(path) or text_of(value), path):
             self.tried[name] = MOST_TRIED if tried == 1 else tried
             return None
         kind = self.paths.kinds.get(name)
@@ -141,7 +141,7 @@ class AxisParser:
             if key in first:
                 self.report.warn(
                     Code.DUPLICATE_VARIANT, f"`{words_of(one)}` is listed twice, so thingc builds its variants only once",
-                    self.document.span((*path, index)), help="remove one of the two values", path=dotted(path),
+                    self.document.span((*path, index)), help="remove one of the two values", path=format_path(path),
                     notes=[Note(message="also listed here", span=self.document.span((*path, first[key])))],
                 )
             first.setdefault(key, index)
@@ -161,7 +161,7 @@ class AxisParser:
         if first.value == last.value:
             self._error(Code.VARIANT_VALUE, f"`from` and `to` of `{name}` are the same value", (*path, "to"), help="use different values")
             return ()
-        written = spaced(self._written((*path, "from")), self._written((*path, "to")), count)
+        written = evenly_spaced(self._text_at((*path, "from")), self._text_at((*path, "to")), count)
         return tuple(written if written is not None else spaced_si(first, last, count))
 
     def range(self, name: str, raw: list[Any]) -> Axis | None:
@@ -177,7 +177,7 @@ class AxisParser:
             if not isinstance(one, Quantity):
                 self._error(
                     Code.VARIANT_VALUE, f"the range of `{name}` needs two numbers, found {kind_of(one)}", (*path, index),
-                    help=f"list its values under `parameters` to draw from them: `{name}: [{shortened(words_of(one))}, ...]`",
+                    help=f"list its values under `parameters` to draw from them: `{name}: [{shorten(words_of(one))}, ...]`",
                 )
                 return None
         assert isinstance(low, Quantity) and isinstance(high, Quantity)
@@ -187,7 +187,7 @@ class AxisParser:
                 help="write the smaller value first" if low.value > high.value else "use two different values",
             )
             return None
-        whole = all(is_whole(self._written((*path, index))) for index in (0, 1))
+        whole = all(is_whole(self._text_at((*path, index))) for index in (0, 1))
         return Axis(key=name, range=(low, high), whole=whole)
 
     def count(self, raw: Any, path: Path, *, least: int, most: int = MOST_VALUES) -> int | None:
@@ -205,7 +205,7 @@ class AxisParser:
             return None
         return int(raw)
 
-    def _written(self, path: Path) -> str:
+    def _text_at(self, path: Path) -> str:
         node = node_at(self.document.tree, path)
         return node.text if isinstance(node, ScalarNode) else ""
 
@@ -216,4 +216,4 @@ class AxisParser:
         return path
 
     def _error(self, code: Code, message: str, path: Path, *, help: Hint | None = None) -> None:
-        self.report.add(code, message, self.document.span(path), help=help, path=dotted(path))
+        self.report.add(code, message, self.document.span(path), help=help, path=format_path(path))

@@ -31,25 +31,25 @@ from thingc.batch.folder import (
     MANY,
     PACKED,
     BatchFault,
+    are_unchanged,
     begin,
-    begun,
-    cleared,
+    clear_in_background,
     differences,
     in_words,
     lay_out,
-    locked,
+    lock_folder,
+    read_description,
     remember,
-    unchanged,
     write_batch,
 )
 from thingc.batch.folder_layout import Journal, Line
-from thingc.batch.job import STOPPED, Row, describe, job_of, seen
+from thingc.batch.job import STOPPED, Row, describe, digest_files, job_of
 from thingc.batch.packed_layout import PackedWriter, sealed_path
 from thingc.batch.page import parameter_columns, show, write_page
 from thingc.batch.pictures import OnPicture, usual
 from thingc.batch.planning import Plan, Variant
 from thingc.batch.progress import Interrupted, OnProgress, Progress, Summary
-from thingc.batch.run_options import RunOptions, check, check_engine, planned
+from thingc.batch.run_options import RunOptions, check, check_engine, read_plan
 from thingc.batch.tables import Column, columns, write_tables
 from thingc.driver.environment import Options, store_of
 from thingc.targets.artifact import HOW
@@ -110,19 +110,19 @@ def run(
     if retry and not resume:
         raise BatchFault(Code.COMMAND_LINE, "--retry requires --resume", "add --resume")
     options = options or Options()
-    plan = planned(document, options, emit, layout)
+    plan = read_plan(document, options, emit, layout)
     check_engine(executor, ship)
     folder = plan.folder_in(output)
     if resume:
-        begun(plan.relative, folder, ANEW)
+        read_description(plan.relative, folder, ANEW)
     transfer = pack(plan, folder) if ship else None
     try:
-        with locked(folder):
+        with lock_folder(folder):
             count = plan.count if limit is None else min(limit, plan.count)
             asked = RunOptions(options=options, jobs=jobs or os.cpu_count() or 1, timeout=timeout, verify=verify, count=count)
             batch = _Batch(plan, folder, asked, transfer, on_progress)
             batch.prepare(resume=resume, retry=retry)
-            with cleared(folder):
+            with clear_in_background(folder):
                 with batch.journal() as journal:
                     summary = batch.run(executor, journal)
                 shown = batch.show(pictures, on_picture)
@@ -182,10 +182,10 @@ class _Batch:
         if not resume:
             begin(self.folder, self.plan.relative, self.plan.assembly_relative)
         else:
-            self.before = begun(self.plan.relative, self.folder, ANEW)
+            self.before = read_description(self.plan.relative, self.folder, ANEW)
             if self.plan.layout is None:
                 self.layout = self.before["layout"]
-            words = differences(self.before, self._described(finished=False))
+            words = differences(self.before, self._description(finished=False))
             if words:
                 raise BatchFault(
                     Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was started with different input: {'; '.join(words)}",
@@ -193,10 +193,10 @@ class _Batch:
                 )
             folder_layout.sweep(self.folder)
             self._remember(retry=retry)
-        write_batch(self.folder, self._described(finished=False))
+        write_batch(self.folder, self._description(finished=False))
         lay_out(self.folder, self.layout)
 
-    def _described(self, *, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
+    def _description(self, *, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
         return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, wanted=wanted)
 
     def journal(self) -> Journal | PackedWriter:
@@ -227,7 +227,7 @@ class _Batch:
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
         cluster = executor if isinstance(executor, Cluster) else None
         if cluster is not None:
-            cluster.check(seen(self.plan, self.folder) if self.transfer is None else {})
+            cluster.check(digest_files(self.plan, self.folder) if self.transfer is None else {})
         job = job_of(
             self.plan, self.folder, self.asked.options, layout=self.layout, verify=self.asked.verify, elsewhere=cluster is not None,
         ).encode()
@@ -249,13 +249,13 @@ class _Batch:
                 if not whole:
                     self._drain(journal)
                     with contextlib.suppress(OSError):  # a full disk was already reported
-                        write_page(self.folder, self._described(finished=False), self._columns())
+                        write_page(self.folder, self._description(finished=False), self._columns())
             if not whole:
                 raise Interrupted(self.folder, self._total(), self.count)
             if own is None:
                 folder_layout.sweep(self.folder)  # temporary files of workers that died
             journal.sync()
-            write_batch(self.folder, self._described(finished=True, wanted=self._tables()))
+            write_batch(self.folder, self._description(finished=True, wanted=self._tables()))
         statuses = self.earlier + self.counts
         lossy, total = losses(self.folder)
         return Summary(
@@ -268,7 +268,7 @@ class _Batch:
     def _tables(self) -> tuple[Column, ...]:
         """Write the tables of results, unless they are up to date. Return the columns of the tables."""
         names = folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET
-        if not self.counts and self.before.get("finished") and unchanged(self.folder, *names):
+        if not self.counts and self.before.get("finished") and are_unchanged(self.folder, *names):
             return tuple(Column(name=one["name"], kind=one["kind"], unit=one["unit"]) for one in self.before["columns"])
         wanted = write_tables(self.folder, self.parameters, self.plan.choice_paths)
         remember(self.folder, *names)
@@ -289,7 +289,7 @@ class _Batch:
         Return a warning if this machine cannot render pictures.
         """
         return show(
-            self.folder, self._described(finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
+            self.folder, self._description(finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
             jobs=os.cpu_count() or 1, on_picture=on_picture,
         )
 
@@ -297,11 +297,11 @@ class _Batch:
         return columns(self.parameters, self.plan.choice_paths, lengths_in(self.folder))
 
     def _loop(self, engine: Executor, job: str, journal: Journal | PackedWriter, *, streaming: bool) -> None:
-        waiting = self._left(journal)
+        waiting = self._remaining(journal)
         exhausted = False
         refreshed, pause = time.monotonic(), REFRESH
         while True:
-            while not exhausted and len(self.chunks) < self._ahead(engine):
+            while not exhausted and len(self.chunks) < self._queue_size(engine):
                 variants = list(islice(waiting, self._size(engine)))
                 exhausted = not variants
                 if variants:
@@ -319,7 +319,7 @@ class _Batch:
                 pause = max(REFRESH, 20.0 * (refreshed - now))
         self._tell(last=True)
 
-    def _left(self, journal: Journal | PackedWriter) -> Iterator[Variant]:
+    def _remaining(self, journal: Journal | PackedWriter) -> Iterator[Variant]:
         """Yield the variants that must be built, in the order of the plan.
 
         Variants that violate a rule on parameters are recorded in the journal, but not yielded.
@@ -337,7 +337,7 @@ class _Batch:
                 continue
             yield variant
 
-    def _ahead(self, engine: Executor) -> int:
+    def _queue_size(self, engine: Executor) -> int:
         """Return the maximum number of chunks that are submitted to the executor at the same time."""
         return engine.ahead if isinstance(engine, Cluster) else 2 * self.asked.jobs
 
@@ -350,7 +350,7 @@ class _Batch:
         first, seconds, most = 1, CHUNK_SECONDS, CHUNK_MOST
         if isinstance(engine, Cluster):
             first, seconds, most = engine.first, engine.chunk_seconds, engine.chunk_most
-        fair = max(1, (self.count - self._total() - len(self.under_way)) // self._ahead(engine))
+        fair = max(1, (self.count - self._total() - len(self.under_way)) // self._queue_size(engine))
         if not self.measured:
             return min(first, fair)
         return max(1, min(most, fair, int(seconds * self.measured / max(self.spent, 1e-6))))
@@ -415,7 +415,7 @@ class _Batch:
     def _note(self, journal: Journal | PackedWriter, variant: Variant, row: Row) -> None:
         line = {
             "index": variant.index, "id": variant.id, "name": variant.name, "status": row["status"],
-            "parameters": dict(variant.values), "choices": self.plan.chosen(variant),
+            "parameters": dict(variant.values), "choices": self.plan.choices_of(variant),
             **{key: value for key, value in row.items() if key not in ("index", "id", "status")},
             "path": self._path(variant) if row["status"] == "built" else None,
             "command": shlex.join(self.plan.command(variant)),

@@ -20,7 +20,7 @@ from thingc.base.filesystem import hash_name, listing
 from thingc.batch import folder_layout
 from thingc.batch.folder import BatchFault, in_words, read_batch, whole
 from thingc.batch.folder_layout import Line
-from thingc.batch.packed_layout import Chunk, Chunks, numbers, packed
+from thingc.batch.packed_layout import Chunk, Chunks, is_packed, numbers
 from thingc.batch.planning import Plan, Variant
 from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 
@@ -39,7 +39,7 @@ def in_order(folder: str) -> Iterator[Line]:
         yield from map(chunk.line, chunk.indices)
 
 
-def spread(folder: str, most: int) -> tuple[int, Iterator[Line]]:
+def sample_records(folder: str, most: int) -> tuple[int, Iterator[Line]]:
     """Return the number of finished variants of a batch, and an iterator over at most `most` of their journal lines, evenly spaced."""
     records = BuildRecords(folder)
     count = len(records.done)
@@ -88,7 +88,7 @@ def _is_there(folder: str, id: str) -> bool:
 
     The function checks only the manifest of the variant, because the manifest is written last.
     """
-    return packed(folder) or os.path.isfile(os.path.join(folder_layout.variant_folder(folder, id), MANIFEST))
+    return is_packed(folder) or os.path.isfile(os.path.join(folder_layout.variant_folder(folder, id), MANIFEST))
 
 
 class BuildRecords:
@@ -129,7 +129,7 @@ class BuildRecords:
 
     def files(self, index: int) -> VariantFiles:
         """Return an object that reads the files of a built variant."""
-        if packed(self.folder):
+        if is_packed(self.folder):
             return _InChunk(self._chunks, index)
         return _InFolder(folder_layout.variant_folder(self.folder, self.line(index)["id"]))
 
@@ -176,7 +176,7 @@ class _InChunk:
         with self.chunks.holding(self.index) as chunk:
             if path in chunk.paths and (data := chunk.cell(self.index, path)) is not None:
                 return bytes(data)
-            shared = chunk.shared(self.index)
+            shared = chunk.asset_digests(self.index)
         if path not in shared:
             raise FileNotFoundError(path)
         return folder_layout.SharedAssets(self.chunks.folder).read(shared[path])
@@ -188,7 +188,7 @@ class _InChunk:
 
     def meshes(self) -> dict[str, tuple[File, str]]:
         with self.chunks.holding(self.index) as chunk:
-            shared = chunk.shared(self.index)
+            shared = chunk.asset_digests(self.index)
         return {
             path.removeprefix(MESHES): ((sha256,), folder_layout.asset_path(self.chunks.folder, sha256))
             for path, sha256 in shared.items() if path.startswith(MESHES)
@@ -206,7 +206,7 @@ def unpack(folder: str, index: int) -> str:
     with Chunks(folder).holding(index) as chunk:
         id = str(chunk.line(index)["id"])
         files: dict[str, Content] = {
-            **chunk.files(index), **{path: StoredArtifact(sha256=sha256, size=0) for path, sha256 in chunk.shared(index).items()}
+            **chunk.files(index), **{path: StoredArtifact(sha256=sha256, size=0) for path, sha256 in chunk.asset_digests(index).items()}
         }
     os.makedirs(os.path.join(folder, folder_layout.VARIANTS), exist_ok=True)
     folder_layout.write_variant(folder, id, files, folder_layout.SharedAssets(folder))
@@ -227,12 +227,12 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
     another variant. The function therefore searches for the settings that the batch in `folder` recorded for the id or name. Raises
     `BatchFault` if no variant of the plan has these settings.
     """
-    line = _told(plan, wanted, folder)
+    line = _find_record(plan, wanted, folder)
     if line is None:
         variant = next((one for one in plan if wanted in (one.id, one.name)), None)
         return None if variant is None else (variant, variant.failed)
     for variant in plan:
-        if (dict(variant.values), plan.chosen(variant)) == (line["parameters"], line["choices"]):
+        if (dict(variant.values), plan.choices_of(variant)) == (line["parameters"], line["choices"]):
             return variant, variant.failed or line.get("rule")
     raise BatchFault(
         Code.BATCH_CHANGED,
@@ -241,7 +241,7 @@ def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | N
     )
 
 
-def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
+def _find_record(plan: Plan, wanted: str, folder: str) -> Line | None:
     """Return the journal line of the variant with the id or name `wanted` in the batch in `folder`.
 
     Return None if the folder contains a batch of another document.

@@ -147,15 +147,15 @@ class Resolution(Evaluation):
         self.parts.update(parts)
         return {"parts": float(len(parts))}
 
-    def _passed(self, settings: Mapping[str, Any], read: ParsedSettings, tests: bool) -> Evaluated:
+    def _evaluate_by_passes(self, settings: Mapping[str, Any], read: ParsedSettings, tests: bool) -> Evaluated:
         if not self.refusals.applies(read):
             if self._resolved >= MOST and read not in self._required:
                 return Evaluated(settings=settings, results={})
             self._resolved += 1
-        return super()._passed(settings, read, tests)
+        return super()._evaluate_by_passes(settings, read, tests)
 
 
 def _example(session: Session, variant: Variant, wrong: Diagnostic) -> tuple[str, Diagnostic]:
     """Return the name of a variant and its error. Numbers in the error are in the units of the documents."""
     report = session.compile(Settings(parameters=variant.parameters, choices=variant.choices)).report
-    return variant.name, next((one for one in report.ordered() if one.code is wrong.code), wrong)
+    return variant.name, next((one for one in report.sorted_diagnostics() if one.code is wrong.code), wrong)

@@ -14,7 +14,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.base.filesystem import BadPath, listing, lock
-from thingc.base.safe_text import json_text, quoted
+from thingc.base.safe_text import json_text, quote_names
 from thingc.base.suggestions import Hint, text_of
 from thingc.batch import folder_layout
 from thingc.batch.packed_layout import DamagedChunk, complete
@@ -48,7 +48,7 @@ class BatchFault(Exception):
 
 
 @contextlib.contextmanager
-def locked(folder: str) -> Iterator[None]:
+def lock_folder(folder: str) -> Iterator[None]:
     """Lock the folder of a batch while the context is active. Raises `BatchFault` if another process has locked the folder."""
     parent, name = os.path.split(folder)
     os.makedirs(parent, exist_ok=True)
@@ -83,7 +83,7 @@ def read_batch(folder: str) -> dict[str, Any] | None:
     return described if isinstance(described, dict) and described.get("thingc") == KIND else None
 
 
-def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
+def read_description(document: str, folder: str, hint: str) -> dict[str, Any]:
     """Return the content of `batch.json` in the folder of a batch.
 
     Raises `BatchFault` with the help text `hint` if the folder does not contain a batch of `document`.
@@ -123,11 +123,11 @@ def forget(folder: str, name: str) -> None:
 
 
 def _note(folder: str, states: Mapping[str, str | None]) -> None:
-    noted = {name: state for name, state in {**_noted(folder), **states}.items() if state is not None}
+    noted = {name: state for name, state in {**_read_states(folder), **states}.items() if state is not None}
     _write(os.path.join(folder, folder_layout.SHOWN), json.dumps(noted, indent=2, sort_keys=True))
 
 
-def _noted(folder: str) -> dict[str, str]:
+def _read_states(folder: str) -> dict[str, str]:
     """Return the recorded states of files by name. Return an empty dict if the recorded states are missing or damaged."""
     try:
         with open(os.path.join(folder, folder_layout.SHOWN), encoding="utf-8") as stream:
@@ -137,15 +137,15 @@ def _noted(folder: str) -> dict[str, str]:
     return {name: state for name, state in states.items() if isinstance(state, str)} if isinstance(states, dict) else {}
 
 
-def unchanged(folder: str, *names: str) -> bool:
+def are_unchanged(folder: str, *names: str) -> bool:
     """Return whether all named files are unchanged since their states were recorded."""
-    known = _noted(folder)
+    known = _read_states(folder)
     return all(name in known and state_of(os.path.join(folder, name)) == known[name] for name in names)
 
 
-def _edited(folder: str) -> list[str]:
+def _find_edited(folder: str) -> list[str]:
     """Return the names of the files that the user has edited. Deleted and empty files do not count as edited."""
-    known = _noted(folder)
+    known = _read_states(folder)
     mine = (folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE)
     return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
 
@@ -153,8 +153,8 @@ def _edited(folder: str) -> list[str]:
 def begin(folder: str, document: str, assembly: str) -> None:
     """Prepare the folder for a new batch of `document`.
 
-    If the folder contains a finished batch of this document, the files of this batch are moved aside. The context manager `cleared` later
-    deletes the files that were moved aside. Raises `BatchFault` if the folder contains any other files.
+    If the folder contains a finished batch of this document, the files of this batch are moved aside. The context manager
+    `clear_in_background` later deletes the files that were moved aside. Raises `BatchFault` if the folder contains any other files.
     """
     if not os.path.lexists(folder):
         os.makedirs(folder)
@@ -170,12 +170,12 @@ def begin(folder: str, document: str, assembly: str) -> None:
                 Code.UNEXPECTED, f"`{shown_path(folder)}` contains the batch of another document, `{before.get('document')}`; "
                 "nothing was written", "move the existing files, or use another folder with -o",
             )
-        unexpected = sorted([*unexpected_files(folder, assembly), *_edited(folder)])
+        unexpected = sorted([*unexpected_files(folder, assembly), *_find_edited(folder)])
         if before is None or unexpected:
             raise BatchFault(
                 Code.UNEXPECTED,
                 f"`{shown_path(folder)}` contains files that no batch of `{document}` wrote, or that have changed since the batch; "
-                f"nothing was written: {quoted(unexpected, 8)}", "move these files, or use another folder with -o",
+                f"nothing was written: {quote_names(unexpected, 8)}", "move these files, or use another folder with -o",
             )
         if not before.get("finished"):
             raise BatchFault(
@@ -211,7 +211,7 @@ def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
 
 
 @contextlib.contextmanager
-def cleared(folder: str) -> Iterator[None]:
+def clear_in_background(folder: str) -> Iterator[None]:
     """Delete the files of old batches in a background thread, because deleting thousands of variants takes seconds.
 
     On exit, the context manager waits until all files are deleted. After an exception, the next batch deletes the remaining files.
@@ -271,14 +271,14 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
         words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")
     if before.get("plan") != now["plan"]:
         words.append("the settings, rules, modes or targets of the variants differ")
-    if changed := _changed(before.get("inputs"), now["inputs"]):
-        words.append(f"{quoted(changed, 4)} changed")
-    if versions := _changed(before.get("versions"), now["versions"]):
+    if changed := _differing_names(before.get("inputs"), now["inputs"]):
+        words.append(f"{quote_names(changed, 4)} changed")
+    if versions := _differing_names(before.get("versions"), now["versions"]):
         words.append("the installed versions differ: " + ", ".join(f"`{name}`" for name in versions))
     return words
 
 
-def _changed(before: Any, now: Mapping[str, Any]) -> list[str]:
+def _differing_names(before: Any, now: Mapping[str, Any]) -> list[str]:
     """Return the sorted names that have different values in two mappings."""
     old = before if isinstance(before, dict) else {}
     return sorted(name for name in {*old, *now} if old.get(name) != now.get(name))

@@ -50,7 +50,7 @@ def variant_folder(folder: str, id: str) -> str:
     return os.path.join(folder, VARIANTS, hash_name(id, 12))
 
 
-def pictured(folder: str) -> frozenset[str]:
+def ids_with_pictures(folder: str) -> frozenset[str]:
     """Return the ids of all variants that have a picture."""
     names = listing(os.path.join(folder, PICTURES))
     return frozenset(name.removesuffix(".png") for name in names if name.endswith(".png") and not name.startswith(NEW))

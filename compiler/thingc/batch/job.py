@@ -101,7 +101,7 @@ def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Seq
     }
 
 
-def seen(plan: Plan, folder: str) -> dict[str, str]:
+def digest_files(plan: Plan, folder: str) -> dict[str, str]:
     """Return the digests of all files that every worker must be able to read, keyed by absolute path.
 
     The mapping also contains the digest of `batch.json`. Files outside the workspace are omitted, because the plan does not contain their

@@ -31,7 +31,7 @@ from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 from thingc.model.statics.efforts import static_efforts
-from thingc.model.statics.support import lifted, stance
+from thingc.model.statics.support import lifted_feet, stance
 
 if TYPE_CHECKING:
     from thingc.targets.request import EmitRequest
@@ -89,7 +89,7 @@ def measure(
     results.update(lengths(assembly, within))
     ends = [_mount(assembly, text) for text in reach or ()]
     mounts = dict(_site(assembly, text) for text in sites)
-    placed = _placed(robot, pose)
+    placed = _pose_robot(robot, pose)
     if placed is None:
         return results
     q, bodies = placed
@@ -105,7 +105,7 @@ def measure(
     for name, (occurrence, mount) in mounts.items():
         position = (occurrences[occurrence] @ _frame(assembly, occurrence, mount)).translation
         results.update({f"{name}.{axis}": value for axis, value in zip("xyz", position)})
-    if torques and not robot.closures and not lifted(stance(robot, q, bodies).feet):
+    if torques and not robot.closures and not lifted_feet(stance(robot, q, bodies).feet):
         held = static_efforts(robot, q, bodies, memo)
         results[TORQUES] = held.least_margin if held.fall is None else None
     return results
@@ -135,7 +135,7 @@ def measure_tests(request: EmitRequest, names: Collection[str]) -> Results:
     return results
 
 
-def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pose, ...]] | None:
+def _pose_robot(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pose, ...]] | None:
     """Return the positions of all joints in a pose, and the poses of all bodies in the world.
 
     Return None if the closed loops of the robot cannot be closed.

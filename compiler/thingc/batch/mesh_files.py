@@ -69,7 +69,7 @@ class MeshFiles:
             return {name: self._contents[file] for name, (file, _) in files.items()}
 
     @contextmanager
-    def mounted(self, files: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
+    def mount(self, files: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
         """Yield a virtual file system of MuJoCo that contains the given mesh files. Only one thread at a time can use this file system."""
         own = {name: file for name, (file, _) in files.items()}  # by identity: each variant has links to the same files in its own folder
         with self._lock:

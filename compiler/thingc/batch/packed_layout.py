@@ -106,7 +106,7 @@ def sealed_path(index: int) -> str:
     return f"{folder_layout.CHUNKS}/{index // CHUNK:06d}.parquet"
 
 
-def packed(folder: str) -> bool:
+def is_packed(folder: str) -> bool:
     """Return whether the batch in this folder has the packed layout."""
     return os.path.isdir(os.path.join(folder, folder_layout.CHUNKS))
 
@@ -116,7 +116,7 @@ def complete(folder: str, count: int) -> None:
 
     When a chunk is sealed, its run file is written first, and its journal is removed last.
     """
-    sealed = _numbers(folder, _SEALED) | _numbers(folder, _RUN) if packed(folder) else set()
+    sealed = _numbers(folder, _SEALED) | _numbers(folder, _RUN) if is_packed(folder) else set()
     for number in sorted({*range(-(-count // CHUNK)), *sealed}):
         for ends in ((".run.parquet",), (".parquet", ".jsonl")):
             if not any(os.path.exists(_chunk_path(folder, number, end)) for end in ends):
@@ -128,7 +128,7 @@ def numbers(folder: str) -> list[int]:
 
     A batch that is not packed is treated as a single chunk that has only a journal.
     """
-    return sorted(_numbers(folder, _SEALED) | _numbers(folder, _JOURNAL)) if packed(folder) else [0]
+    return sorted(_numbers(folder, _SEALED) | _numbers(folder, _JOURNAL)) if is_packed(folder) else [0]
 
 
 def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
@@ -163,7 +163,7 @@ class PackedWriter:
     def append(self, line: Line) -> None:
         """Record a finished variant in the journal of its chunk. If all variants of the chunk have finished, seal the chunk."""
         number = int(line["index"]) // CHUNK
-        journal, missing = self._open[number] if number in self._open else self._opened(number)
+        journal, missing = self._open[number] if number in self._open else self._open_chunk(number)
         journal.append(line)
         missing.discard(int(line["index"]))
         if not missing:
@@ -174,7 +174,7 @@ class PackedWriter:
         for number in sorted(_numbers(self.folder, _JOURNAL)):
             self._seal(number)
 
-    def _opened(self, number: int) -> tuple[Journal, set[int]]:
+    def _open_chunk(self, number: int) -> tuple[Journal, set[int]]:
         journal = Journal(_chunk_path(self.folder, number, ".jsonl"))
         whole = range(number * CHUNK, min((number + 1) * CHUNK, len(self.done)))
         self._open[number] = journal, {index for index in whole if not self.done[index]}
@@ -265,7 +265,7 @@ class Chunk:
         self._noted = lru_cache(1)(self._read_line)
         own: set[str] = set()
         lengths: set[str] = set()
-        path = _chunk_path(folder, number, ".jsonl") if packed(folder) else os.path.join(folder, folder_layout.JOURNAL)
+        path = _chunk_path(folder, number, ".jsonl") if is_packed(folder) else os.path.join(folder, folder_layout.JOURNAL)
         with contextlib.suppress(FileNotFoundError):
             self._journal = open(path, "rb")  # noqa: SIM115 - closed with the chunk
             for at, line in lines(path):
@@ -273,8 +273,8 @@ class Chunk:
                 own.update(line.get(FILES, ()))
                 lengths.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
         self._path = _chunk_path(folder, number, ".parquet")
-        self._run = _opened(_chunk_path(folder, number, ".run.parquet"))
-        self._sealed = _opened(self._path) if self._run is not None else None
+        self._run = _open_parquet(_chunk_path(folder, number, ".run.parquet"))
+        self._sealed = _open_parquet(self._path) if self._run is not None else None
         self._rows: dict[int, int] = {}
         self._starts: list[int] = []
         self._sealed_columns = {"run"}
@@ -321,7 +321,7 @@ class Chunk:
             return {key: value for key, value in self._noted(index).items() if key not in (FILES, SHARED)}
         return {**json.loads(self.cell(index, "line")), **json.loads(self.cell(index, "run"))}
 
-    def shared(self, index: int) -> dict[str, str]:
+    def asset_digests(self, index: int) -> dict[str, str]:
         """For a variant, return the SHA-256 of each file in `assets/`, keyed by the path of the file."""
         digests: dict[str, str] = json.loads(self.cell(index, SHARED) or "{}")
         return digests
@@ -381,7 +381,7 @@ def _cell_of(line: Line, column: str) -> Any:
             return None if encoded is None else base64.b64decode(encoded)
 
 
-def _opened(path: str) -> ParquetFile | None:
+def _open_parquet(path: str) -> ParquetFile | None:
     if not os.path.exists(path):
         return None
     from pyarrow.parquet import ParquetFile
@@ -398,7 +398,7 @@ class Chunks:
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
-        self._variants = CHUNK if packed(folder) else sys.maxsize
+        self._variants = CHUNK if is_packed(folder) else sys.maxsize
         self._open: OrderedDict[int, Chunk] = OrderedDict()
         self._lock = threading.RLock()
 

@@ -17,8 +17,8 @@ from thingc.base.diagnostics import Diagnostic
 from thingc.base.safe_text import escape_control, html_text, in_script, pieces
 from thingc.base.units import Quantity
 from thingc.batch import folder_layout, variants_document
-from thingc.batch.build_records import lengths_in, spread
-from thingc.batch.folder import begun, forget, in_words, locked, remember, whole
+from thingc.batch.build_records import lengths_in, sample_records
+from thingc.batch.folder import forget, in_words, lock_folder, read_description, remember, whole
 from thingc.batch.pictures import OnPicture, draw, usual
 from thingc.batch.planning import Plan
 from thingc.batch.tables import RUN, Column, cells, columns
@@ -39,8 +39,8 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
     wanted = [column for column in wanted if column.name not in RUN]
     units = _units(wanted)
     before, after = _frame(described)
-    done, lines = spread(folder, MOST)
-    pictures = folder_layout.pictured(folder)
+    done, lines = sample_records(folder, MOST)
+    pictures = folder_layout.ids_with_pictures(folder)
     fresh = f"{path}.new"
     with open(fresh, "w", encoding="utf-8", newline="\n") as stream:
         stream.write(before)
@@ -145,9 +145,9 @@ def show_again(
     """
     plan = variants_document.plan(document, options=options)
     folder = plan.folder_in(output)
-    described = begun(plan.relative, folder, "build the batch first, without --page-only")
+    described = read_description(plan.relative, folder, "build the batch first, without --page-only")
     try:
-        with locked(folder):
+        with lock_folder(folder):
             whole(folder, described)
             wanted = columns(parameter_columns(plan), plan.choice_paths, lengths_in(folder))
             most = usual(described["count"]) if pictures is None else pictures

@@ -18,7 +18,7 @@ from thingc.base.json_lines_process import JsonLinesProcess, ProcessLost
 from thingc.base.numeric import sum_of
 from thingc.batch import folder_layout
 from thingc.batch.build_records import BuildRecords, VariantFiles
-from thingc.batch.packed_layout import packed
+from thingc.batch.packed_layout import is_packed
 
 MOST = 48
 """Default number of pictures of a batch. Without a graphics card, rendering a picture takes some tenths of a second."""
@@ -99,7 +99,7 @@ def _laid_out(folder: str, mode: str, most: int, scratch: str) -> list[tuple[str
         if name is None:
             continue
         place = os.path.join(folder_layout.variant_folder(folder, id), "mjcf")
-        if packed(folder):
+        if is_packed(folder):
             place = os.path.join(scratch, id)
             meshes = {f"{id}/assets/{mesh}": path for mesh, (_, path) in files.meshes().items()}
             write_tree(scratch, {f"{id}/{name}": files.read(f"mjcf/{name}")}, meshes)
@@ -136,7 +136,7 @@ def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: 
     try:
         for _ in parts:
             processes.append(JsonLinesProcess("thingc.batch.thumbnails"))
-        fault = _drawn(place, pose, parts, processes, len(shots), on_picture)
+        fault = _draw_variant(place, pose, parts, processes, len(shots), on_picture)
     finally:
         for process in processes:
             process.kill()
@@ -146,7 +146,7 @@ def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: 
     return fault
 
 
-def _drawn(
+def _draw_variant(
     place: str, pose: str | None, parts: Sequence[Sequence[tuple[str, str]]], processes: Sequence[JsonLinesProcess], count: int,
     on_picture: OnPicture | None,
 ) -> Diagnostic | None:
@@ -178,7 +178,7 @@ def _drawn(
             except ProcessLost as fault:
                 return _lost(process, fault)
             if "fault" in answer:
-                return _refused(answer["fault"], answer["hint"])
+                return _error(answer["fault"], answer["hint"])
             done += 1
             if on_picture is not None:
                 on_picture(done, count)
@@ -188,10 +188,10 @@ def _drawn(
 def _lost(process: JsonLinesProcess, fault: ProcessLost) -> Diagnostic:
     """Return a warning that the rendering process has ended unexpectedly. The warning contains the last line of output of the process."""
     said = process.errors().strip().splitlines()
-    return _refused(f"the rendering process failed: {fault.words}", said[-1] if said else "")
+    return _error(f"the rendering process failed: {fault.words}", said[-1] if said else "")
 
 
-def _refused(words: str, hint: str) -> Diagnostic:
+def _error(words: str, hint: str) -> Diagnostic:
     return Diagnostic(
         code=Code.NO_GRAPHICS, severity=Severity.WARNING, message=f"pictures are missing on the page of the batch: {words}",
         help=" ".join(hint.split()) or None,

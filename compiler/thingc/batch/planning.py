@@ -238,7 +238,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         """
         return os.path.join(os.path.abspath(output or os.path.join(self.workspace.root, self.workspace.build)), self.name)
 
-    def chosen(self, variant: Variant) -> dict[str, str | None]:
+    def choices_of(self, variant: Variant) -> dict[str, str | None]:
         """Return a mapping from the path of each choice to the value of the variant at this path."""
         return {path: variant.choices.get(path, self.own_choices.get(path)) for path in self.choice_paths}
 
@@ -305,7 +305,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         yield from self.listed
         if self.method is not None:
             for point in points(self.method, len(self.axes), self.drawn, self.seed):
-                yield self._setting(axis.drawn(u) for axis, u in zip(self.axes, point, strict=True))
+                yield self._setting(axis.draw(u) for axis, u in zip(self.axes, point, strict=True))
         elif self.axes or not self.listed:
             for values in itertools.product(*(axis.values for axis in self.axes)):
                 yield self._setting(values)
@@ -374,7 +374,7 @@ def _plain(setting: Setting) -> list[object]:
     return [setting.name, {name: plain(value) for name, value in sorted(setting.parameters.items())}, dict(sorted(setting.choices.items()))]
 
 
-def moved(text: str, source: str, target: str) -> str:
+def rebase_path(text: str, source: str, target: str) -> str:
     """Convert a path that is relative to the document `source` to a path that is relative to the document `target`.
 
     Both documents are specified by their paths in the workspace.

@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr, counted
+from thingc.base.one_line_repr import OneLineRepr, format_count
 
 
 class Interrupted(Exception):
     """Raised if a batch was interrupted. The journal in `folder` contains the results of `done` of `count` variants."""
 
     def __init__(self, folder: str, done: int, count: int) -> None:
-        super().__init__(f"interrupted after {done} of {counted(count, 'variant')}")
+        super().__init__(f"interrupted after {done} of {format_count(count, 'variant')}")
         self.folder = folder
         self.done = done
         self.count = count

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, overload
 from thingc.base.diagnostics import shown_path
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr, counted
+from thingc.base.one_line_repr import OneLineRepr, format_count
 from thingc.base.suggestions import Hint, did_you_mean
 from thingc.batch import folder_layout
 from thingc.batch.build_records import BuildRecords, File, VariantFiles, unpack
@@ -29,7 +29,7 @@ from thingc.batch.folder import read_batch, whole
 from thingc.batch.folder_layout import Line
 from thingc.batch.mesh_files import MeshFiles
 from thingc.batch.mujoco_arrays.text_models import ModelText, TextModels
-from thingc.batch.packed_layout import packed
+from thingc.batch.packed_layout import is_packed
 from thingc.batch.rules import PARAMETERS
 from thingc.batch.tables import flat
 from thingc.targets.artifact import MANIFEST
@@ -110,15 +110,15 @@ class BuiltVariant(OneLineRepr):
         be omitted if the batch has a single mode. Raises `UnknownVariant` for an unknown mode, and `FamilyError` if the variant does not
         have a model.
         """
-        mode = self.family.chosen(mode)
-        return self._compiled(self._text(mode, scene, visual), self._files.meshes())
+        mode = self.family.choose_mode(mode)
+        return self._compile(self._text(mode, scene, visual), self._files.meshes())
 
     def model_text(self, mode: str, scene: bool, visual: bool) -> ModelText:
         """Return the XML text that the method `model` compiles with MuJoCo. Raises the same errors as `model`."""
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
             text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes.of(meshes),
-            compiled=lambda: self._compiled(text, meshes),
+            compiled=lambda: self._compile(text, meshes),
         )
 
     def _text(self, mode: str, scene: bool, visual: bool) -> str:
@@ -132,13 +132,13 @@ class BuiltVariant(OneLineRepr):
         assert own is not None
         return _INCLUDE.sub(lambda _: own[1], self._read(f"scene_{mode}.xml").decode(), count=1)
 
-    def _compiled(self, text: str, meshes: Mapping[str, tuple[File, str]]) -> mujoco.MjModel:
+    def _compile(self, text: str, meshes: Mapping[str, tuple[File, str]]) -> mujoco.MjModel:
         import mujoco
 
         # MuJoCo has cached most meshes, so starting threads would take longer
         text = text.replace("<compiler ", '<compiler usethread="false" ', 1)
         try:
-            with self.family.meshes.mounted(meshes) as files:
+            with self.family.meshes.mount(meshes) as files:
                 return mujoco.MjModel.from_xml_string(text, vfs=files)
         except ValueError as fault:
             raise FamilyError(f"MuJoCo rejects the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
@@ -149,7 +149,7 @@ class BuiltVariant(OneLineRepr):
         The mapping contains the meshes of all modes of the variant. With `scene`, the mapping also contains the model that the scene
         includes. Raises the same errors as `model`.
         """
-        mode = self.family.chosen(mode)
+        mode = self.family.choose_mode(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
         files = self.family.meshes.of(self._files.meshes())
@@ -160,7 +160,7 @@ class BuiltVariant(OneLineRepr):
 
         Raises the same errors as `model`.
         """
-        root = ElementTree.fromstring(self._read(f"{self.family.robot}_{self.family.chosen(mode)}.xml"))
+        root = ElementTree.fromstring(self._read(f"{self.family.robot}_{self.family.choose_mode(mode)}.xml"))
         free = sum(1 for _ in root.iter("freejoint"))
         single = sum(len(body.findall("joint")) for body in root.iter("body"))  # models of a batch contain only hinges and slides
         return Sizes(nq=7 * free + single, nv=6 * free + single, nu=sum(len(section) for section in root.findall("actuator")))
@@ -176,7 +176,7 @@ class BuiltVariant(OneLineRepr):
 
         For a packed batch, write the folder of the variant first. Raises `OSError` if reading or writing fails.
         """
-        if packed(self.family.folder):
+        if is_packed(self.family.folder):
             unpack(self.family.folder, self.index)
         return self.folder
 
@@ -267,12 +267,12 @@ class BatchResults(Sequence[BuiltVariant]):
         if isinstance(key, slice):
             return self._of(self._indices[key])
         if isinstance(key, str):
-            return self._named(key)
+            return self._find_variant(key)
         if not -len(self) <= key < len(self):
-            raise IndexError(f"batch `{self.name}` has {counted(len(self), 'variant')}, but none at index {key}")
+            raise IndexError(f"batch `{self.name}` has {format_count(len(self), 'variant')}, but none at index {key}")
         return self._variant(self._indices[key])
 
-    def _named(self, key: str) -> BuiltVariant:
+    def _find_variant(self, key: str) -> BuiltVariant:
         index = self.records.find(key)
         if index is None:
             names = [name for variant in islice(self, NAMES) for name in (variant.name, variant.id)]
@@ -285,7 +285,7 @@ class BatchResults(Sequence[BuiltVariant]):
         return self._variant(index)
 
     def __repr__(self) -> str:
-        return f"Family({self.name!r}, {len(self)} of {counted(self.planned, 'variant')})"
+        return f"Family({self.name!r}, {len(self)} of {format_count(self.planned, 'variant')})"
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
@@ -319,7 +319,7 @@ class BatchResults(Sequence[BuiltVariant]):
             raise FamilyError(f"expected `where` to be a mapping from columns to values, or a function of a variant, found `{where}`")
         return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
-    def chosen(self, mode: str | None) -> str:
+    def choose_mode(self, mode: str | None) -> str:
         """Return the name of the mode that a method must use. If `mode` is None, return the default mode, or else the only mode.
 
         Raises `UnknownVariant` for an unknown mode, and `FamilyError` if `mode` is None and the batch has several modes.
@@ -346,7 +346,7 @@ class BatchResults(Sequence[BuiltVariant]):
         the next model is requested. Raises the same errors as `BuiltVariant.model`, and `FamilyError` for values that are not variants.
         This method is not thread-safe.
         """
-        key = (self.chosen(mode), scene, visual)
+        key = (self.choose_mode(mode), scene, visual)
         models = self._models.setdefault(key, TextModels())
         many = self if variants is None else variants if isinstance(variants, Iterable) else [variants]
         return models.each((_variant(one).model_text(*key) for one in many), share=share)
@@ -391,7 +391,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
     family = BatchResults(place, described, mode, robot, records, MeshFiles())
     if mode is not None:
-        family.chosen(mode)
+        family.choose_mode(mode)
     return family if where is None else family.filter(where)
 
 

@@ -19,7 +19,7 @@ from thingc.batch.planning import Plan
 from thingc.batch.results import FamilyError
 from thingc.documents.workspace import LONGEST
 from thingc.driver.environment import Options
-from thingc.targets.registry import chosen, unknown
+from thingc.targets.registry import parse_targets, unknown
 
 
 def is_whole(value: Any, least: int) -> bool:
@@ -97,10 +97,10 @@ def chosen_targets(emit: Sequence[str] | str) -> tuple[str, ...]:
     words = tuple(map(str, emit)) if isinstance(emit, Iterable) and not isinstance(emit, str) else (str(emit),)
     for _, message, hint in unknown(words):
         raise BatchFault(Code.COMMAND_LINE, message, hint)
-    return chosen(words) if words else ()
+    return parse_targets(words) if words else ()
 
 
-def planned(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:
+def read_plan(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:
     """Read a variants document and return its plan. The options `emit` and `layout`, if given, replace the values in the variants document.
 
     Raises `PlanError` for a document with errors, and `BatchFault` for an unknown target.

@@ -76,16 +76,16 @@ class Runner:
             try:
                 outcome = self._attempt(task)
             except BlobMissing:  # a blob in the store is damaged: build the variant again
-                outcome = self._passed(task)
+                outcome = self._build_by_passes(task)
         except StoreUnusable as fault:
             outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the cache `{fault.root}` cannot be used: {fault.reason}")
         except OSError as fault:
             if fault.filename is None and fault.errno is None:
-                outcome = _raised(task, fault)
+                outcome = _crash_row(task, fault)
             else:
                 outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=refusal(fault))
         except Exception as fault:
-            outcome = _raised(task, fault)
+            outcome = _crash_row(task, fault)
         if self.printed:
             outcome["printed"], self.printed = self.printed, {}
         outcome["seconds"] = round(time.perf_counter() - started, 6)
@@ -96,44 +96,46 @@ class Runner:
 
     def _attempt(self, task: Variant) -> Row:
         settings = Settings(parameters=task.parameters, choices=task.choices)
-        planned = self.builds.planned(settings) if self.builds is not None else None
+        planned = self.builds.build_by_plan(settings) if self.builds is not None else None
         if planned is None:
-            refused = self.builds.refused(settings) if self.builds is not None else None
-            return self._passed(task) if refused is None else row(task, "refused", **_said(refused[0]), modelled=[], reused=refused[1])
+            refused = self.builds.find_refusal(settings) if self.builds is not None else None
+            return self._build_by_passes(task) if refused is None else row(
+                task, "refused", **_error_cells(refused[0]), modelled=[], reused=refused[1],
+            )
         parts: dict[str, Any] = {"modelled": [], "reused": planned.parts}
         shown = _displayed_results(planned.results)
         verdict = self._judge(task, planned.results)
         if verdict is not None:
             return row(task, **verdict, results=shown, **parts)
         if self.job.folder is not None:
-            parts |= self._written(self.job.folder, task, planned.files())
+            parts |= self._write_files(self.job.folder, task, planned.files())
         return row(task, "built", results=shown, losses=dict(planned.losses), **parts)
 
-    def _passed(self, task: Variant) -> Row:
+    def _build_by_passes(self, task: Variant) -> Row:
         """Build a variant by running all compiler passes on its documents."""
         compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
         parts: dict[str, Any] = {"modelled": compilation.modelled, "reused": len(compilation.reused)}
         if compilation.report.failed:
             if self.builds is not None and not compilation.modelled:
-                self.builds.learn(compilation.settings, tuple(compilation.report.ordered()))
-            return row(task, "refused", **_said(compilation.report.ordered()), **parts)
+                self.builds.learn(compilation.settings, tuple(compilation.report.sorted_diagnostics()))
+            return row(task, "refused", **_error_cells(compilation.report.sorted_diagnostics()), **parts)
         try:
-            results = self._measured(compilation)
+            results = self._measure(compilation)
         except UnknownMount as fault:
-            return row(task, "refused", **_said([fault.diagnostic]), **parts)
+            return row(task, "refused", **_error_cells([fault.diagnostic]), **parts)
         shown = _displayed_results(results)
         verdict = self._judge(task, results)
         if verdict is not None:
             return row(task, **verdict, results=shown, **parts)
         artifacts = self.session.emit(compilation, self.job.emit, verify=self.job.verify)
         if compilation.report.failed:
-            return row(task, "refused", **_said(compilation.report.ordered()), results=shown, **parts)
+            return row(task, "refused", **_error_cells(compilation.report.sorted_diagnostics()), results=shown, **parts)
         if self.job.folder is not None:
-            parts |= self._written(self.job.folder, task, self.session.files(compilation, artifacts))
+            parts |= self._write_files(self.job.folder, task, self.session.files(compilation, artifacts))
         losses = counts_of(loss for one in artifacts.values() for loss in one.losses)
         return row(task, "built", results=shown, losses=losses, **parts)
 
-    def _written(self, folder: str, task: Variant, files: Mapping[str, Content]) -> dict[str, Any]:
+    def _write_files(self, folder: str, task: Variant, files: Mapping[str, Content]) -> dict[str, Any]:
         """Write the files of a variant to its folder, and return the additional cells of its row.
 
         For a packed batch, write only shared files, and include the contents of all other files in the row.
@@ -148,14 +150,14 @@ class Runner:
         own = {path: base64.b64encode(data).decode() for path, data in files.items() if isinstance(data, bytes)}
         return {FILES: own, SHARED: shared}
 
-    def _measured(self, compilation: Compilation) -> Results:
+    def _measure(self, compilation: Compilation) -> Results:
         robot = next(robot for robot in compilation.robots if robot.mode.name == self.job.results_mode)
         return measure(robot, self.job.pose, self.job.reach)
 
     def _results(self, compilation: Compilation) -> Results | None:
         """Return the results of a compiled variant, or None if a mount that the result `reach` requires does not exist."""
         try:
-            return self._measured(compilation)
+            return self._measure(compilation)
         except UnknownMount:
             return None
 
@@ -171,7 +173,7 @@ class Runner:
             for name, value in task.values.items()
         }
         for rule, wrong in unkept(self.rules, values, results, self.job.results_mode):
-            return {"status": "kept_out", "rule": rule.text} if wrong is None else {"status": "refused", **_said([wrong])}
+            return {"status": "kept_out", "rule": rule.text} if wrong is None else {"status": "refused", **_error_cells([wrong])}
         return None
 
 
@@ -180,13 +182,13 @@ def _displayed_results(results: Results) -> dict[str, float | str]:
     return {name: value if math.isfinite(value) else "inf" for name, value in results.items() if value is not None}
 
 
-def _said(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
+def _error_cells(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
     """Return the row cells that describe errors: the code and the message of the first error, and the first errors for the journal."""
     errors = [one for one in diagnostics if one.severity is Severity.ERROR]
     return {"code": errors[0].code.code, "message": errors[0].message, "diagnostics": as_json(errors[:SHOWN])}
 
 
-def _raised(task: Variant, fault: BaseException) -> Row:
+def _crash_row(task: Variant, fault: BaseException) -> Row:
     words = " ".join(str(fault).split())
     return row(
         task, "failed", code=Code.VARIANT_RAISED.code, message=f"internal error: {type(fault).__name__}: {words}",

@@ -18,7 +18,7 @@ from collections.abc import KeysView, Mapping
 from typing import TYPE_CHECKING, Any
 
 from thingc.base.diagnostics import shown_path
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.batch.mujoco_arrays.equality import different_fields, names, owner_of
 from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, load
 from thingc.batch.run_options import is_whole
@@ -152,7 +152,7 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
     """
     count = min(map(len, fields.values()), default=sys.maxsize)
     if not is_whole(index, 0) or index >= count:
-        raise FamilyError(f"there are fields for {counted(count, 'variant')}, but none for index {index}")
+        raise FamilyError(f"there are fields for {format_count(count, 'variant')}, but none for index {index}")
     for name, values in fields.items():
         here = getattr(*owner_of(model, name), None)
         rows = values.shape[1:2] if name in LEADING else ()
@@ -180,7 +180,7 @@ def write(
     """
     import numpy as np
 
-    from thingc.base.zip_files import MODEL, zipped
+    from thingc.base.zip_files import MODEL, make_zip
 
     target = os.fsdecode(path)
     if not target.endswith(".npz"):
@@ -188,7 +188,7 @@ def write(
     family = _family(source)
     _, differing = fields(family, mode, scene=scene)
     text, files = family[0].sources(mode, scene=scene)
-    robot = f"{family.robot}_{family.chosen(mode)}.xml"
+    robot = f"{family.robot}_{family.choose_mode(mode)}.xml"
     contents = {MODEL: text, **{name if name == robot else f"assets/{name}": data for name, data in files.items()}}
     arrays: dict[str, bytes] = {}
     for name, array in {"id": np.array([variant.id for variant in family]), **differing}.items():
@@ -198,7 +198,7 @@ def write(
     model = f"{target.removesuffix('.npz')}.mjz"
     for place, entries in ((model, contents), (target, arrays)):
         with open(f"{place}.new", "wb") as file:
-            file.write(zipped(entries))
+            file.write(make_zip(entries))
     os.replace(f"{model}.new", model)
     os.replace(f"{target}.new", target)
     return model

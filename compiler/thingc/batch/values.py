@@ -50,7 +50,7 @@ def standard_unit(dimension: Dimension) -> str:
     return next((unit for unit in (usual, usual[1:]) if unit and size_of(unit) == 1.0), dimension.symbol)
 
 
-def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
+def evenly_spaced(first: str, last: str, count: int) -> list[Quantity] | None:
     """Return `count` evenly spaced quantities between two quantities, given as strings with the same unit.
 
     Each quantity is rounded only once. For example, four values from `60 mm` to `90 mm` include exactly 70 mm. Return None if the two

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Note, Report, Severity
-from thingc.base.source import SET, Document, Path, ScalarNode, closest, dotted, node_at
+from thingc.base.source import SET, Document, Path, ScalarNode, closest, format_path, node_at
 from thingc.base.suggestions import Hint, did_you_mean
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.batch import values
 from thingc.batch.axes import MOST_VALUES, Axis, AxisParser
-from thingc.batch.planning import OUTSIDE, Plan, PlanError, Setting, moved
+from thingc.batch.planning import OUTSIDE, Plan, PlanError, Setting, rebase_path
 from thingc.batch.rules import Rule, read_rules
 from thingc.batch.values import unit_in
 from thingc.documents.expressions.evaluation import ExpressionValue
@@ -34,11 +34,11 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 def targets_of(document: Document, spec: VariantsSpec, report: Report) -> tuple[str, ...]:
     """Return the names of the targets that the document specifies, in the order of a build. Unknown targets are reported as errors."""
-    from thingc.targets.registry import chosen, unknown
+    from thingc.targets.registry import parse_targets, unknown
 
     for index, message, hint in unknown(spec.emit):
         report.add(Code.VARIANT_TARGET, message, document.span(("emit", index)), help=hint, path=f"emit[{index}]")
-    return chosen(spec.emit) if spec.emit else ()
+    return parse_targets(spec.emit) if spec.emit else ()
 
 
 def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinition, report: Report) -> None:
@@ -64,7 +64,7 @@ def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinitio
             word, known, what = missing
             report.add(
                 Code.UNKNOWN_COMPONENT if what == "components" else Code.UNKNOWN_MOUNT,
-                f"there is no {'component' if what == 'components' else 'mount'} `{shortened(word)}` here",
+                f"there is no {'component' if what == 'components' else 'mount'} `{shorten(word)}` here",
                 document.span(("reach", key)), help=did_you_mean(word, known, what=what), path=f"reach.{key}",
             )
 
@@ -128,7 +128,7 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
     report = Report()
     planned = read_plan(document, options or Options(), report)
     if planned is None or report.failed:
-        raise PlanError(report.ordered())
+        raise PlanError(report.sorted_diagnostics())
     return planned
 
 
@@ -185,7 +185,7 @@ class _Planner:
         axes, parameters = self.parameters(reader)
         choice_axes, choices = self.choices(root.relative)
         fixed = Setting(name=None, parameters=parameters, choices=choices)
-        listed = self.listed(reader, fixed, root.relative)
+        listed = self.read_listed(reader, fixed, root.relative)
         method, drawn, seed = self.sample(reader)
         ranges = [reader.range(name, raw) for name, raw in (self.spec.sample.ranges if self.spec.sample else {}).items()]
         drawn_axes = [axis for axis in ranges if axis is not None]
@@ -207,7 +207,7 @@ class _Planner:
             axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=drawn, seed=seed, rules=tuple(rules),
             modes=tuple(self.spec.modes or (mode.name for mode in model.modes)), chosen_modes=tuple(self.spec.modes),
             pose=self.spec.pose, reach=(self.spec.reach.of, self.spec.reach.from_) if self.spec.reach is not None else None,
-            emit=emit, inputs=self.inputs(), layout=self.spec.layout, notes=tuple(self.report.ordered()),
+            emit=emit, inputs=self.inputs(), layout=self.spec.layout, notes=tuple(self.report.sorted_diagnostics()),
         )
 
     # --- axes and settings ----------------------------------------------------------------------------------------
@@ -251,8 +251,8 @@ class _Planner:
             missing = False
             for index, text in enumerate(raw if isinstance(raw, list) else [raw]):
                 at: Path = ("choices", path, index) if isinstance(raw, list) else ("choices", path)
-                if _key(path) != "assembly" or self.there(text, at):
-                    texts[self.named(path, text, root)] = at
+                if _key(path) != "assembly" or self.document_exists(text, at):
+                    texts[self.rebase_choice(path, text, root)] = at
                 else:
                     missing = True
             if not texts and not missing:
@@ -265,14 +265,14 @@ class _Planner:
                 axes.append(Axis(key=path, choice=True, values=tuple(sound)))
         return axes, fixed
 
-    def named(self, path: str, text: str, root: str) -> str:
+    def rebase_choice(self, path: str, text: str, root: str) -> str:
         """Convert the path of a file or document that a choice selects, so that it is relative to the assembly document.
 
         Other values of a choice are returned unchanged.
         """
-        return moved(text, self.document.relative, root) if _key(path) in ("assembly", "file") else text
+        return rebase_path(text, self.document.relative, root) if _key(path) in ("assembly", "file") else text
 
-    def there(self, text: str, at: Path) -> bool:
+    def document_exists(self, text: str, at: Path) -> bool:
         """Return whether the document that a choice selects exists. A missing document is reported as an error."""
         return find_assembly(
             text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
@@ -311,7 +311,7 @@ class _Planner:
         for diagnostic in wrong:
             astray = diagnostic.code is Code.CHOICE_OPTION and "=" not in (diagnostic.path or "")
             where = at[: at.index(path) + 1] if astray else at
-            self.say_once(Code.VARIANT_VALUE, diagnostic, path, where, dotted(where), key=astray)
+            self.say_once(Code.VARIANT_VALUE, diagnostic, path, where, format_path(where), key=astray)
         return not wrong
 
     def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
@@ -394,9 +394,9 @@ class _Planner:
             inside = other.removesuffix("assembly") + "components."
             if other.endswith(".assembly") and any(path.startswith(inside) for path in paths):
                 for text in raw if isinstance(raw, list) else [raw]:
-                    yield {other: self.named(other, text, root)}
+                    yield {other: self.rebase_choice(other, text, root)}
 
-    def listed(self, reader: AxisParser, fixed: Setting, root: str) -> tuple[Setting, ...]:
+    def read_listed(self, reader: AxisParser, fixed: Setting, root: str) -> tuple[Setting, ...]:
         """Return the settings of all variants that the document lists explicitly, and report invalid settings."""
         met: dict[str, int] = {}
         made: list[Setting] = []
@@ -405,8 +405,8 @@ class _Planner:
             said = len(self.report.diagnostics)
             chosen = dict(fixed.choices)
             for path, text in entry.choices.items():
-                named = self.named(path, text, root)
-                if _key(path) == "assembly" and not self.there(text, (*at, "choices", path)):
+                named = self.rebase_choice(path, text, root)
+                if _key(path) == "assembly" and not self.document_exists(text, (*at, "choices", path)):
                     continue
                 if self.possible(path, named, (*at, "choices", path)):
                     chosen[path] = named
@@ -419,7 +419,7 @@ class _Planner:
             if entry.name is not None and entry.name in met:
                 self.report.add(
                     Code.NAME_CLASH, f"two variants are named `{entry.name}`", self.document.span((*at, "name")),
-                    help="rename one of the two variants", path=dotted((*at, "name")),
+                    help="rename one of the two variants", path=format_path((*at, "name")),
                     notes=[Note(message="the other variant is defined here", span=self.document.span(("list", met[entry.name], "name")))],
                 )
             elif entry.name is not None:
@@ -430,7 +430,7 @@ class _Planner:
                 self.report.warn(
                     Code.DUPLICATE_VARIANT, "this variant is listed twice and built once", self.document.span(at),
                     help="remove one of the two entries",
-                    path=dotted(at), notes=[Note(message="also listed here", span=self.document.span(("list", same)))],
+                    path=format_path(at), notes=[Note(message="also listed here", span=self.document.span(("list", same)))],
                 )
             made.append(setting)
         return tuple(made)
@@ -491,7 +491,7 @@ class _Planner:
 
     def error(self, code: Code, message: str, path: Path, help: Hint | None = None) -> None:
         """Report an error at the location of a value in the variants document."""
-        self.report.add(code, message, self.document.span(path), help=help, path=dotted(path), severity=Severity.ERROR)
+        self.report.add(code, message, self.document.span(path), help=help, path=format_path(path), severity=Severity.ERROR)
 
 
 def _key(path: str) -> str:

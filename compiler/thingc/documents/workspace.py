@@ -24,7 +24,7 @@ from thingc.base.package_info import KEYS, MEMORY, PackageInfo
 from thingc.base.safe_text import is_text
 from thingc.base.source import MappingNode, Path, Span, line_of
 from thingc.base.suggestions import Hint, did_you_mean
-from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
+from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, Quantity, check_dimension, parse_quantity, shorten
 
 MAX_BYTES = 500_000
 """Maximum size [bytes] of a workspace file. A larger `pyproject.toml` is accepted if it does not contain the word `thingc`."""
@@ -250,7 +250,7 @@ def _parse_workspace(path: str, data: bytes, root: str, inputs: dict[str, str | 
             return _workspace(settings, root, line_of(path), inputs)
     except (ValueError, RecursionError, KeyError, TypeError, OverflowError):
         pass
-    return _explained(path, data, root, prefix, inputs, report)
+    return _validate_located(path, data, root, prefix, inputs, report)
 
 
 class _Fault(FrozenStruct, kw_only=False):
@@ -295,7 +295,7 @@ def _number(dimension: Dimension, most: float = math.inf) -> _Read:
         if isinstance(value, str) and value.lstrip().startswith("="):
             faults.append(_Fault(path, Code.BAD_EXPRESSION, "a workspace has no parameters: write a plain value"))
             return math.nan
-        quantity = checked(parse_quantity(value) if isinstance(value, str) else Quantity(value + 0.0), (dimension,), str(value))
+        quantity = check_dimension(parse_quantity(value) if isinstance(value, str) else Quantity(value + 0.0), (dimension,), str(value))
         if quantity.value <= 0.0:
             faults.append(_Fault(path, Code.BAD_QUANTITY, f"expected a value above 0, found `{quantity}`"))
         elif quantity.value > most:
@@ -312,7 +312,7 @@ def _memory(value: Any, path: Path, faults: list[_Fault]) -> int:
     return int(match[1], 10) * {"MB": 1_000_000, "GB": 1_000_000_000}[match[2]]
 
 
-def _about(value: Any, path: Path, faults: list[_Fault]) -> PackageInfo:
+def _read_package_info(value: Any, path: Path, faults: list[_Fault]) -> PackageInfo:
     return PackageInfo.of(_mapping(value, KEYS))
 
 
@@ -334,7 +334,7 @@ def _tessellations(value: Any, path: Path, faults: list[_Fault]) -> tuple[Tessel
 _TOLERANCES: Mapping[str, _Read] = {"linear": _number(LENGTH), "angular": _number(ANGLE)}
 _KEYS: Mapping[str, _Read] = {
     "parts": _list(_text()), "packages": _list(_text()), "build": _text(), "emit": _list(_text()), "mesh_uri": _text(MESH_URIS),
-    "about": _about, "compat": _list(_text(CONSUMERS)), "part_timeout": _number(TIME, LONGEST), "part_memory": _memory,
+    "about": _read_package_info, "compat": _list(_text(CONSUMERS)), "part_timeout": _number(TIME, LONGEST), "part_memory": _memory,
     "bed": _list(_number(LENGTH), 3), "mesh": _tessellations,
 }
 """The keys of a workspace file. Each value becomes the field of `Workspace` with the same name, except for `mesh`, which contains two."""
@@ -367,7 +367,7 @@ MAX_FOLDERS = 100
 
 def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
     """Return an error and a hint for an invalid path in the workspace file, or None if the path is inside the workspace."""
-    shown = shortened(text)
+    shown = shorten(text)
     if not text.strip() or "\0" in text:
         return f"expected a folder, found `{shown}`", "write the name of a folder, or `.` for the folder of `thingc.toml`"
     if os.path.isabs(text) or text.startswith("~"):
@@ -390,10 +390,10 @@ def _folder_faults(settings: Mapping[str, Any], root: str) -> Iterator[_Fault]:
         elif path != ("build",) and "parts" in settings and not os.path.isdir(os.path.join(root, text)):
             here = [entry.name for entry in os.scandir(root) if entry.is_dir() and not entry.name.startswith(".")]
             help = did_you_mean(text, here, what="folders")
-            yield _Fault(path, Code.WORKSPACE_FOLDER, f"the workspace has no folder `{shortened(text)}`", help)
+            yield _Fault(path, Code.WORKSPACE_FOLDER, f"the workspace has no folder `{shorten(text)}`", help)
 
 
-def _explained(path: str, data: bytes, root: str, prefix: Path, inputs: dict[str, str | None], report: Report) -> Workspace | None:
+def _validate_located(path: str, data: bytes, root: str, prefix: Path, inputs: dict[str, str | None], report: Report) -> Workspace | None:
     """Parse the workspace file with source positions, and validate it with the document model.
 
     If the file has errors, report all errors and return None.

@@ -13,7 +13,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, Options, Printed, attempted
+from thingc.driver.environment import Environment, Options, Printed, with_environment
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.types import Robot
 from thingc.targets.html.emit import Page, page_of
@@ -170,10 +170,10 @@ def compile(
     known = None if compat is None else pipeline.chosen_consumers(compat)
     texts = [{name: value for name, value in (one or {}).items() if isinstance(value, str)} for one in (parameters, choices)]
     options = Options(parameters=texts[0], choices=texts[1], store=store, jobs=jobs, printed=printed, compat=known)
-    return attempted(document, options, partial(_compiled, others=others, modes=modes, strict=strict))
+    return with_environment(document, options, partial(_compile, others=others, modes=modes, strict=strict))
 
 
-def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequence[str], strict: bool) -> Compiled:
+def _compile(environment: Environment, others: Mapping[str, float], modes: Sequence[str], strict: bool) -> Compiled:
     settings = None
     if others:
         from thingc.driver.settings import settings_with
@@ -189,12 +189,12 @@ def _compiled(environment: Environment, others: Mapping[str, float], modes: Sequ
     return Compiled(
         name=assembly.name, assembly=assembly,
         modes={robot.mode.name: CompiledMode(robot=robot, files=files) for robot in compilation.robots},
-        diagnostics=tuple(compilation.report.ordered()), modelled=tuple(compilation.modelled), reused=tuple(compilation.reused),
+        diagnostics=tuple(compilation.report.sorted_diagnostics()), modelled=tuple(compilation.modelled), reused=tuple(compilation.reused),
         _page=partial(page_of, pipeline.request_of(environment, compilation)),
     )
 
 
 def _stop_on_errors(report: Report, strict: bool) -> None:
-    judged = report.judged(strict=strict)
+    judged = report.apply_strict(strict=strict)
     if judged.failed:
-        raise CompileError(judged.ordered())
+        raise CompileError(judged.sorted_diagnostics())

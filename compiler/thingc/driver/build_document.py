@@ -60,12 +60,12 @@ def build(environment: Environment, wish: BuildRequest) -> BuildResult:
     """
     compilation = pipeline.compile(environment, wish.modes)
     report, built = compilation.report, BuildResult(compilation=compilation)
-    if wish.twice and not report.judged(strict=wish.strict).failed:
+    if wish.twice and not report.apply_strict(strict=wish.strict).failed:
         built = replace(built, twice=_model_again(environment, compilation))
-    if not report.judged(strict=wish.strict).failed:
+    if not report.apply_strict(strict=wish.strict).failed:
         built = _with_files(environment, built, wish)
-    judged = report.judged(strict=wish.strict)
-    return replace(built, diagnostics=tuple(judged.ordered()), files=None if judged.failed else built.files)
+    judged = report.apply_strict(strict=wish.strict)
+    return replace(built, diagnostics=tuple(judged.sorted_diagnostics()), files=None if judged.failed else built.files)
 
 
 def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest) -> BuildResult:

@@ -15,7 +15,7 @@ from thingc.base.source import Document, MappingNode, Node, SequenceNode, Span, 
 from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, changes, set_values
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.yaml_tree import is_flow, read_flow
-from thingc.documents.spec.settable_values import in_full, nested, parse
+from thingc.documents.spec.settable_values import in_full, parse, split_nested
 from thingc.documents.spec.validation import validate
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
@@ -40,14 +40,14 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
     `given` maps names of parameters, and paths of other values, to the new values as strings. With `dry`, the new values are checked, but
     the file is not written. With `strict`, warnings are treated as errors. Raises `OSError` if the document cannot be read.
     """
-    given = {named(path): text for path, text in given.items()}
+    given = {parameter_name(path): text for path, text in given.items()}
     parameters = {path: text for path, text in given.items() if "." not in path}
     choices = {path: text for path, text in given.items() if "." in path}
-    documents, diagnostics = checked(document, replace(options, parameters=parameters, choices=choices), strict=strict)
+    documents, diagnostics = check_document(document, replace(options, parameters=parameters, choices=choices), strict=strict)
     if documents is None or any(d.code in (Code.CHOICE_OPTION, Code.PARAMETER_OPTION) for d in diagnostics):
         return EditResult(found=tuple(diagnostics))
     root = documents.root
-    elsewhere = [fault for path in choices if (fault := _elsewhere(root, path)) is not None]
+    elsewhere = [fault for path in choices if (fault := _nested_value_error(root, path)) is not None]
     if elsewhere:
         return EditResult(found=tuple(elsewhere))
     values = {keys_of(root, path): text for path, text in given.items()}
@@ -56,7 +56,7 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
         full = set_values(root, {keys: _texts(node) for keys, node in short})
         text = set_values(full, {keys: _parse_value(text) for keys, text in values.items()}).text
     except CannotSetValue as fault:
-        return EditResult(found=(_wrong(str(fault), "edit the document by hand", fault.span),))
+        return EditResult(found=(_error(str(fault), "edit the document by hand", fault.span),))
     return write_texts(root, {root.path: (root, text)}, tuple(changes(full, values)), options, strict=strict, dry=dry)
 
 
@@ -69,7 +69,7 @@ def write_texts(
     `texts` maps paths to the old documents and their new texts. `done` describes the changes. See `write_values` for the other arguments.
     """
     files = {path: document_change(*change) for path, change in texts.items()}
-    _, diagnostics = checked(root.path, replace(options, texts={path: after for path, (_, after) in files.items()}), strict=strict)
+    _, diagnostics = check_document(root.path, replace(options, texts={path: after for path, (_, after) in files.items()}), strict=strict)
     found, changed = tuple(diagnostics), tuple(texts.values())
     if any(d.severity is Severity.ERROR for d in found):
         return EditResult(found=found, changed=changed)
@@ -80,7 +80,7 @@ def write_texts(
     return EditResult(found=found, changed=changed, done=done)
 
 
-def named(path: str) -> str:
+def parameter_name(path: str) -> str:
     """Remove the prefix `parameters.` from the path of a parameter, such as `parameters.reach`.
 
     Paths without this prefix are returned unchanged.
@@ -99,7 +99,7 @@ def document_change(root: Document, text: str) -> tuple[bytes, bytes]:
     return mark + before, mark + text.encode()
 
 
-def opened(document: str, options: Options, memo: Memo) -> Documents | None:
+def load_documents(document: str, options: Options, memo: Memo) -> Documents | None:
     """Load and validate a document and all documents that it references. Return None if one of the documents has errors."""
     with Environment(document, options, memo=memo) as environment:
         if environment.workspace is None:
@@ -110,7 +110,7 @@ def opened(document: str, options: Options, memo: Memo) -> Documents | None:
         return None if environment.report.failed else documents
 
 
-def checked(
+def check_document(
     document: str, options: Options, *, strict: bool = False, memo: Memo | None = None,
 ) -> tuple[Documents | None, list[Diagnostic]]:
     """Compile a document. Return the document with all documents that it references, and the diagnostics.
@@ -120,7 +120,7 @@ def checked(
     with Environment(document, replace(options, lock=True), memo=memo) as environment:
         compilation = pipeline.compile(environment)
     pipeline.say_unneeded(compilation, [Stage.CHECK])
-    return compilation.documents, compilation.report.judged(strict=strict).ordered()
+    return compilation.documents, compilation.report.apply_strict(strict=strict).sorted_diagnostics()
 
 
 def keys_of(root: Document, path: str) -> Keys:
@@ -143,24 +143,24 @@ def _texts(node: Node) -> Written:
     return [_texts(one) for one in node.items] if isinstance(node, SequenceNode) else node.text
 
 
-def _elsewhere(root: Document, path: str) -> Diagnostic | None:
+def _nested_value_error(root: Document, path: str) -> Diagnostic | None:
     """Return an error for a path whose value is not in this document, but in a nested document or in a copy of a component.
 
     Return None if the value is in this document.
     """
-    through = nested(path)
+    through = split_nested(path)
     if through is None:
         choice = parse(path)
         name = choice.components[0] if choice is not None and choice.components else None
         if name is None or node_at(root.tree, ("components", name)) is not None:
             return None
-        return _wrong(f"`{path}` is one copy of a repeated component and has no line in the document", "set the value for all copies")
+        return _error(f"`{path}` is one copy of a repeated component and has no line in the document", "set the value for all copies")
     component, rest = through
     text = node_at(root.tree, ("components", component, "assembly"))
     inner = getattr(text, "text", "the nested document")
     message = f"`{path}` is defined in `{inner}`, so the change would affect every component that uses this document"
-    return _wrong(message, f"`thingc set {inner} '{rest}=...'`")
+    return _error(message, f"`thingc set {inner} '{rest}=...'`")
 
 
-def _wrong(message: str, help: str, span: Span | None = None) -> Diagnostic:
+def _error(message: str, help: str, span: Span | None = None) -> Diagnostic:
     return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message, help=help, span=span)

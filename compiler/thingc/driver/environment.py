@@ -156,7 +156,7 @@ class Environment:
         report_gaps(self.parts, report, severity=severity)
 
 
-def attempted(document: str, options: Options, work: Callable[[Environment], Answer]) -> Answer:
+def with_environment(document: str, options: Options, work: Callable[[Environment], Answer]) -> Answer:
     """Call the function `work` with a new environment for the document, and return its result.
 
     If the store turns out to be damaged, `work` is called a second time with another new environment, and missing parts are built again.
@@ -173,9 +173,9 @@ def attempted(document: str, options: Options, work: Callable[[Environment], Ans
 
 def store_of(options: Options) -> Store:
     """Open the store that the options specify. The default is the store of the current user."""
-    from thingc.geometry.store.shared_store import opened
+    from thingc.geometry.store.shared_store import open_store
 
-    return opened(options.store)
+    return open_store(options.store)
 
 
 def geometry_of(

@@ -25,11 +25,11 @@ from typing import Any, NoReturn, Protocol
 from thingc.base.diagnostics import Code, UserError, shown_path
 from thingc.base.filesystem import check_tree, exchange, lock
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.safe_text import quoted
+from thingc.base.safe_text import quote_names
 from thingc.geometry.store.file_digests import Digests, digest_of
 from thingc.geometry.store.local import Store
 from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
-from thingc.targets.registry import written
+from thingc.targets.registry import written_pattern
 
 Waiting = Callable[[str], None]
 """Callback that is called once, with the path of the build folder, if another build of the same folder is in progress. The callback can
@@ -109,11 +109,11 @@ def write_build(
     folder = build_folder(parent, name)
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
-        with _locked(folder, on_wait):
+        with _lock_folder(folder, on_wait):
             _mend(folder)
             known: Digests = {}
             unexpected = _refuse_unexpected(folder, document, files, known, force=force)
-            fresh = _beside(folder, "new")
+            fresh = _sibling_path(folder, "new")
             try:
                 _write_files(fresh, files, store)
                 _swap(fresh, folder, document, files, known, given_up=unexpected.names)
@@ -146,19 +146,19 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
         aside = os.path.join(folder, os.path.basename(folder)) if there else folder
-        with _locked(aside, refuse):
-            fresh = _beside(aside, "new")
+        with _lock_folder(aside, refuse):
+            fresh = _sibling_path(aside, "new")
             if not there and os.path.lexists(folder):
                 raise OutputError(f"`{place}` already exists and is a file", "choose another name, or move the file")
             _delete(fresh)
             try:
                 _write_files(fresh, files, None)
                 if there:
-                    ours = {KEPT, *(os.path.basename(_beside(aside, what)) for what in ("lock", "new"))}
+                    ours = {KEPT, *(os.path.basename(_sibling_path(aside, what)) for what in ("lock", "new"))}
                     before = sorted(set(os.listdir(folder)) - ours)
                     others = [name for name in before if not _alike(os.path.join(folder, name), os.path.join(fresh, name))]
                     if others:
-                        message = f"the folder `{place}` is not empty: {quoted(others, 8)}"
+                        message = f"the folder `{place}` is not empty: {quote_names(others, 8)}"
                         raise OutputError(message, "choose another name, or move the content of the folder")
                     _move_into(folder, fresh, sorted(set(os.listdir(fresh)) - set(before)))
                 else:
@@ -223,7 +223,7 @@ def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
     return manifest
 
 
-def listed(folder: str) -> frozenset[str]:
+def manifest_paths(folder: str) -> frozenset[str]:
     """Return the paths of all files in the manifest of a build folder, and the path of the manifest itself.
 
     If the folder does not contain a manifest, return an empty set.
@@ -237,7 +237,7 @@ def unswept(folder: str) -> bool:
 
     The next build deletes the files of a killed build. If another build is still in progress, the next build waits.
     """
-    return any(os.path.lexists(_beside(folder, what)) for what in ("lock", "new", "old"))
+    return any(os.path.lexists(_sibling_path(folder, what)) for what in ("lock", "new", "old"))
 
 
 def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), known: Digests | None = None) -> UnexpectedFiles:
@@ -255,7 +255,7 @@ def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), 
     if manifest is None or manifest["document"] != document:
         return UnexpectedFiles(None if manifest is None else manifest["document"], tuple(sorted(names)))
     listed: dict[str, str] = manifest["files"]
-    ours = written()
+    ours = written_pattern()
     others = [name for name in names if name != MANIFEST and not (name in listed and (name in also or ours.fullmatch(name)))]
     own = sorted(set(names) - {MANIFEST, *others})
     known = {} if known is None else known
@@ -278,19 +278,19 @@ def _check_paths(name: str, files: Mapping[str, Content]) -> None:
         raise ValueError(f"a build needs a {MANIFEST}")
 
 
-def _beside(folder: str, what: str) -> str:
+def _sibling_path(folder: str, what: str) -> str:
     parent, name = os.path.split(folder)
     return os.path.join(parent, f".{name}.thingc-{what}")
 
 
 @contextlib.contextmanager
-def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
+def _lock_folder(folder: str, on_wait: Waiting | None) -> Iterator[None]:
     """Lock a build folder until the context ends. Only one build at a time can write the folder.
 
     The callback `on_wait` is called before waiting for the lock. A build deletes the lock file when it releases the lock. After waiting,
     the function therefore checks whether the path of the lock file still refers to the locked file.
     """
-    path = _beside(folder, "lock")
+    path = _sibling_path(folder, "lock")
     said = False
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
@@ -326,13 +326,13 @@ def same_file(descriptor: int, path: str) -> bool:
 
 def _mend(folder: str) -> None:
     """Complete or undo the renames of a build that was killed while it replaced the build folder."""
-    old = _beside(folder, "old")
+    old = _sibling_path(folder, "old")
     if os.path.lexists(old):
         if os.path.lexists(folder):
             _delete(old)
         else:
             os.rename(old, folder)
-    _delete(_beside(folder, "new"))
+    _delete(_sibling_path(folder, "new"))
 
 
 def _refuse_unexpected(folder: str, document: str, also: Collection[str], known: Digests, *, force: bool) -> UnexpectedFiles:
@@ -358,7 +358,7 @@ def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> Unex
         message = f"{place} contains the build of another document (`{unexpected.owner}`, not `{document}`); nothing was written"
     else:
         said = [
-            f"{what} ({quoted(names, 8)})"
+            f"{what} ({quote_names(names, 8)})"
             for what, names in (
                 (f"files that no build of `{document}` wrote", unexpected.others),
                 ("files that have changed since the build", unexpected.changed),
@@ -406,7 +406,7 @@ def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: 
     try:
         exchange(fresh, folder)
     except NotImplementedError:
-        displaced = _beside(folder, "old")
+        displaced = _sibling_path(folder, "old")
         os.rename(folder, displaced)
         os.rename(fresh, folder)
     late = unexpected_files(displaced, document, also=also, known=known)

@@ -22,7 +22,7 @@ from thingc.base.diagnostics import Code, Report, Stage, UserError, shown_path
 from thingc.base.filesystem import beginning
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
-from thingc.base.safe_text import shortened
+from thingc.base.safe_text import abbreviate
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Environment, Options
 
@@ -70,7 +70,7 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
     words = [word for word in (names.split(",") if isinstance(names, str) else names) if word]
     for word in words:
         if word not in CONSUMERS:
-            raise UnknownChoice(f"MuJoCo models are not written for `{shortened(word)}`", did_you_mean(word, CONSUMERS, what="programs"))
+            raise UnknownChoice(f"MuJoCo models are not written for `{abbreviate(word)}`", did_you_mean(word, CONSUMERS, what="programs"))
     return tuple(name for name in CONSUMERS if name in words)
 
 
@@ -164,7 +164,7 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
     """
     from thingc.model.robot.kinematics import occurrence_poses
     from thingc.model.solids.overlaps import Overlaps, check_overlaps
-    from thingc.targets.registry import emitted
+    from thingc.targets.registry import run_emitters
 
     request = request_of(environment, compilation, folder=folder)
     if "step" in targets:
@@ -176,7 +176,7 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
     poses = request.assembly.rest if robot is None or start is None else occurrence_poses(robot, start.q, start.base)
     overlaps = Overlaps(environment.store, request.workspace.mesh.linear, environment.memo)
     check_overlaps(request.assembly, poses, overlaps, compilation.report)
-    return emitted(request, targets)
+    return run_emitters(request, targets)
 
 
 # --- passes --------------------------------------------------------------------------------------------------------
@@ -252,14 +252,14 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
 
     assemblies, parts = documents_and_parts(choices)
     place = ("choices", frozenset(assemblies), frozenset(parts))
-    widened, faults = (memo or Memo())(place, lambda: _widened(environment, sources, assemblies, parts))
+    widened, faults = (memo or Memo())(place, lambda: _load_more(environment, sources, assemblies, parts))
     for fault in faults.diagnostics:  # errors without a place in a document are reported at the choice
         code, path = (fault.code, fault.path) if fault.span is not None else (Code.CHOICE_OPTION, "--set")
         report.add(code, fault.message, fault.span, help=fault.help, path=path, notes=fault.notes, severity=fault.severity)
     return widened
 
 
-def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
+def _load_more(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
     """Load additional assembly documents and part schemas, and return them together with `own`.
 
     Also return a report with the errors in the additional documents and parts.
@@ -271,7 +271,7 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
     if assemblies:
         documents = load_more(documents, assemblies, own.workspace, report)
         added = {path: one for path, one in documents.by_path.items() if path not in own.documents.by_path}
-        specs = specs.joined(validate(replace(documents, by_path=added), report))
+        specs = specs.union(validate(replace(documents, by_path=added), report))
     wanted = [*parts, *(reference for reference, _ in part_references(specs, documents))]
     schemas = {**own.schemas, **environment.parts.describe([one for one in wanted if one not in own.schemas])}
     return replace(own, documents=documents, specs=specs, schemas=schemas), report
@@ -298,12 +298,12 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     from thingc.model.assembly.mass import likely_slicings, slicings_of
     from thingc.model.assembly.shape_links import listed_meshes, with_pieces
     from thingc.model.resolve.mirroring import with_own_images
-    from thingc.model.resolve.nested_assemblies import decomposed, part_definitions
+    from thingc.model.resolve.nested_assemblies import find_decompositions, part_definitions
     from thingc.model.resolve.resolver import resolve, resolve_materials
     from thingc.model.robot.floor_height import stand
     from thingc.model.robot.spanning_tree import root
 
-    report, memo = environment.report.continued(), environment.memo
+    report, memo = environment.report.copy(), environment.memo
     if own is None:
         return Compilation(settings=settings, report=report)
     parts = environment.parts
@@ -316,13 +316,13 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
         resolve_materials(sources, report)
     if documents.root.kind != "assembly":
         return compilation
-    model = resolve(sources, settings, report, of_text or memo.apart(), memo)
+    model = resolve(sources, settings, report, of_text or memo.make_empty(), memo)
     if model is None:
         return compilation
     if not report.failed:
         _require_modes(modes, model, documents)
     definitions = part_definitions(model)
-    records = parts.realize(definitions, decomposed(model), partial(likely_slicings, model, sources.schemas))
+    records = parts.realize(definitions, find_decompositions(model), partial(likely_slicings, model, sources.schemas))
     model = with_own_images(model, records)
     records = parts.slice(definitions, records, slicings_of(model, records))
     environment.say_gaps(report)
@@ -369,9 +369,9 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
     compilation has no errors. With `verify=0`, the generated models are not verified by compiling them with MuJoCo, because the caller does
     this. With `verify=n` and n > 1, only one of every n models that differ only in numbers is verified.
     """
-    from thingc.targets.registry import emitted
+    from thingc.targets.registry import run_emitters
 
-    return emitted(request_of(environment, compilation, verify=verify), targets)
+    return run_emitters(request_of(environment, compilation, verify=verify), targets)
 
 
 def request_of(environment: Environment, compilation: Compilation, *, verify: int = 1, folder: str | None = None) -> EmitRequest:

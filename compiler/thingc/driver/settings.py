@@ -70,14 +70,14 @@ class SettingsReader:
         A new value in a setting must have the same type. Return None if there is no current value, or if the value cannot be evaluated.
         """
         if name not in self._kinds:
-            known = self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
+            known = self._kinds[name] = self.parameters.get(name) if "." not in name else self._value_at(name)
             vector, _, index = name.rpartition(".")
             if index.isdecimal() and known == Quantity(0.0):  # a bare 0 has the kind of the other elements of the vector
-                others = (self._stated(f"{vector}.{other}") for other in "012")
+                others = (self._value_at(f"{vector}.{other}") for other in "012")
                 self._kinds[name] = next((one for one in others if isinstance(one, Quantity) and one.dimension != NUMBER), known)
         return self._kinds[name]
 
-    def _stated(self, path: str) -> ExpressionValue | None:
+    def _value_at(self, path: str) -> ExpressionValue | None:
         section, _, rest = path.partition(".")
         by_default = f"defaults.{section[:-1]}.{rest.partition('.')[2]}"
         places = (path, by_default) if section in ("joints", "components") else (path,)
@@ -92,7 +92,7 @@ class SettingsReader:
                 return stated
         return stated_parameter(self._documents, path)
 
-    def meant(self, name: str) -> tuple[str, ...]:
+    def matching_names(self, name: str) -> tuple[str, ...]:
         """Return the names of all parameters or paths that match a pattern, such as `leg_*` or `joints.*.dynamics.damping`.
 
         Paths in nested documents are included. If the name does not contain `*`, return only the name.
@@ -138,7 +138,7 @@ class SettingsReader:
                 numbers[given] = value + 0.0
                 texts.pop(given, None)
                 continue
-            names = self.meant(given) if isinstance(given, str) else ()
+            names = self.matching_names(given) if isinstance(given, str) else ()
             if type(value) is not float:
                 value = _python_value(value)
             if not names:
@@ -199,15 +199,15 @@ class SettingsReader:
         quantities, texts = self.quantities(read), dict(read.texts)
         known = {name: one for name, one in quantities.items() if isfinite(one.value)}
         given = {name: texts.get(name, "") for name in (*quantities, *texts) if "." not in name}
-        values = {**self._declared.given(given, known), **quantities}
-        stated = {path: _stated(text, values) for path, text in texts.items() if "." in path}
+        values = {**self._declared.given_values(given, known), **quantities}
+        stated = {path: _evaluate_text(text, values) for path, text in texts.items() if "." in path}
         return {**values, **{path: value for path, value in stated.items() if value is not None}}
 
     def as_given(self, settings: Mapping[str, Any]) -> dict[str, str]:
         """Return the settings whose value is a string, by name. A string is omitted if a numeric setting with the same name follows."""
         texts: dict[str, str] = {}
         for given, value in settings.items():
-            for name in self.meant(given):
+            for name in self.matching_names(given):
                 texts.pop(name, None)
                 if isinstance(value, str):
                     texts[name] = value
@@ -252,7 +252,7 @@ def _python_value(value: Any) -> Any:
     return value
 
 
-def _stated(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
+def _evaluate_text(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:
     """Evaluate a string that is `true`, `false` or an expression.
 
     Return None for any other string, and for expressions that cannot be evaluated.

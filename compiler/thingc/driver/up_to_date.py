@@ -34,9 +34,9 @@ def fingerprint() -> str:
 
     The installed packages are identified by the names of their metadata folders, which contain the versions.
     """
-    from thingc.geometry.key.environment_variables import passed
+    from thingc.geometry.key.environment_variables import passed_variables
 
-    variables = [*sorted(passed().items()), os.environ.get("SOURCE_DATE_EPOCH")]
+    variables = [*sorted(passed_variables().items()), os.environ.get("SOURCE_DATE_EPOCH")]
     digest = hashlib.sha256(f"{sys.version}\n{variables}\n".encode("utf-8", "surrogateescape"))
     for entry in sys.path:
         if not entry or not os.path.isdir(entry):
@@ -87,7 +87,7 @@ def save(
 
     if inputs is None:
         return
-    kept = {"fingerprint": fingerprint(), "inputs": dict(inputs), "diagnostics": [packed(d) for d in diagnostics], "answer": dict(answer)}
+    kept = {"fingerprint": fingerprint(), "inputs": dict(inputs), "diagnostics": [to_plain(d) for d in diagnostics], "answer": dict(answer)}
     store.note_json("stamp", key, kept)
 
 
@@ -98,10 +98,10 @@ def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | No
         return None
     if kept["fingerprint"] != fingerprint():
         return None
-    return [unpacked(d) for d in kept["diagnostics"]], dict(kept["answer"])
+    return [from_plain(d) for d in kept["diagnostics"]], dict(kept["answer"])
 
 
-def packed(d: Diagnostic) -> dict[str, object]:
+def to_plain(d: Diagnostic) -> dict[str, object]:
     """Convert a diagnostic to values that can be serialized as JSON."""
     plain: dict[str, object] = msgspec.to_builtins({**asdict(d), "code": d.code.name}, enc_hook=str)  # converts subclasses of `str`
     return plain
@@ -112,8 +112,8 @@ def _types() -> dict[str, Any]:
     return get_type_hints(Diagnostic)
 
 
-def unpacked(kept: Mapping[str, object]) -> Diagnostic:
-    """Convert the values that `packed` returns back to a diagnostic."""
+def from_plain(kept: Mapping[str, object]) -> Diagnostic:
+    """Convert the values that `to_plain` returns back to a diagnostic."""
     fields = {name: msgspec.convert(value, _types()[name]) for name, value in kept.items() if name != "code"}
     return Diagnostic(code=Code[str(kept["code"])], **fields)
 

@@ -16,7 +16,7 @@ class BuildReason(FrozenStruct):
     reason: str
 
 
-def unchanged(reason: str) -> str:
+def unchanged_reason(reason: str) -> str:
     """Return the reason for reusing a part that has not changed. `reason` is the reason why the part was built ("" if unknown)."""
     return "no dependency changed" + (f" since it was modelled ({reason})" if reason else "")
 

@@ -182,7 +182,7 @@ class Workers:
                 else:
                     yield from ((request, dict(answer)) for request in left.values())
                 continue
-            number, request = self._answered(worker, answer)
+            number, request = self._match_answer(worker, answer)
             if number in under_way and request is not None:  # otherwise the answer belongs to a run that was abandoned
                 under_way.remove(number)
                 yield request, answer
@@ -194,9 +194,9 @@ class Workers:
             waiting.extend(islice(source, max(0, limit - len(waiting))))
             for _ in range(min(limit, len(waiting))):
                 request = waiting.popleft()
-                under_way.add(self._send(worker, request) if (begun := self._taken(request)) is None else begun)
+                under_way.add(self._send(worker, request) if (begun := self._find_begun(request)) is None else begun)
 
-    def _taken(self, request: Mapping[str, Any]) -> int | None:
+    def _find_begun(self, request: Mapping[str, Any]) -> int | None:
         """Return the number of a request that `begin` has already sent to a worker, or None.
 
         The method `run` then waits for the answer to this request. An answer that has already arrived is put back into the queue.
@@ -237,7 +237,7 @@ class Workers:
             return None
         return known, answer, True
 
-    def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
+    def _match_answer(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
         """Find the request to which a worker's answer belongs.
 
         Return the number of the request and the request itself. Remove `id` and `span` from the answer. The returned request is None if the

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.pose import Vector, added, dot
+from thingc.base.pose import Vector, add_scaled, dot
 
 HOLE = 4.0
 """A hollow cylinder that covers at least this angle [rad] on average is a hole. Slots, chamfers and other holes can cut its wall."""
@@ -23,7 +23,7 @@ class CentreLine(FrozenStruct):
         x, y, z = (round(value, 12) + 0.0 for value in axis)
         if next(value for value in (z, y, x) if value) < 0.0:
             x, y, z = -x + 0.0, -y + 0.0, -z + 0.0
-        return CentreLine(point=added(point, (x, y, z), -dot(point, (x, y, z))), axis=(x, y, z))
+        return CentreLine(point=add_scaled(point, (x, y, z), -dot(point, (x, y, z))), axis=(x, y, z))
 
     def interval(self, point: Vector, axis: Vector, ends: tuple[float, float]) -> tuple[float, float]:
         """Convert distances from a point along a vector, both on this line, to distances from the point of this line."""

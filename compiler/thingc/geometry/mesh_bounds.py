@@ -33,7 +33,7 @@ class BadMesh(Exception):
     """Raised if a file is not a valid mesh. The message is the reason, which diagnostics append to the name of the file."""
 
 
-def damaged(suffix: str, fault: Exception) -> BadMesh:
+def damaged_file_error(suffix: str, fault: Exception) -> BadMesh:
     """Create the error for a mesh file whose reader raised the exception `fault`.
 
     Messages that Python itself creates are omitted, because they only describe internal values.
@@ -50,11 +50,11 @@ def read_bounded(path: str, suffix: str, most: int = MOST) -> bytes:
     """
     with open(path, "rb") as stream:
         data = stream.read(LARGEST + 1)
-    bounded(suffix, data, most)
+    check_mesh_file(suffix, data, most)
     return data
 
 
-def bounded(suffix: str, data: bytes, most: int = MOST) -> None:
+def check_mesh_file(suffix: str, data: bytes, most: int = MOST) -> None:
     """Check the content of a mesh file before it is parsed.
 
     Raises `BadMesh` if the file is empty, too large or truncated. Also raises `BadMesh` if the file declares more than `most` triangles or
@@ -141,6 +141,6 @@ def _told_by_gltf(text: bytes) -> int:
         refuse_beyond(max(sum(placed), sum(pieces)), INSTANCES, "nodes and placed objects")
         sizes = [(abs(int(one["count"])), _NUMBERS[one["type"]]) for one in document.get("accessors", ())]
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as fault:
-        raise damaged(".glb", fault) from fault
+        raise damaged_file_error(".glb", fault) from fault
     refuse_beyond(sum(count * numbers for count, numbers in sizes), LARGEST, "numbers")
     return max((count for count, _ in sizes), default=0) // 3

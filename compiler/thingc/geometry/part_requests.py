@@ -54,7 +54,7 @@ class PartRequests:
         """Return the fields that every request to a worker contains: the code, the store, and the limits of time and memory."""
         return {**self._parts.around(code), "store": self._store.root, "timeout": self._timeout, "memory": self._workspace.part_memory}
 
-    def given(self, definition: PartDefinition) -> dict[str, Value]:
+    def given_parameters(self, definition: PartDefinition) -> dict[str, Value]:
         """Return the parameters of a definition that differ from their defaults.
 
         If the class has not been described, return all parameters.
@@ -82,7 +82,7 @@ class PartRequests:
         slicings = sorted(self.slicings.get(definition.reference, ()), key=repr)
         return {**prepared.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
 
-    def prepared(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
+    def prepare(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
         """Prepare the request to build a part definition, or return a failure.
 
         `given` contains the parameters that the request sets. If `given` is None, the result of the method `given` is used.
@@ -107,7 +107,7 @@ class PartRequests:
             "op": "model",
             "definition": {
                 "kind": definition.kind, "reference": definition.reference, "text": definition.text, "mirror": definition.mirror,
-                "parameters": self.given(definition) if given is None else dict(given),
+                "parameters": self.given_parameters(definition) if given is None else dict(given),
                 "placed": code is not None and code.place is not None,
             },
             "tessellations": {"fine": asdict(workspace.mesh), "simulation": asdict(workspace.simulation)},

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.base.pose import Matrix, Vector, added
+from thingc.base.pose import Matrix, Vector, add_scaled
 
 UPRIGHT: Vector = (0.0, 0.0, 1.0)
 """Default print direction of a part: the z axis of the part is up."""
@@ -72,10 +72,10 @@ class Moments(OneLineRepr, FrozenStruct):
         """Add the moments of another body, multiplied by `share`. Return the sum."""
         return Moments(
             volume=self.volume + share * other.volume,
-            first=added(self.first, other.first, share),
+            first=add_scaled(self.first, other.first, share),
             second=(
-                added(self.second[0], other.second[0], share), added(self.second[1], other.second[1], share),
-                added(self.second[2], other.second[2], share),
+                add_scaled(self.second[0], other.second[0], share), add_scaled(self.second[1], other.second[1], share),
+                add_scaled(self.second[2], other.second[2], share),
             ),
         )
 
@@ -107,7 +107,7 @@ class SliceResult(OneLineRepr, FrozenStruct, tag=True):
     joins: Moments
     sparse: Moments
 
-    def printed(self, infill: float) -> MassProperties:
+    def mass_properties(self, infill: float) -> MassProperties:
         """Compute the mass properties of the printed part at density 1, for an infill from 0 to 1.
 
         The volume is in [m^3], the centre of mass in [m] and the inertia in [m^5], in the frame of the part.

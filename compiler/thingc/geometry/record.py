@@ -42,7 +42,7 @@ strings.
 """
 
 
-def written(kind: str, value: Value, digits: int = 12) -> str:
+def format_value(kind: str, value: Value, digits: int = 12) -> str:
     """Format the value of a parameter as in a document, with at most `digits` significant digits.
 
     Examples are `100 mm`, `30 deg`, `82 g`, `15 %`, `true` and `M3`. The value is in SI units, and `kind` is the kind of the parameter.
@@ -53,7 +53,7 @@ def written(kind: str, value: Value, digits: int = 12) -> str:
         return value
     if kind == "ratio":
         return f"{value * 100.0:.{digits}g} %"
-    return Quantity(value, DIMENSIONS.get(kind, NUMBER)).shown(digits)
+    return Quantity(value, DIMENSIONS.get(kind, NUMBER)).format(digits)
 
 
 class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
@@ -71,9 +71,9 @@ class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
     choices: tuple[Value, ...] = ()
     doc: str = ""
 
-    def shown(self, value: Value) -> str:
+    def format_value(self, value: Value) -> str:
         """Format a value of this parameter as in a document."""
-        return written(self.kind, value)
+        return format_value(self.kind, value)
 
 
 class PartSchema(OneLineRepr, FrozenStruct):
@@ -109,7 +109,7 @@ class PartSchema(OneLineRepr, FrozenStruct):
         """Create a part definition from values for all parameters. The values are in SI units."""
         kinds = {parameter.name: parameter.kind for parameter in self.parameters}
         given = tuple(sorted(values.items()))
-        words = {name: written(kinds[name], value, LABEL_DIGITS) for name, value in given}
+        words = {name: format_value(kinds[name], value, LABEL_DIGITS) for name, value in given}
         return PartDefinition(
             reference=self.reference, kind="code", parameters=given, text=definition_text(self.reference, values, self.defaults),
             words=tuple(words.values()), label=definition_label(self.reference, values, self.defaults, words),
@@ -142,7 +142,7 @@ class PartDefinition(OneLineRepr, FrozenStruct):
     mirror: str | None = None
     plain: PartDefinition | None = None
 
-    def mirrored(self, axis: str) -> PartDefinition:
+    def mirror_image(self, axis: str) -> PartDefinition:
         """Return the definition of the mirror image at the plane normal to `axis` (`x | y | z`) of the part's frame."""
         label = f"{self.label}, mirror={axis}" if self.kind == "file" else with_mirror(self.label, axis)
         return replace(self, text=with_mirror(self.text, axis), label=label, mirror=axis, plain=self)
@@ -170,14 +170,14 @@ def definition_text(reference: str, parameters: Mapping[str, Value], defaults: M
 
     The text contains the sorted parameters that differ from their defaults, as `repr` of their values in SI units.
     """
-    return _printed(reference, {name: repr(parameters[name]) for name in _differing(parameters, defaults)})
+    return _format_call(reference, {name: repr(parameters[name]) for name in _differing(parameters, defaults)})
 
 
 def definition_label(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value], words: Mapping[str, str]) -> str:
     """Format a part definition as its label, such as `arm:RotorBrace(length=100 mm)`. `words` contains the values as in documents. Strings
     in the text are quoted.
     """
-    return _printed(reference, {
+    return _format_call(reference, {
         name: repr(value) if isinstance(value := parameters[name], str) else words[name] for name in _differing(parameters, defaults)
     })
 
@@ -194,7 +194,7 @@ def with_mirror(printed: str, axis: str) -> str:
     return f"{printed[:-1]}, mirror={axis})" if printed.endswith(")") else f"{printed}(mirror={axis})"
 
 
-def _printed(reference: str, arguments: Mapping[str, str]) -> str:
+def _format_call(reference: str, arguments: Mapping[str, str]) -> str:
     """Format a reference followed by its arguments in parentheses. Without arguments, the parentheses are omitted."""
     return f"{reference}({', '.join(f'{name}={value}' for name, value in arguments.items())})" if arguments else reference
 
@@ -212,9 +212,9 @@ class MountRecord(OneLineRepr, FrozenStruct):
     features: tuple[MatingFeature, ...] = ()
     contradictions: tuple[str, ...] = ()
 
-    def mirrored(self, axis: str) -> Self:
+    def mirror_image(self, axis: str) -> Self:
         """Return the mirror image of the mount. The mirror plane contains the origin of the part and is normal to `axis` (`x | y | z`)."""
-        return replace(self, pose=Mirror(axis).mount(self.pose), features=tuple(feature.mirrored() for feature in self.features))
+        return replace(self, pose=Mirror(axis).mount(self.pose), features=tuple(feature.mirror_image() for feature in self.features))
 
 
 class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):

@@ -28,7 +28,7 @@ Ran = Mapping[str, Sequence[int] | None]
 """Numbers of the functions that ran, by label of the module. The value None means that all functions count as executed."""
 
 
-def outlined(code: CodeIngredients) -> CodeIngredients:
+def outline(code: CodeIngredients) -> CodeIngredients:
     """Return the inputs of a part with its source code reduced to an outline without function bodies."""
     return dataclasses.replace(code, ingredients={one.label: f"{one.facts.outline} {one.path}" for one in code.sources.values()})
 
@@ -66,7 +66,7 @@ class KeptRecords:
     def __init__(self, workspace: Workspace, store: Store, parts: PartCode, results: Results) -> None:
         self._workspace, self._store, self._parts, self._results = workspace, store, parts, results
 
-    def under(self, key: str) -> CachedResult | None:
+    def find_record(self, key: str) -> CachedResult | None:
         """Return the cached record or failure of the part with the build key `key`, or None."""
         return self._results.find("record", key, self._whole)
 
@@ -76,13 +76,13 @@ class KeptRecords:
         If no record has the part's build key, look for a record with the same outline of the code whose executed functions have not
         changed.
         """
-        kept = self.under(build_key.key)
+        kept = self.find_record(build_key.key)
         if kept is not None or code is None or not code.sources:
             return kept
         for one in self._store.get_json("ran", self._outline_key(definition, code)) or ():
             if not is_unchanged(code, one):
                 continue
-            kept = self.under(one["record"])
+            kept = self.find_record(one["record"])
             if kept is not None and [list(read) for read in kept.reads] == one["reads"]:  # other reads may run other functions
                 with contextlib.suppress(StoreUnusable):  # this entry is only an optimisation
                     self._results.keep("record", build_key, kept.value, list(kept.reads), kept.reason)
@@ -107,7 +107,7 @@ class KeptRecords:
             self._store.note_json("ran", key, [newest, *others[: CANDIDATES - 1]])
 
     def _outline_key(self, definition: PartDefinition, code: CodeIngredients) -> str:
-        return record_key(definition, outlined(code), self._parts.versions(code, definition.reference), self._workspace).key
+        return record_key(definition, outline(code), self._parts.versions(code, definition.reference), self._workspace).key
 
     def _whole(self, value: Any) -> bool:
         return "failure" in value or all(self._store.has(sha256, size) for sha256, size in blobs_of(value["record"]))

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from thingc.geometry.record import ImpureInputs, PartFailure, PartRecord, PartSchema
 
 
-def shortened(file: str | None, root: str) -> str | None:
+def relative_path(file: str | None, root: str) -> str | None:
     """Return the path of a file relative to the workspace, with `/` as separator. A path outside of the workspace is unchanged."""
     if file is None:
         return None
@@ -24,7 +24,7 @@ def shortened(file: str | None, root: str) -> str | None:
 
 
 def full(file: str | None, root: str) -> str | None:
-    """Return the absolute path for a path that `shortened` returned."""
+    """Return the absolute path for a path that `relative_path` returned."""
     return None if file is None else os.path.normpath(os.path.join(root, file))
 
 
@@ -36,7 +36,7 @@ Answer = TypeVar("Answer", PartSchema, PartFailure)
 
 def to_json(answer: PartSchema | PartFailure, root: str) -> Any:
     """Convert a part schema or a failure to a JSON value. This function is the inverse of `from_json`."""
-    return {**to_builtins(answer), "file": shortened(answer.file, root)}
+    return {**to_builtins(answer), "file": relative_path(answer.file, root)}
 
 
 def from_json(value: Any, root: str, kind: type[Answer]) -> Answer:
@@ -65,8 +65,8 @@ def record_to_json(record: PartRecord, root: str) -> Any:
     The JSON does not contain `convex` and `slices`, which are cached separately. The JSON also contains `mount_order`, because the store
     sorts the keys of objects.
     """
-    code = None if record.code is None else (shortened(record.code[0], root) or "", record.code[1])
-    warnings = tuple(replace(warning, file=shortened(warning.file, root)) for warning in record.warnings)
+    code = None if record.code is None else (relative_path(record.code[0], root) or "", record.code[1])
+    warnings = tuple(replace(warning, file=relative_path(warning.file, root)) for warning in record.warnings)
     plain = replace(record, code=code, warnings=warnings, convex={}, slices={})
     return {**to_builtins(plain, order="deterministic"), "mount_order": list(record.mounts)}
 

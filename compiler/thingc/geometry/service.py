@@ -15,7 +15,7 @@ from msgspec import convert, to_builtins
 from msgspec.structs import replace
 
 from thingc.documents.workspace import Workspace
-from thingc.geometry.build_reasons import BuildReason, unchanged, why
+from thingc.geometry.build_reasons import BuildReason, unchanged_reason, why
 from thingc.geometry.features import Features
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.file_states import state_of
@@ -105,7 +105,7 @@ class GeometryService:
         self._kept = KeptRecords(workspace, store, self.part_code, self._results)
         self._requests = PartRequests(workspace, store, timeout, self.part_code, self._results)
         self._build_locks = BuildLocks(store)
-        mesh_work = MeshWork(store, timeout, self._run, self._broken)
+        mesh_work = MeshWork(store, timeout, self._run, self._crash_failure)
         self._slices = SliceCache(mesh_work, lambda: self.part_code.versions(None))
         self._convex = ConvexAnswers(mesh_work, lambda: versions_of(["coacd", "manifold3d"], self.part_code.file_of, store))
         self._recent: dict[tuple[PartDefinition, tuple[int, ...]], tuple[PartRecord, str]] = {}
@@ -161,7 +161,7 @@ class GeometryService:
         self._worker_pool().prepare([path for path in saved if path.endswith(".py")])
         self._requests.slicings = dict(last._requests.slicings)
         for definition in last.wanted:
-            prepared = self._requests.prepared(definition, last._requests.given(definition))
+            prepared = self._requests.prepare(definition, last._requests.given_parameters(definition))
             if isinstance(prepared, PartFailure):
                 continue
             kept = self._kept.find(definition, prepared.build_key, prepared.code)
@@ -256,13 +256,13 @@ class GeometryService:
                 if len(group) > 1:  # a class ended the process: describe each class in its own process
                     alone.extend([task] for task in group)
                 else:
-                    self._printed(group[0].subject, answer)
-                    described[group[0].subject] = self._broken(group[0].subject, answer)
+                    self._show_printed(group[0].subject, answer)
+                    described[group[0].subject] = self._crash_failure(group[0].subject, answer)
                 continue
             given = answer["answer"]
             failed = [task.subject for task in group if "failure" in given["answers"][task.subject]]
             if failed:  # the output of other classes is shown when their parts are built
-                self._printed(failed[0], answer)
+                self._show_printed(failed[0], answer)
             for task in group:
                 value = given["answers"][task.subject]
                 # the classes of a module are described together, so files that one class reads count for all classes
@@ -302,7 +302,7 @@ class GeometryService:
                 answers[text], reason = recent
                 self._decide(text, True, reason)
                 continue
-            prepared = self._requests.prepared(definition)
+            prepared = self._requests.prepare(definition)
             if isinstance(prepared, PartFailure):
                 answers[text] = prepared
                 continue
@@ -310,7 +310,7 @@ class GeometryService:
             build_keys[text] = build_key
             kept = self._expected.get(build_key.key) or self._kept.find(definition, build_key, code)
             if kept is not None:
-                self._decide(text, True, unchanged(kept.reason))
+                self._decide(text, True, unchanged_reason(kept.reason))
                 answers[text] = self._record(kept.value, code)
                 self.reads[text] = dict(kept.reads)
             elif locked and (held := self._locked.record(definition)) is not None:
@@ -340,7 +340,7 @@ class GeometryService:
     def _keep_recent(self, answers: Mapping[tuple[PartDefinition, tuple[int, ...]], PartRecord | PartFailure]) -> None:
         for place, record in answers.items():
             if isinstance(record, PartRecord) and (decision := self.decisions.get(place[0].text)) is not None:
-                self._recent[place] = record, decision.reason if decision.reused else unchanged(decision.reason)
+                self._recent[place] = record, decision.reason if decision.reused else unchanged_reason(decision.reason)
         while len(self._recent) > RECENT:
             del self._recent[next(iter(self._recent))]
 
@@ -375,9 +375,9 @@ class GeometryService:
 
         def reuse(task: PartRequest) -> bool:
             """Return whether another process has built the part since the request was created."""
-            kept = self._kept.under(task.build_key.key)
+            kept = self._kept.find_record(task.build_key.key)
             if kept is not None:
-                self._decide(task.subject, True, unchanged(kept.reason))
+                self._decide(task.subject, True, unchanged_reason(kept.reason))
                 self.reads[task.subject] = dict(kept.reads)
                 answers[task.subject] = self._record(kept.value, task.code)
                 self._build_locks.give_back(task.build_key.key)
@@ -395,7 +395,7 @@ class GeometryService:
         def take_in(said: Iterable[tuple[dict[str, Any], dict[str, Any]]]) -> None:
             for request, answer in said:
                 task = by_text[request["definition"]["text"]]
-                answers[task.subject] = self._modelled(task, definitions[task.subject], answer)
+                answers[task.subject] = self._store_result(task, definitions[task.subject], answer)
                 self._build_locks.give_back(task.build_key.key)
 
         take_in(self._run([task.request for task in tasks], "modelling", own()))
@@ -405,12 +405,12 @@ class GeometryService:
                 if not reuse(task):
                     take_in(self._run([task.request]))
 
-    def _modelled(self, task: PartRequest, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
+    def _store_result(self, task: PartRequest, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
         """Store the record or failure that a worker created for a part definition, and return it."""
         self._decide(task.subject, False, task.reason)
-        self._printed(definition.label, answer)
+        self._show_printed(definition.label, answer)
         if "failed" in answer:
-            broken = self._broken(task.subject, answer)
+            broken = self._crash_failure(task.subject, answer)
             if definition.kind == "file" and broken.kind == "crashed" and broken.message.startswith("killed by"):
                 return replace(broken, kind="invalid", message=f"the file is damaged, or the CAD kernel cannot read it ({broken.message})")
             return broken
@@ -426,7 +426,7 @@ class GeometryService:
 
     def in_store(self, definition: PartDefinition) -> bool:
         """Return whether the store contains the record of a part definition."""
-        prepared = self._requests.prepared(definition)
+        prepared = self._requests.prepare(definition)
         return not isinstance(prepared, PartFailure) and self._kept.find(definition, prepared.build_key, prepared.code) is not None
 
     def _record(self, value: Any, code: CodeIngredients | None) -> PartRecord | PartFailure:
@@ -452,7 +452,7 @@ class GeometryService:
             records = {**records, **self.realize(modelled, locked=False)}
             self.decisions = {**decisions, **self.decisions}
         self._requests.expect_slicings(definitions, {text: [(one, False) for one in slicings] for text, slicings in wanted.items()})
-        return self._slices.added(records, wanted)
+        return self._slices.add_slices(records, wanted)
 
     # --- assemble ------------------------------------------------------------------------------------------------
 
@@ -550,11 +550,11 @@ class GeometryService:
         if self._on_progress is not None and what:
             self._on_progress(what, done, total)
 
-    def _printed(self, part: str, answer: Mapping[str, Any]) -> None:
+    def _show_printed(self, part: str, answer: Mapping[str, Any]) -> None:
         if self._on_printed is not None and "printed" in answer:
             self._on_printed(part, answer["printed"])
 
-    def _broken(self, subject: str, answer: dict[str, Any]) -> PartFailure:
+    def _crash_failure(self, subject: str, answer: dict[str, Any]) -> PartFailure:
         """Create the failure of a part whose worker process ended or failed while it built the part. The failure is not cached, so that the
         next run builds the part again.
         """

@@ -32,7 +32,7 @@ def coordinates(cut: Cut, X_AB: Array, usual: Array, xp: Any = np, steps: int = 
             turns = twist[:3] @ X_AB[:3, 3] / pitch
             q = q + math.tau * xp.round((turns - q[k]) / math.tau) * np.eye(len(usual))[k]
     for _ in range(steps):
-        moved, seen = _moved(cut, q, xp)
+        moved, seen = _joint_motion(cut, q, xp)
         step = _nearest(seen.T, logarithm(inverse(moved, xp) @ X_AB, xp), xp)
         q = q + step
         if xp is np and not np.any(np.abs(step) > 1e-14):
@@ -64,12 +64,12 @@ def freedoms(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
     if cut.kind == "ball":  # v is the angular velocity of the child in its own axes
         own: Array = xp.concatenate([np.zeros((3, 3)), R])
         return own
-    _, seen = _moved(cut, q, xp)
+    _, seen = _joint_motion(cut, q, xp)
     both: Array = xp.concatenate([R @ seen[:, 3:].T, R @ seen[:, :3].T])
     return both
 
 
-def constrained(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
+def constraint_projector(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
     """Return the matrix (6, 6) that projects the relative velocity of a joint's two ends onto the directions that the joint constrains.
 
     The matrix is an orthogonal projection. The components of the relative velocity have the same order as the rows of the Jacobian that
@@ -93,7 +93,7 @@ def _generators(cut: Cut) -> Array:
     return np.array([generators(twist) for twist in cut.twists])
 
 
-def _moved(cut: Cut, q: Array, xp: Any) -> tuple[Array, Array]:
+def _joint_motion(cut: Cut, q: Array, xp: Any) -> tuple[Array, Array]:
     """Return the pose (4, 4) of end A after the motion of the joint, and the twists (n, 6) of the coordinates in the frame of end A."""
     X, seen = np.eye(4), []
     for k in range(len(cut.twists) - 1, -1, -1):

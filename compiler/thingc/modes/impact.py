@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.modes.cut_joints import constrained, coordinates, usual
+from thingc.modes.cut_joints import constraint_projector, coordinates, usual
 from thingc.modes.frames import Array, cross, cross_matrix, inverse
 from thingc.modes.kinematics import kinematics
 from thingc.modes.state import RobotState, State
@@ -69,7 +69,7 @@ def stop(mode: Mode, state: State[Any], inertias: Inertias, xp: Any, **newton: i
     ])
     reduced = N.T @ M @ N
     w = xp.linalg.solve(reduced, N.T @ (M @ u))
-    more = [_held(hold, poses[hold.link], jacobians[hold.link]) for hold in mode.holds]
+    more = [_hold_jacobian(hold, poses[hold.link], jacobians[hold.link]) for hold in mode.holds]
     more += [_ends_meet(mode, poses, cut, jacobians, xp, newton) for cut in mode.cuts]
     if more:
         # In the coordinates L^T w, with the Cholesky factor L of the reduced mass matrix, the projection is orthogonal.
@@ -108,7 +108,7 @@ def _at_hold(hold: Hold, X: Array, own: Array, xp: Any) -> Array:
     return impulse
 
 
-def _held(hold: Hold, X: Array, J: Array) -> Array:
+def _hold_jacobian(hold: Hold, X: Array, J: Array) -> Array:
     """Return the Jacobian of the velocity that a hold constrains to zero, for a held link with the pose X (4, 4).
 
     `J` is the Jacobian (6, n) of the link. If the hold allows rotation, return the Jacobian (3, n) of the mount's origin, otherwise return
@@ -150,5 +150,5 @@ def _ends_meet(mode: Mode, poses: Array, cut: Cut, jacobians: Array, xp: Any, ne
         J = jacobians[link]
         ends.append(xp.concatenate([J[:3] - cross_matrix(X_WB[:3, 3] - poses[link, :3, 3]) @ J[3:], J[3:]]))
     q = coordinates(cut, inverse(X_WA, xp) @ X_WB, usual(mode, cut), xp, **newton) if cut.coordinates else np.zeros(0)
-    relative: Array = constrained(cut, q, X_WB, xp) @ (ends[1] - ends[0])
+    relative: Array = constraint_projector(cut, q, X_WB, xp) @ (ends[1] - ends[0])
     return relative

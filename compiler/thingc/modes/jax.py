@@ -21,7 +21,7 @@ from thingc.modes.errors import ModesError
 from thingc.modes.frames import difference
 from thingc.modes.impact import stop
 from thingc.modes.state import State
-from thingc.modes.switching import change_root, kept, put_base
+from thingc.modes.switching import change_root, keep_free_twist, put_base
 from thingc.modes.tree import Inertias, Mode
 
 __all__ = ["State", "switch"]
@@ -52,11 +52,11 @@ def enter(
     if on_motion not in ("drop", "impact"):
         raise ModesError(f"expected on_motion \"drop\" or \"impact\", found `{on_motion}`")
     moved, placed = put_base(state, new, None, jnp)
-    removed = moved.twist - kept(new, moved.base, moved.twist, jnp)
+    removed = moved.twist - keep_free_twist(new, moved.base, moved.twist, jnp)
     impulse: Any = jnp.zeros(6)
     if on_motion == "impact" and (new.base != "free" or new.holds):
         moved, impulse, _ = stop(new, moved, new.inertias if inertias is None else inertias, jnp, steps=STEPS)
     far: Any = jnp.asarray([difference(X, there, jnp) for _, X, there in placed]) > tolerance
-    values = (jnp.asarray(moved.base), kept(new, moved.base, moved.twist, jnp), moved.q, moved.v)
+    values = (jnp.asarray(moved.base), keep_free_twist(new, moved.base, moved.twist, jnp), moved.q, moved.v)
     base, twist, q, v = (jnp.where(far.any(), jnp.nan, one) for one in values)
     return State(base, twist, q, v), removed, impulse

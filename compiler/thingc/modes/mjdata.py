@@ -58,11 +58,11 @@ def map_model(mode: Mode, model: Any) -> ModelMap:
 
     Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
     """
-    found: ModelMap = _cached(_new_map, mode, model)
+    found: ModelMap = _from_cache(_new_map, mode, model)
     return found
 
 
-def _cached(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any:
+def _from_cache(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any:
     """Return the result of `make(mode, model)`, from the cache if possible.
 
     All MuJoCo models with the same structure share a cached result.
@@ -170,7 +170,7 @@ def read_state(mode: Mode, found: ModelMap, data: Any) -> State[Array]:
     elif mode.base == "held":
         X = pose(rotation_of(data.mocap_quat[found.mocap]), data.mocap_pos[found.mocap])
     else:
-        X = bolted(mode, data)
+        X = fixed_root_pose(mode, data)
     q, v = found.addresses.read(qpos, qvel)
     free_joints.read(mode, State(X, twist, q, v), qpos, qvel, found.joints)
     for name, values in (("base_pose", X), ("base_twist", twist), ("q", q), ("v", v)):
@@ -260,7 +260,7 @@ def hold_here(mode: Mode, poses: Array, found: ModelMap, data: Any) -> None:
         data.mocap_quat[number] = (1.0, 0.0, 0.0, 0.0) if hold.turns else quaternion_of(X[:3, :3])
 
 
-def bolted(mode: Mode, data: Any) -> Array:
+def fixed_root_pose(mode: Mode, data: Any) -> Array:
     """Return the pose (4, 4) of the root link of a mode with a fixed base, as in the MuJoCo model of `data`."""
     body = data.model.body(mode.root_link)
     return pose(rotation_of(body.quat), body.pos)
@@ -293,7 +293,7 @@ def inertia_rows(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
     links. A massless intermediate link does not have a body of its own, so the array contains the number of the next body. The third array
     contains the number of the degree of freedom of each joint.
     """
-    found: tuple[Any, Any, Any] = _cached(_weights, mode, model)
+    found: tuple[Any, Any, Any] = _from_cache(_weights, mode, model)
     return found
 
 

@@ -126,7 +126,7 @@ def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[
     if described["kind"] in ("ball", "free"):
         ball = Ball(
             name=str(described["name"]), coordinates=tuple(str(one["name"]) for one in described["coordinates"][-3:]), reversed=back,
-            R=_kept(-after[:3, :3].T if back else after[:3, :3].T),
+            R=_freeze(-after[:3, :3].T if back else after[:3, :3].T),
         )
     for number, one in enumerate(coordinates):
         mimic, twist = one["mimic"], _array([*one["angular"], *one["linear"]], 6)
@@ -136,9 +136,8 @@ def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[
             parent=index[described["parent"]],
             child=index[described["child"]],
             first=number == 0,
-            X_PJ=_kept(before) if number == 0 else NOWHERE,
-            twist=_kept(-twist) if back else twist,
-            X_JL=_kept(after) if number == last else NOWHERE,
+            X_PJ=_freeze(before) if number == 0 else NOWHERE,
+            twist=_freeze(-twist) if back else twist, X_JL=_freeze(after) if number == last else NOWHERE,
             offset=float(one["offset"]),
             reversed=back,
             armature=float(one["armature"]),
@@ -154,13 +153,13 @@ def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[
 
 
 def _array(values: object, *shape: int) -> Any:
-    return _kept(np.array(values, dtype=float).reshape(shape))
+    return _freeze(np.array(values, dtype=float).reshape(shape))
 
 
-def _kept(array: Any) -> Any:
+def _freeze(array: Any) -> Any:
     array.setflags(write=False)
     return array
 
 
-NOWHERE: Array = _kept(np.eye(4))
+NOWHERE: Array = _freeze(np.eye(4))
 """The identity pose (4, 4)."""

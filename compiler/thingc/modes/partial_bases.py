@@ -45,11 +45,11 @@ class PartBase(OneLineRepr):
     def pose(self, qpos: ArrayLike) -> Array:
         """Return the pose (4, 4) of the root link in the world for the given elements of MuJoCo's `qpos`."""
         values = np.asarray(qpos, dtype=float)
-        return self._turned(self.X0_WR[:3, :3] @ rotation_of(values), np) if self.kind == "ball" else self._slid(values, np)
+        return self._root_pose(self.X0_WR[:3, :3] @ rotation_of(values), np) if self.kind == "ball" else self._slid(values, np)
 
     def nearest(self, X: Array, xp: Any = np) -> Array:
         """Return the pose (4, 4) of the root link that is nearest to X (4, 4) among the poses that this base allows."""
-        return self._turned(X[:3, :3], xp) if self.kind == "ball" else self._slid(self._planar(X, xp), xp)
+        return self._root_pose(X[:3, :3], xp) if self.kind == "ball" else self._slid(self._planar(X, xp), xp)
 
     def qvel(self, X: Array, twist: Array, xp: Any = np) -> Array:
         """Return the elements (3,) of MuJoCo's `qvel` for a root link with the pose X (4, 4) and a twist (6,).
@@ -59,7 +59,7 @@ class PartBase(OneLineRepr):
         if self.kind == "ball":
             return twist[3:]
         R, spin = self.X_WA[:3, :3], X[:3, :3] @ twist[3:]
-        x, y, _ = R.T @ (twist[:3] + cross(spin, self._carried(X) - X[:3, 3]))
+        x, y, _ = R.T @ (twist[:3] + cross(spin, self._point_position(X) - X[:3, 3]))
         qvel: Array = xp.asarray([x, y, (R.T @ spin)[2]])
         return qvel
 
@@ -70,7 +70,7 @@ class PartBase(OneLineRepr):
             spin, linear = X[:3, :3] @ qvel, np.zeros(3)
         else:
             spin, linear = R[:, 2] * qvel[2], R[:, :2] @ qvel[:2]
-        twist: Array = xp.concatenate([linear + cross(spin, X[:3, 3] - self._carried(X)), X[:3, :3].T @ spin])
+        twist: Array = xp.concatenate([linear + cross(spin, X[:3, 3] - self._point_position(X)), X[:3, :3].T @ spin])
         return twist
 
     def motions(self, X: Array, xp: Any = np) -> Array:
@@ -90,12 +90,12 @@ class PartBase(OneLineRepr):
         X: Array = self.X_WA @ M @ inverse(self.X_WA) @ self.X0_WR
         return X
 
-    def _turned(self, R: Array, xp: Any) -> Array:
+    def _root_pose(self, R: Array, xp: Any) -> Array:
         """Return the pose (4, 4) of the root link of a ball base, given its orientation R (3, 3) in the world."""
         about = self.X_WA[:3, 3]
         return pose(R, about + R @ self.X0_WR[:3, :3].T @ (self.X0_WR[:3, 3] - about), xp)
 
-    def _carried(self, X: Array) -> Array:
+    def _point_position(self, X: Array) -> Array:
         """Return the current world position (3,) of the point of the root link that was initially at the origin of frame A."""
         carried: Array = (X @ inverse(self.X0_WR) @ self.X_WA)[:3, 3]
         return carried

@@ -40,7 +40,7 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
     own = {number for number, link in enumerate(mode.links) if model.body(body_of[link.name]).name == link.name}
     for number in sorted(own):
         link = mode.links[number]
-        yield f"link `{link.name}`", _apart(link.X_root_link, X[body_of[link.name]])
+        yield f"link `{link.name}`", _difference(link.X_root_link, X[body_of[link.name]])
     motions = np.array(mode.jacobians(mode.state(base_pose=np.eye(4))))[:, :, 6:]  # at q = 0, in the axes of the root link
     for column, joint in enumerate(mode.joints):
         if joint.kind == "free":
@@ -53,7 +53,7 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
         if carrier in own and name in sites:
             site = sites[name]
             found = pose(X_LM[:3, :3] if turns else rotation_of(model.site_quat[site]), model.site_pos[site])
-            yield f"mount `{name}`", _apart(X_LM, found)
+            yield f"mount `{name}`", _difference(X_LM, found)
 
 
 def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
@@ -82,6 +82,6 @@ def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: A
     return np.concatenate([np.cross(axis, here - place[:3, 3] - place[:3, :3] @ one.pos), axis])
 
 
-def _apart(X: Array, other: Array) -> float:
+def _difference(X: Array, other: Array) -> float:
     """Return the distance [m] or the angle [rad] between two poses, whichever number is larger."""
     return float(max(difference(X, other)))

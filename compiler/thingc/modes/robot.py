@@ -18,7 +18,7 @@ from thingc.modes.frames import Array, difference
 from thingc.modes.impact import Impact, at_point, stop
 from thingc.modes.kinematics import kinematics
 from thingc.modes.state import RobotState, State
-from thingc.modes.switching import change_root, kept, put_base
+from thingc.modes.switching import change_root, keep_free_twist, put_base
 from thingc.modes.tree import Inertias, Mode
 
 OnMotion = Literal["raise", "drop", "impact"]
@@ -143,8 +143,8 @@ class Modes(Mapping[str, Mode]):
             state = mjdata.read_state(old, before, from_data)
         new = self[name]
         after = None if into_data is None else mjdata.map_model(new, into_data.model)
-        moving = _placed(change_root(state, old, new, np), new, into_data, tolerance)
-        stopped, poses, result = _stopped(moving, new, on_motion, at_rest, partial(_known_inertias, new, inertias, into_data, from_data))
+        moving = _place(change_root(state, old, new, np), new, into_data, tolerance)
+        stopped, poses, result = _stop_held(moving, new, on_motion, at_rest, partial(_known_inertias, new, inertias, into_data, from_data))
         if after is None:
             return result
         mjdata.write_state(new, stopped, after, into_data)
@@ -154,13 +154,13 @@ class Modes(Mapping[str, Mode]):
         return replace(result, uncommanded=mjdata.carry((old, new), (before, after), from_data, into_data))
 
 
-def _placed(state: State[Array], mode: Mode, data: Any, tolerance: float) -> State[Array]:
+def _place(state: State[Array], mode: Mode, data: Any, tolerance: float) -> State[Array]:
     """Return a copy of the state in which the root link is at a pose that the mode allows.
 
     The MuJoCo model of `data`, if given, defines the pose of a fixed base; otherwise, the pose at the time of the build is used. Raises
     `BaseElsewhere` if the root link, or another link that a mode with a fixed base holds, is too far from a pose that the mode allows.
     """
-    place = mjdata.bolted(mode, data) if mode.base == "fixed" and data is not None else None
+    place = mjdata.fixed_root_pose(mode, data) if mode.base == "fixed" and data is not None else None
     state, placed = put_base(state, mode, place, np)
     for link, X, there in placed:
         distance, angle = map(float, difference(X, there))
@@ -169,14 +169,14 @@ def _placed(state: State[Array], mode: Mode, data: Any, tolerance: float) -> Sta
     return state
 
 
-def _stopped(
+def _stop_held(
     state: State[Array], mode: Mode, on_motion: OnMotion, at_rest: float, inertias: Callable[[], Inertias],
 ) -> tuple[State[Array], Array, SwitchResult]:
     """Stop all links that the mode `mode` holds. Return the new state, the poses of all links, and the result of the switch.
 
     If the mode holds only its root link, the array of poses is empty. Raises `BaseMoves` if a held link moves and `on_motion` is `"raise"`.
     """
-    removed, poses = [state.twist - kept(mode, state.base, state.twist, np)], np.zeros((0, 4, 4))
+    removed, poses = [state.twist - keep_free_twist(mode, state.base, state.twist, np)], np.zeros((0, 4, 4))
     if mode.holds:
         kin = kinematics(mode)
         frames = kin.frames(state.base, state.q[kin.rows], np)
@@ -191,7 +191,7 @@ def _stopped(
         raise BaseMoves(mode.name, mode.links[mode.holds[moving - 1].link if moving else 0].name, removed[moving])
     if moving is not None and on_motion == "impact":
         state, impulse, impulses = stop(mode, state, inertias(), np)
-    state = state._replace(twist=kept(mode, state.base, state.twist, np))
+    state = state._replace(twist=keep_free_twist(mode, state.base, state.twist, np))
     holds = zip(mode.holds, removed[1:], impulses, strict=True)
     return state, poses, SwitchResult(
         state=mode.robot_state(state), removed=removed[0], impulse=impulse,

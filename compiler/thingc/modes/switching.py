@@ -28,13 +28,13 @@ def change_root(state: State[Any], old: Mode, new: Mode, xp: Any, **newton: int)
     cuts = [cut for cut in old.cuts if cut.coordinates]
     if cuts:
         found = [_across(old, cut, poses, twists, xp, newton) for cut in cuts]
-        q, v = (xp.concatenate([own, *values])[_gathered(old)] for own, values in zip((q, v), zip(*found, strict=True), strict=True))
+        q, v = (xp.concatenate([own, *values])[_gather_indices(old)] for own, values in zip((q, v), zip(*found, strict=True), strict=True))
     root = kin.number[new.root_link]
     return State(poses[root], twists[root], q, v)
 
 
 @lru_cache(maxsize=256)
-def _gathered(mode: Mode) -> Array:
+def _gather_indices(mode: Mode) -> Array:
     """For each joint coordinate, return its index in an array that contains all coordinates and then the coordinates of the cut joints."""
     names = [*mode.coordinates, *(name for cut in mode.cuts for name in cut.coordinates)]
     last = {name: row for row, name in enumerate(names)}
@@ -75,7 +75,7 @@ def put_base(state: State[Any], mode: Mode, place: Array | None, xp: Any) -> tup
     return state._replace(base=there), placed
 
 
-def kept(mode: Mode, base: Array, twist: Array, xp: Any) -> Array:
+def keep_free_twist(mode: Mode, base: Array, twist: Array, xp: Any) -> Array:
     """Return the twist (6,) of the root link without the components that the base of the mode constrains."""
     if mode.base == "free":
         return twist

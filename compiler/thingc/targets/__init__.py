@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from thingc.base.exports import exported
+from thingc.base.exports import getattr_of
 
 if TYPE_CHECKING:
     from thingc.targets.artifact import Artifacts, Loss
@@ -13,4 +13,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Artifacts", "Capabilities", "EmitRequest", "Loss"]
 
-__getattr__ = exported(__name__, {"Artifacts": "artifact", "Loss": "artifact", "Capabilities": "capabilities", "EmitRequest": "request"})
+__getattr__ = getattr_of(__name__, {"Artifacts": "artifact", "Loss": "artifact", "Capabilities": "capabilities", "EmitRequest": "request"})

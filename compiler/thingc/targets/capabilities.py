@@ -4,8 +4,8 @@ Each table determines what the emitter writes, which export losses it reports, a
 
 The keys of the tables are the literals below. mypy reports an unknown feature, and a test reports a missing feature. If a feature can be
 written in several ways, its table cell contains a keyword of the target (`by`). The emitter selects the way with a `match` statement on
-this keyword (`written`). mypy reports an unknown keyword or a missing case. The export losses of a build depend on the robot. The function
-`losses` checks which features the robot uses, in the same way for all targets.
+this keyword (`written_as`). mypy reports an unknown keyword or a missing case. The export losses of a build depend on the robot. The
+function `losses` checks which features the robot uses, in the same way for all targets.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ OMITTED = Omitted()
 BESIDE = Companion()
 
 
-def written(cell: Cell[By]) -> By | None:
+def written_as(cell: Cell[By]) -> By | None:
     """Return the keyword of a table cell, which the emitter uses to decide how to write the feature.
 
      Return None if the feature has no keyword or is not written.

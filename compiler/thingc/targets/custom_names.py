@@ -31,7 +31,7 @@ AS_WRITTEN = frozenset({AssemblyDefinition, Component, Definition, FileNames, Li
 """Classes of records that keep the names of the documents."""
 
 
-def called(request: EmitRequest) -> EmitRequest:
+def apply_custom_names(request: EmitRequest) -> EmitRequest:
     """Apply the custom names of the documents to the robot in a request.
 
     If the documents contain no custom names, return the request unchanged.

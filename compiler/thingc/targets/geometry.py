@@ -117,7 +117,7 @@ def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
     return named
 
 
-def numbered(name: str, index: int) -> str:
+def name_with_index(name: str, index: int) -> str:
     """Return a name with its index appended, such as `hand/cap_1` for index 1. If the index is 0, return the name unchanged."""
     return f"{name}_{index}" if index else name
 
@@ -130,7 +130,7 @@ def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
     """
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
-        yield numbered(usual, index) if shape.name in used else shape.name or ""
+        yield name_with_index(usual, index) if shape.name in used else shape.name or ""
         used.add(shape.name)
 
 

@@ -22,10 +22,10 @@ from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets import json_writer
 from thingc.targets.connections import connections
-from thingc.targets.custom_names import called
+from thingc.targets.custom_names import apply_custom_names
 from thingc.targets.mjcf.compat import separator
 from thingc.targets.mjcf.emit import model_trees
-from thingc.targets.mjcf.lowering import lowered
+from thingc.targets.mjcf.lowering import mujoco_joints
 from thingc.targets.name_mangling import safe
 from thingc.targets.request import EmitRequest
 from thingc.targets.ros.control import Controller, controllers
@@ -63,7 +63,7 @@ CONTACT_SIZE = 4
 
 def emit(request: EmitRequest) -> bytes:
     """Return the content of `joint_order.json`, for the chosen modes in the order of the document."""
-    named = called(request)
+    named = apply_custom_names(request)
     commands = controllers(named.robots)
     return json_writer.encode({
         robot.mode.name: describe(robot, root, separator(request.compat), commands[robot.mode.name])
@@ -114,7 +114,7 @@ def _indices(source: Order, order: Order) -> list[int | None]:
 def _mujoco(robot: Robot, joints: Sequence[Element], separator: str) -> Iterator[tuple[str, str | None]]:
     """Yield the joints of a MuJoCo model. The slide of a screw and a ball joint do not have the value of a coordinate."""
     moving = [*robot.moves, *(joint for body in robot.bodies for joint in body.joints)]
-    keys = {one.name.replace("/", separator): _key(joint) for joint in moving for one in lowered(joint)[:1]}
+    keys = {one.name.replace("/", separator): _key(joint) for joint in moving for one in mujoco_joints(joint)[:1]}
     for element in joints:
         yield element.get("name"), keys.get(element.get("name"))
 

@@ -25,12 +25,12 @@ from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Closure, Robot, TreeJoint
 from thingc.targets import json_writer
 from thingc.targets.artifact import Artifacts
-from thingc.targets.custom_names import called
+from thingc.targets.custom_names import apply_custom_names
 from thingc.targets.json_writer import JsonFragment, fragment
 from thingc.targets.mjcf import tendons
 from thingc.targets.mjcf.closures import anchor_name
 from thingc.targets.mjcf.compat import separator
-from thingc.targets.mjcf.lowering import lowered, sizes
+from thingc.targets.mjcf.lowering import mujoco_joints, sizes
 from thingc.targets.request import EmitRequest
 
 VERSION = 2
@@ -55,7 +55,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 def alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
     """Write `modes.json` for a build without MJCF models. The file is returned as an artifact of the first target."""
-    return {targets[0]: emit(called(request))}
+    return {targets[0]: emit(apply_custom_names(request))}
 
 
 def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> dict[str, object]:
@@ -179,7 +179,7 @@ def _joint_json(
             whole, (count, speeds) = (mate.name or joint.path).replace("/", separator), sizes(crossed)
             in_model[joint.path] = {whole: 1.0}, list(range(qpos, qpos + count)), list(range(dof, dof + speeds))
             continue
-        names = {one.name.replace("/", separator): one.ratio for one in lowered(joint)}
+        names = {one.name.replace("/", separator): one.ratio for one in mujoco_joints(joint)}
         in_model[joint.path] = names, list(range(qpos, qpos + len(names))), list(range(dof, dof + len(names)))
         qpos, dof = qpos + len(names), dof + len(names)
     return fragment({

@@ -31,11 +31,11 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
     graph = networkx.MultiDiGraph(name=hag.label)
     for one in hag.definitions:
         plain = None if one.plain is None else one.plain.text
-        graph.add_node(one.text, **_said(
+        graph.add_node(one.text, **_attributes(
             label=one.label, reference=one.reference, kind=one.kind, quantity=quantities[one.text], mirror=one.mirror, mirrors=plain,
         ))
     for edge in hag.edges:
-        graph.add_edge(edge.parent, edge.child, key=edge.component, **_said(mounts=edge.mounts or None, joint=edge.joint))
+        graph.add_edge(edge.parent, edge.child, key=edge.component, **_attributes(mounts=edge.mounts or None, joint=edge.joint))
     return graph
 
 
@@ -52,7 +52,7 @@ def mate_graph(assembly: Assembly) -> Graph:
         link = assembly.links[assembly.link_of[occurrence.index]].name
         graph.add_node(occurrence.path, definition=occurrence.definition.text, link=link, mass=occurrence.properties.mass)
     for mate in assembly.mates:
-        graph.add_edge(names[mate.parent], names[mate.child], key=f"{mate.child_mount} -> {mate.parent_mount}", **_said(
+        graph.add_edge(names[mate.parent], names[mate.child], key=f"{mate.child_mount} -> {mate.parent_mount}", **_attributes(
             parent_mount=mate.parent_mount, child_mount=mate.child_mount, joint=mate.name, loop=True if mate.loop is not None else None,
         ))
     return graph
@@ -74,13 +74,13 @@ def link_graph(assembly: Assembly) -> Graph:
         parent, child = (assembly.links[assembly.link_of[one]].name for one in (mate.parent, mate.child))
         if name is not None and parent != child:
             kind = mate.joints[0].kind.name if mate.joints else "fixed"
-            graph.add_edge(parent, child, key=name, **_said(
+            graph.add_edge(parent, child, key=name, **_attributes(
                 kind=kind, coordinates=[joint.path for joint in mate.joints], loop=True if mate.loop is not None else None,
             ))
     return graph
 
 
-def _said(**attributes: Any) -> dict[str, Any]:
+def _attributes(**attributes: Any) -> dict[str, Any]:
     return {name: value for name, value in attributes.items() if value is not None}
 
 
@@ -128,5 +128,5 @@ def loops_of(robot: Robot) -> tuple[Loop, ...]:
         if cut in cuts:
             way = networkx.shortest_path(tree, parent, child)
             through = [key for pair in zip(way, way[1:]) for key in tree[pair[0]][pair[1]]]
-            loops.append(Loop(cut=cut, through={one: worth[one].over(worth[cut]) if cut in worth else "" for one in through}))
+            loops.append(Loop(cut=cut, through={one: worth[one].reason_over(worth[cut]) if cut in worth else "" for one in through}))
     return tuple(loops)

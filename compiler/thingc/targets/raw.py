@@ -34,7 +34,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sd
     """
     for attribute in assembly.raw:
         if attribute.target == target:
-            report_fault(attribute, _fault(attribute, robots, files) or _laid(attribute, files), report)
+            report_fault(attribute, _fault(attribute, robots, files) or _apply(attribute, files), report)
 
 
 Fault = tuple[str, Hint, int]
@@ -48,7 +48,7 @@ def report_fault(attribute: RawAttribute, fault: Fault | None, report: Report) -
         report.add(Code.RAW_UNKNOWN, message, attribute.at_key(key), help=hint, path=attribute.dotted)
 
 
-def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
+def _apply(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
     prefixes = [step.partition(":")[0] for step in attribute.path[2:] if ":" in step]
     for file in files:
         for element in _matching_elements(file, attribute):

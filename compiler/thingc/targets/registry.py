@@ -19,7 +19,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code
 from thingc.base.filesystem import listing
-from thingc.base.safe_text import shortened
+from thingc.base.safe_text import abbreviate
 from thingc.base.suggestions import Hint, did_you_mean
 from thingc.targets.target import Target
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 GROUP = "thingc.emitters"
 
 
-def _declared() -> dict[str, Target]:
+def _own_targets() -> dict[str, Target]:
     """Return the targets of thingc. The targets are declared by the packages beside this module that define `TARGET`. The emitters are not
     imported.
     """
@@ -43,7 +43,7 @@ def _declared() -> dict[str, Target]:
     return dict(sorted(declared.items(), key=lambda item: (item[1].position, item[0])))
 
 
-TARGETS = _declared()
+TARGETS = _own_targets()
 """The targets of thingc, in the order in which a build writes them. Targets of other packages list their files in `WRITES`."""
 
 MODELS = frozenset({"mjcf", "mjz", "urdf", "ros", "sdf", "usd"})
@@ -56,7 +56,7 @@ ALL = "all"
 """The argument of `--emit` that selects all targets."""
 
 
-def written() -> re.Pattern[str]:
+def written_pattern() -> re.Pattern[str]:
     """Return a regular expression that matches the path of every file in a build folder that a target may write.
 
     The expression includes the targets of installed packages.
@@ -65,26 +65,26 @@ def written() -> re.Pattern[str]:
     for name in targets():
         if name not in TARGETS:
             with contextlib.suppress(ImportError):
-                patterns += _stated(name)
+                patterns += _declared_patterns(name)
     return _fitting(patterns)
 
 
-def _unstated(target: str, paths: Iterable[str]) -> list[str]:
+def _undeclared_paths(target: str, paths: Iterable[str]) -> list[str]:
     """Return the paths that do not match the patterns in `WRITES` of an installed target. The next build would not recognise files with
     these paths.
     """
     if target in TARGETS:
         return []
-    own = _fitting(_stated(target))
+    own = _fitting(_declared_patterns(target))
     return sorted(path for path in paths if own.fullmatch(path) is None)
 
 
 def module_of(target: str) -> str:
     """Return the name of the Python module that defines a target of an installed package."""
-    return _installed()[target].partition(":")[0]
+    return _find_installed()[target].partition(":")[0]
 
 
-def _stated(target: str) -> tuple[str, ...]:
+def _declared_patterns(target: str) -> tuple[str, ...]:
     """Return the file patterns in `WRITES` of a target from an installed package.
 
     Raises `ImportError` if the package cannot be imported.
@@ -99,7 +99,7 @@ def _fitting(patterns: Iterable[str]) -> re.Pattern[str]:
 
 def targets() -> tuple[str, ...]:
     """Return the names of all targets. thingc's own targets come first, followed by the targets of installed packages sorted by name."""
-    return (*TARGETS, *sorted(name for name in _installed() if name not in TARGETS))
+    return (*TARGETS, *sorted(name for name in _find_installed() if name not in TARGETS))
 
 
 def unknown(words: Sequence[str]) -> tuple[tuple[int, str, Hint], ...]:
@@ -108,17 +108,17 @@ def unknown(words: Sequence[str]) -> tuple[tuple[int, str, Hint], ...]:
     """
     known = [*targets(), ALL]
     wrong = [(index, word) for index, text in enumerate(words) for word in text.split(",") if word not in ("", *known)]
-    return tuple((index, f"there is no target `{shortened(word)}`", did_you_mean(word, known, what="targets")) for index, word in wrong)
+    return tuple((index, f"there is no target `{abbreviate(word)}`", did_you_mean(word, known, what="targets")) for index, word in wrong)
 
 
-def chosen(words: Sequence[str]) -> tuple[str, ...]:
+def parse_targets(words: Sequence[str]) -> tuple[str, ...]:
     """Parse the target names in arguments such as `mjcf`, `mjcf,urdf` and `all`.
 
     Return the targets in the order in which a build writes them. If there are no arguments, return the default targets. A target of an
     installed package can require other targets, to whose files it refers, with `REQUIRES = {"NAME": ("usd",)}` in its module.
     """
     wanted = {word for text in words for word in text.split(",")}
-    for name in wanted & {*_installed()} - {*TARGETS}:
+    for name in wanted & {*_find_installed()} - {*TARGETS}:
         with contextlib.suppress(ImportError):
             wanted.update(getattr(import_module(module_of(name)), "REQUIRES", {}).get(name, ()))
     return tuple(target for target in targets() if (wanted & {target, ALL} if words else _is_default(target)))
@@ -140,19 +140,19 @@ def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
     return (*ours, *dict.fromkeys(library for target in wanted if target in TARGETS for library in TARGETS[target].libraries))
 
 
-def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
+def run_emitters(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
     """Call the emitters of the given targets, and return the files and export losses of each target in the given order.
 
     If several targets report the same export loss, it is only included with the first target.
     """
-    from thingc.targets.custom_names import called
+    from thingc.targets.custom_names import apply_custom_names
 
     artifacts: dict[str, Artifacts] = {}
     told: dict[Loss, None] = {}
     for target in targets:
         given = request.in_target(target)
-        made = emitter(target)(called(given) if target not in TARGETS or TARGETS[target].by_name else given)
-        if astray := _unstated(target, made.files):
+        made = emitter(target)(apply_custom_names(given) if target not in TARGETS or TARGETS[target].by_name else given)
+        if astray := _undeclared_paths(target, made.files):
             request.report.add(
                 Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, which is missing in `{module_of(target)}.WRITES`", None,
                 path=target,
@@ -174,22 +174,22 @@ def emitter(target: str) -> Emitter:
 
     Raises `KeyError` for an unknown target, and `ImportError` if its package cannot be imported.
     """
-    module, _, function = (TARGETS[target].emitter if target in TARGETS else _installed()[target]).partition(":")
+    module, _, function = (TARGETS[target].emitter if target in TARGETS else _find_installed()[target]).partition(":")
     emit: Emitter = getattr(import_module(module), function)
     return emit
 
 
-def _installed() -> Mapping[str, str]:
+def _find_installed() -> Mapping[str, str]:
     """Return the entry points of installed packages that declare targets, read from the metadata files of the packages.
 
     `importlib.metadata` returns the same result, but takes 40 ms. These 40 ms are a third of the time of a build without changes. If two
     packages declare the same name, the first package on the path takes precedence, as in `importlib.metadata`. The cached result is valid
     until a folder on the import path changes.
     """
-    return _entry_points(tuple((folder, _changed(folder)) for folder in sys.path))
+    return _entry_points(tuple((folder, _folder_time(folder)) for folder in sys.path))
 
 
-def _changed(folder: str) -> int:
+def _folder_time(folder: str) -> int:
     """Return the modification time [ns] of a folder on the import path, or 0 if the folder does not exist."""
     try:
         return os.stat(folder or ".").st_mtime_ns

@@ -16,7 +16,7 @@ def on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
     return robot.base == "free" and body_of(robot, sensor) == 0
 
 
-def elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
+def describe_force_place(robot: Robot, sensor: LinkedSensor) -> str | None:
     """Describe the place at which simulators measure the force of a sensor.
 
     Return None if the force that they measure equals the force through the mount. Simulators measure the force between a body and its

@@ -51,7 +51,7 @@ class Element:
     def opening(self) -> str:
         """Return the tag with its escaped attributes, without the closing bracket, such as `<joint name="yaw"`."""
         if self._opening is None:
-            self._opening = f"<{self.tag}" + "".join([f' {name}="{_escaped(value)}"' for name, value in self.attributes.items()])
+            self._opening = f"<{self.tag}" + "".join([f' {name}="{_escape(value)}"' for name, value in self.attributes.items()])
         return self._opening
 
     def get(self, name: str, default: str = "") -> str:
@@ -180,7 +180,7 @@ def format_value(value: XmlValue) -> str:
     return " ".join(map(number, value)) if isinstance(value, tuple) else number(value)
 
 
-def _escaped(value: XmlValue) -> str:
+def _escape(value: XmlValue) -> str:
     return value.translate(_ESCAPES) if isinstance(value, str) else format_value(value)
 
 
@@ -204,7 +204,7 @@ def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
                 text.append(f"{indent}{element.opening}>")
                 under_way.append((iter(element.children), indent + "  ", f"{indent}</{element.tag}>"))
                 break
-            said = f">{_escaped(element.text)}</{element.tag}>" if element.text != "" else "/>"
+            said = f">{_escape(element.text)}</{element.tag}>" if element.text != "" else "/>"
             text.append(f"{indent}{element.opening}{said}")
         else:
             under_way.pop()

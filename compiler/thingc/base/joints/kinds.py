@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist, X, Y, Z
-from thingc.base.pose import Vector, scaled
+from thingc.base.pose import Vector, scale_vector
 from thingc.base.units import Dimension
 
 JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw", "free"]
@@ -50,13 +50,13 @@ class JointKind(FrozenStruct):
         """Whether a document can replace z by another axis, because the joint only rotates about z or moves along z."""
         return self.moves and all(one.axis == Z for one in self.twists)
 
-    def about(self, axis: Vector, lead: float = 0.0) -> tuple[Twist, ...]:
+    def twists_about(self, axis: Vector, lead: float = 0.0) -> tuple[Twist, ...]:
         """Return the twists of this joint kind about the unit vector `axis` instead of the z axis. Only valid for `axial` joint kinds.
 
         `lead` [m] is the advance per turn, and is used only by joint kinds with a lead.
         """
         twists = self.with_lead(lead) if self.leads else self.twists
-        return tuple(Twist(angular=scaled(axis, one.angular[2]), linear=scaled(axis, one.linear[2])) for one in twists)
+        return tuple(Twist(angular=scale_vector(axis, one.angular[2]), linear=scale_vector(axis, one.linear[2])) for one in twists)
 
     @property
     def moves(self) -> bool:

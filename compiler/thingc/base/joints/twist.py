@@ -96,7 +96,7 @@ class Twist(FrozenStruct, kw_only=False):
         """The physical dimension of each value of this joint coordinate, such as `kp` or `damping`, by the key of the value."""
         return dimensions_of(self.coordinate)
 
-    def shown(self, q: float) -> str:
+    def format(self, q: float) -> str:
         """Format the value `q` [rad or m] of a joint coordinate for display, such as `30 deg` or `20 mm`."""
         return f"{degrees(q):z.6g} deg" if self.turns else f"{q * 1000.0:z.6g} mm"
 
@@ -128,16 +128,16 @@ class Twist(FrozenStruct, kw_only=False):
         turn = X_AB.rotation
         return Twist(rotate(turn, self.angular), rotate(turn, self.linear), X_AB.apply(self.anchor))
 
-    def reversed(self) -> Twist:
+    def inverse(self) -> Twist:
         """Return the twist of the inverse motion. `reversed().exponential(q)` is the inverse of `exponential(q)`."""
-        return Twist(_negated(self.angular), _negated(self.linear), self.anchor)
+        return Twist(_negate(self.angular), _negate(self.linear), self.anchor)
 
 
 X, Y, Z = IDENTITY
 _PLAIN = {X: turned_x, Y: turned_y, Z: turned_z}
 
 
-def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = False) -> Pose:
+def pose_after(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = False) -> Pose:
     """Return the pose of a frame after the motions of several twists. `q` contains one joint coordinate [rad or m] for each twist.
 
     The twists are applied in sequence, each in the frame that the preceding twists have moved. With `at_once`, the coordinates of rotations
@@ -149,7 +149,7 @@ def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = Fa
             vector = rotation_vector(part, values)
             angle = hypot(*vector)
             if not part[0].turns:
-                pose = pose @ moved(part, values)
+                pose = pose @ pose_after(part, values)
             elif angle != 0.0:
                 x, y, z = vector
                 turned = Twist(angular=(x / angle, y / angle, z / angle), anchor=part[0].anchor).exponential(angle)
@@ -176,7 +176,7 @@ def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, a
                     twist = Twist(_right_jacobian(turned, twist.angular), NONE, twist.anchor)
                 yield number, twist.seen_from(pose)
             if number:
-                pose = pose @ moved(part, values, at_once=True).inverse()
+                pose = pose @ pose_after(part, values, at_once=True).inverse()
         return
     for number in range(len(twists) - 1, -1, -1):
         yield number, twists[number].seen_from(pose)
@@ -222,5 +222,5 @@ def _right_jacobian(w: Vector, v: Vector) -> Vector:
     return (v[0] - b * once[0] + c * twice[0], v[1] - b * once[1] + c * twice[1], v[2] - b * once[2] + c * twice[2])
 
 
-def _negated(v: Vector) -> Vector:
+def _negate(v: Vector) -> Vector:
     return (0.0 - v[0], 0.0 - v[1], 0.0 - v[2])  # 0 - 0 is 0, but negation would give -0.0, and files would contain -0.0

@@ -29,7 +29,7 @@ LOOK = 5.0
 """Interval [s] at which the number of workers is polled."""
 
 
-def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
+def inspect_worker(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
     """Return the versions of the packages that are installed on a worker, and the digests of files and folders (see `up_to_date.state_of`).
 
     The digest of a missing file is None. This function runs on the worker.
@@ -86,7 +86,7 @@ class DaskCluster(Cluster):
         """
         mine = dict(versions())
         try:
-            answers: dict[str, Any] = self._client.run(seen, list(files), on_error="return")
+            answers: dict[str, Any] = self._client.run(inspect_worker, list(files), on_error="return")
         except Exception as fault:
             raise self._lost(_first_line(fault)) from None
         died = (import_module("distributed.comm").CommClosedError, ConnectionError, TimeoutError)

@@ -35,7 +35,7 @@ from thingc.batch.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
 from thingc.batch.folder import BatchFault
 from thingc.batch.folder_layout import SharedAssets, asset_path, keep_asset, write_variant
 from thingc.batch.job import STOPPED, Job, Row, refusal
-from thingc.batch.packed_layout import FILES, SHARED, packed
+from thingc.batch.packed_layout import FILES, SHARED, is_packed
 from thingc.batch.planning import Variant
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
 from thingc.targets.artifact import Content, StoredArtifact
@@ -136,11 +136,11 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float
     def still(row: Row) -> None:
         _worker_folder(name)  # this raises an exception if the batch has ended
 
-    return Answer(place=place, rows=evaluate(_settled(job, place), tasks, timeout, still))
+    return Answer(place=place, rows=evaluate(_localize(job, place), tasks, timeout, still))
 
 
 @lru_cache(maxsize=4)
-def _settled(job: str, place: WorkerFolder) -> str:
+def _localize(job: str, place: WorkerFolder) -> str:
     """Replace the relative paths in a job by paths on the worker. If the job does not specify a store, the store of the worker is used."""
     decoded = Job.decode(job)
     work = os.path.join(place.folder, WORK)
@@ -251,11 +251,11 @@ class RemoteExecutor(Cluster):
             try:
                 if inner.cancelled():
                     raise Cancelled
-                outer.set_result(self._taken(inner.result()))
+                outer.set_result(self._store_answer(inner.result()))
             except BaseException as fault:
                 outer.set_exception(fault)
 
-    def _taken(self, answer: Answer) -> list[Row]:
+    def _store_answer(self, answer: Answer) -> list[Row]:
         """Write the variants that a worker has built, and return their rows in the same form as a runner process on this machine.
 
         Raises `WorkerLost` if the worker has ended.
@@ -265,7 +265,7 @@ class RemoteExecutor(Cluster):
         for given in answer.rows:
             if self._stopping:
                 raise Cancelled
-            row: Row = self._mapped(given, os.path.join(answer.place.folder, WORK))
+            row: Row = self._replace_paths(given, os.path.join(answer.place.folder, WORK))
             rows.append(row)
             if row["status"] == STOPPED:
                 row["message"] = f"on the worker {answer.place.worker}: {row['message']}"
@@ -273,9 +273,9 @@ class RemoteExecutor(Cluster):
                 try:
                     self._keep(row, assets)
                 except OSError as fault:
-                    rows[-1] = _stopped(row, refusal(fault))
+                    rows[-1] = _failed_row(row, refusal(fault))
                 except StoreUnusable as fault:
-                    rows[-1] = _stopped(row, f"the cache `{fault.root}` cannot be used: {fault.reason}")
+                    rows[-1] = _failed_row(row, f"the cache `{fault.root}` cannot be used: {fault.reason}")
             if rows[-1]["status"] == STOPPED:
                 break
         return rows
@@ -287,24 +287,24 @@ class RemoteExecutor(Cluster):
         """
         for sha256 in row[SHARED].values():
             keep_asset(self.folder, sha256, assets)
-        if not packed(self.folder):
+        if not is_packed(self.folder):
             files: dict[str, Content] = {path: base64.b64decode(data) for path, data in row.pop(FILES).items()}
             files |= {path: StoredArtifact(sha256=sha256, size=0) for path, sha256 in row.pop(SHARED).items()}
             write_variant(self.folder, row["id"], files, SharedAssets(self.folder))
 
-    def _mapped(self, said: Any, work: str, key: str = "") -> Any:
+    def _replace_paths(self, said: Any, work: str, key: str = "") -> Any:
         """In a row of results, replace all paths on the worker by paths on this machine."""
         if isinstance(said, dict):
-            return {name: value if name == FILES else self._mapped(value, work, name) for name, value in said.items()}
+            return {name: value if name == FILES else self._replace_paths(value, work, name) for name, value in said.items()}
         if isinstance(said, list):
-            return [self._mapped(value, work) for value in said]
+            return [self._replace_paths(value, work) for value in said]
         if not isinstance(said, str) or work not in said:
             return said
         here = said.replace(work, self.transfer.root)
         return shown_path(here) if key == "file" else here
 
 
-def _stopped(row: Row, message: str) -> Row:
+def _failed_row(row: Row, message: str) -> Row:
     return {"index": row["index"], "id": row["id"], "status": STOPPED, "code": Code.OUTPUT.code, "message": message}
 
 

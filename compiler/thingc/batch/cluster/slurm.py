@@ -90,7 +90,7 @@ def _minutes(text: str) -> int:
     return max(1, math.ceil(quantity.value / 60.0))
 
 
-def spread(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> dict[str, Any]:
+def run_chunk(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> dict[str, Any]:
     """Build the variants of a chunk in `width` runner processes. This function runs in the SLURM job.
 
     The function returns `{"rows": [...]}`, or `{"broken": message, "detail": ...}` if runner processes cannot be started.
@@ -168,7 +168,7 @@ class SlurmCluster(Cluster):
         future: Future[T] = Future()
         try:
             with _silent() if self.settings.cluster == "local" else contextlib.nullcontext():
-                job = self._executor.submit(spread, self.settings.cpus, *arguments)
+                job = self._executor.submit(run_chunk, self.settings.cpus, *arguments)
         except Exception as fault:  # for example, an unknown partition or too many jobs
             words = " ".join(str(fault).split())
             self._fault = BatchFault(Code.CLUSTER, f"SLURM rejected the job: {words}", "fix the problem, and continue with --resume")

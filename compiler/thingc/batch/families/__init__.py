@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from thingc.base.exports import exported
+from thingc.base.exports import getattr_of
 
 if TYPE_CHECKING:
     from thingc.batch.families.batching import Batched, Batches
@@ -24,7 +24,7 @@ __all__ = [
     "NotDifferentiable", "RobotFamily", "SearchSpace", "SpaceDimension",
 ]
 
-__getattr__ = exported(__name__, {
+__getattr__ = getattr_of(__name__, {
     "Batched": "batching", "Batches": "batching",
     "FamilyFunction": "function", "FamilyJacobian": "function", "NotDifferentiable": "function", "FamilyValues": "function",
     "FamilyMjx": "mjx_family",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.batch.families.merged_mesh_model import ModelSource, likeness, united
+from thingc.batch.families.merged_mesh_model import ModelSource, likeness, merge_models
 from thingc.batch.families.results import NoModel
 from thingc.batch.mujoco_arrays.equality import digest
 from thingc.batch.shared_model import ModelGroup, changeable_fields
@@ -43,7 +43,7 @@ class Batches(OneLineRepr, FrozenStruct):
     refused: Mapping[int, NoModel]
 
 
-def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], ModelSource] | None) -> Batches:
+def make_batches(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], ModelSource] | None) -> Batches:
     """Group the models of many settings, so that all settings of a group can share a model.
 
     The models of a group differ only in numbers that a simulation reads at every step (see `thingc.batch.shared_model`). If `source` is
@@ -68,12 +68,12 @@ def batched(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[int], 
         alike.setdefault(likeness(group.model) if source is not None else kind, []).append(group)
     made: list[Batched] = []
     for some in alike.values():
-        whole = _united(some, source) if source is not None and len(some) > 1 else None
-        made += [whole] if whole is not None else [_stacked([group], group.model, {}) for group in some]
+        whole = _merge_groups(some, source) if source is not None and len(some) > 1 else None
+        made += [whole] if whole is not None else [_stack([group], group.model, {}) for group in some]
     return Batches(groups=tuple(sorted(made, key=lambda one: one.indices[0])), refused=refused)
 
 
-def _stacked(groups: Sequence[ModelGroup], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
+def _stack(groups: Sequence[ModelGroup], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
     """Combine the settings of several groups in one `Batched` object. `more` contains arrays for additional fields."""
     import numpy as np
 
@@ -89,13 +89,13 @@ def _stacked(groups: Sequence[ModelGroup], model: mujoco.MjModel, more: Mapping[
     return Batched(model=model, fields=fields, indices=tuple(indices[order].tolist()))
 
 
-def _united(groups: Sequence[ModelGroup], source: Callable[[int], ModelSource]) -> Batched | None:
+def _merge_groups(groups: Sequence[ModelGroup], source: Callable[[int], ModelSource]) -> Batched | None:
     """Combine groups whose models have different meshes. Return None if the models of the groups cannot be merged."""
     import numpy as np
 
-    together = united([source(group.indices[0]) for group in groups], [group.model for group in groups])
+    together = merge_models([source(group.indices[0]) for group in groups], [group.model for group in groups])
     if together is None or len({group.bodies for group in groups}) > 1:
         return None
     model, chosen = together
     meshes = np.concatenate([np.tile(np.array(one, dtype=np.int32), (len(group.indices), 1)) for one, group in zip(chosen, groups)])
-    return _stacked(groups, model, {"geom_dataid": meshes})
+    return _stack(groups, model, {"geom_dataid": meshes})

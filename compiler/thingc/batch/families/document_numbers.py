@@ -39,7 +39,7 @@ class DocumentNumbers:
     @cached_property
     def parameters(self) -> SearchSpace:
         """The search space of the parameters of the assembly document."""
-        return of_parameters(self.spec, self._reader.parameters, self._bound)
+        return of_parameters(self.spec, self._reader.parameters, self._bound_of)
 
     @cached_property
     def space(self) -> SearchSpace:
@@ -79,12 +79,12 @@ class DocumentNumbers:
         numbers = {name: one.value + 0.0 if isinstance(one, Quantity) else one for name, one in said.items() if not isinstance(one, str)}
         return {name: float(one) if isinstance(one, bool) else one for name, one in numbers.items()}, whole
 
-    def stated(self, name: str) -> Any:
+    def value_of(self, name: str) -> Any:
         """Return the value of a number in the document [SI], or an empty string if the document does not contain this number."""
         kind = self._reader.kind(name)
         return kind.value if isinstance(kind, Quantity) else "" if kind is None else kind
 
-    def written(self, names: Iterable[str]) -> dict[str, ScalarNode]:
+    def find_nodes(self, names: Iterable[str]) -> dict[str, ScalarNode]:
         """Return a mapping from the names of numbers to the nodes of the document that contain these numbers.
 
         Numbers that are missing or given by an expression are omitted.
@@ -94,7 +94,7 @@ class DocumentNumbers:
         nodes = {name: stated_node(self._root.tree, keys_of(self._root, name)) for name in names}
         return {name: node for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
 
-    def _bound(self, name: str, key: str) -> float | None:
+    def _bound_of(self, name: str, key: str) -> float | None:
         """Return the bound `key` of a parameter [SI], or None if the parameter does not have this bound."""
         entry = self.spec.parameters[name]
         raw: Any = getattr(entry, key) if isinstance(entry, ParameterSpec) else None

@@ -93,11 +93,11 @@ class Evaluation(Planner[TracedResults, Measured]):
                     ready.clear()
                     planned = None
                 if planned is None:
-                    yield self._passed(settings, read, tests)
+                    yield self._evaluate_by_passes(settings, read, tests)
                 else:
                     plan, outputs = planned
                     results = plan.made.of(outputs)
-                    yield self._judged(settings, read, results, plan.made.problems, verdict=verdicts.get(place))
+                    yield self._apply_rules(settings, read, results, plan.made.problems, verdict=verdicts.get(place))
 
     def agrees(self, plan: NumericPlan[TracedResults], outputs: Sequence[float], read: ParsedSettings) -> bool:
         """Return whether a plan has given the same results as a compilation. Otherwise, stop using plans for such settings."""
@@ -105,8 +105,8 @@ class Evaluation(Planner[TracedResults, Measured]):
 
     def whole(self, read: ParsedSettings) -> Measured | None:
         """Compile the document. Return the results and the diagnostics, or None if there are no results."""
-        results, report, _ = self._compiled(read)
-        return (results, tuple(report.ordered())) if results else None
+        results, report, _ = self._compile(read)
+        return (results, tuple(report.sorted_diagnostics())) if results else None
 
     def compute(self, plan: NumericPlan[TracedResults], outputs: Sequence[float], read: ParsedSettings) -> Measured:
         """Compute the results and the diagnostics with a plan."""
@@ -185,10 +185,10 @@ class Evaluation(Planner[TracedResults, Measured]):
             shape = TracedResults(rehearsal.made, first[1])
             return shape.outputs, shape
 
-        def traced(compilation: Compilation, tape: Tape) -> Results:
+        def trace(compilation: Compilation, tape: Tape) -> Results:
             return self._results(compilation, SearchMemo(tape))
 
-        return self.new_plan(read, form, first, traced, finish)
+        return self.new_plan(read, form, first, trace, finish)
 
     def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
         if self.tests:
@@ -198,7 +198,7 @@ class Evaluation(Planner[TracedResults, Measured]):
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 
-    def _compiled(self, read: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
+    def _compile(self, read: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
         """Compile the document with the given settings. Return a tuple of the results, the report, and the compilation.
 
         If the settings are refused, the results are empty. If there are errors, the compilation is None.
@@ -215,13 +215,13 @@ class Evaluation(Planner[TracedResults, Measured]):
             report.say(fault.diagnostic)
             return {}, report, None
 
-    def _passed(self, settings: Mapping[str, Any], read: ParsedSettings, tests: bool) -> Evaluated:
+    def _evaluate_by_passes(self, settings: Mapping[str, Any], read: ParsedSettings, tests: bool) -> Evaluated:
         known = self.refusals.problems(read)
         if known is not None:
-            return self._judged(settings, read, {}, known)
-        results, report, compilation = self._compiled(read)
+            return self._apply_rules(settings, read, {}, known)
+        results, report, compilation = self._compile(read)
         if report.failed and compilation is None:
-            self.refusals.learn(read, tuple(report.ordered()))
+            self.refusals.learn(read, tuple(report.sorted_diagnostics()))
         done: tuple[Any, ...] = ()
         if tests and compilation is not None:
             from thingc.driver.testing.test_runner import Selection, run
@@ -232,15 +232,15 @@ class Evaluation(Planner[TracedResults, Measured]):
                 said = len(report.diagnostics)
                 done = tuple(run(pipeline.request_of(self.session.environment, whole), Selection()))
                 del report.diagnostics[said:]  # failures are in the results of the tests
-        return self._judged(settings, read, results, tuple(report.ordered()), done)
+        return self._apply_rules(settings, read, results, tuple(report.sorted_diagnostics()), done)
 
-    def _judged(
+    def _apply_rules(
         self, settings: Mapping[str, Any], read: ParsedSettings, results: Results, problems: tuple[Diagnostic, ...],
         tests: tuple[Any, ...] = (), verdict: Verdict | None = None,
     ) -> Evaluated:
         broken = None
         if results and self.rules:
-            broken, more = verdict or self._broken(read, results)
+            broken, more = verdict or self._find_violation(read, results)
             problems = (*problems, *more)
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
@@ -267,7 +267,7 @@ class Evaluation(Planner[TracedResults, Measured]):
         """Return whether some parameters are not numbers, but flags, texts or expressions."""
         return any(name in self.reader.parameters for name, _ in read.texts)
 
-    def _broken(self, read: ParsedSettings, results: Results) -> Verdict:
+    def _find_violation(self, read: ParsedSettings, results: Results) -> Verdict:
         """Return the first rule that the results violate, or None if all rules are satisfied.
 
         Also return the errors of rules that cannot be evaluated.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
-from thingc.batch.families.batching import Batches, batched
+from thingc.batch.families.batching import Batches, make_batches
 from thingc.batch.families.document_numbers import DocumentNumbers
 from thingc.batch.families.evaluation import Evaluation
 from thingc.batch.families.mjspec_recompile import ModelTemplate
@@ -93,28 +93,28 @@ class RobotFamily:
         path, store = os.fsdecode(document), None if store is None else os.fsdecode(store)
         options = options or Options(store=store, jobs=jobs, compat=None if compat is None else chosen_consumers(compat))
         self._again = partial(RobotFamily, os.path.abspath(path), mode=mode, verify=verify, options=options)
-        self._plan = _planned(path, options)
+        self._plan = _read_plan(path, options)
         self._session = Session(self._plan.assembly if self._plan is not None else path, options)
         sources = self._session.sources
         report = self._session.report
         if sources is None or report.failed or not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
             self.close()
-            raise CompileError(report.ordered())
+            raise CompileError(report.sorted_diagnostics())
         self._root = sources.documents.root
         self._verify = verify
         fixed = {} if self._plan is None else {**self._plan.fixed.parameters, **self._plan.fixed.choices}
         kinds = None if self._plan is None else self._plan.paths.kinds
-        self._reader = SettingsReader(sources, {name: _given(value) for name, value in fixed.items()}, kinds)
+        self._reader = SettingsReader(sources, {name: _plain_value(value) for name, value in fixed.items()}, kinds)
         self._numbers = DocumentNumbers(sources, self._reader, self._plan)
         first = self._session.compile(self._reader.settings(self._reader.read({})))
         if first.assembly is None:
             self.close()
-            raise CompileError(first.report.ordered())
+            raise CompileError(first.report.sorted_diagnostics())
         self.name: str = first.assembly.name
         names = self._plan.modes if self._plan is not None else tuple(one.name for one in first.assembly.modes)
         self.modes = ModeNames(names)
         self.modes.of = self._switching
-        self.mode = self.modes[0] if mode is None else self._known(mode)
+        self.mode = self.modes[0] if mode is None else self._mode_name(mode)
         self._planners: dict[tuple[Any, ...], Any] = {}
 
     def __enter__(self) -> RobotFamily:
@@ -183,7 +183,7 @@ class RobotFamily:
         """
         models, read = self._of(mode, False, floor), [self._read(one) for one in as_many(many)]
         models.take_back()
-        return batched(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
+        return make_batches(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
 
     def write(
         self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str], *, emit: Sequence[str] | str = (),
@@ -201,13 +201,13 @@ class RobotFamily:
 
         given, read = self._read(settings)
         if read.report is not None:
-            return tuple(read.report.ordered())
+            return tuple(read.report.sorted_diagnostics())
         own = self._reader.settings(read, self._numbers.units, self._reader.as_given(given))
         named = emit if isinstance(emit, Iterable) and not isinstance(emit, str) else (emit,)
         builds = self._builds_of(tuple(map(str, named)))
         store = self._session.environment.store
         try:
-            files, problems = builds.made(own)
+            files, problems = builds.build(own)
             if files:
                 parent, name = os.path.split(os.path.abspath(os.fsdecode(folder)))
                 if not name or "\0" in name:
@@ -224,10 +224,10 @@ class RobotFamily:
 
         given, read = self._read(settings)
         if read.report is not None:
-            return NoModel(settings=given, problems=tuple(read.report.ordered()))
-        chosen = tuple(map(self._known, modes or self.modes))
+            return NoModel(settings=given, problems=tuple(read.report.sorted_diagnostics()))
+        chosen = tuple(map(self._mode_name, modes or self.modes))
         builds = self._planner(Builds, modes=chosen, targets=("mjcf",), emit=alone, patience=2)
-        files, problems = builds.made(self._reader.settings(read))
+        files, problems = builds.build(self._reader.settings(read))
         described = files.get("modes.json")
         return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=given, problems=problems)
 
@@ -241,8 +241,8 @@ class RobotFamily:
 
         _, read = self._read(settings)
         if read.report is not None:
-            return tuple(read.report.ordered())
-        written = self._numbers.written(read.names)
+            return tuple(read.report.sorted_diagnostics())
+        written = self._numbers.find_nodes(read.names)
         own = self._reader.settings(read, self._numbers.units or {name: unit_in(node.text) for name, node in written.items()})
         given = {**own.parameters, **own.choices}
         environment = self._session.environment
@@ -267,7 +267,9 @@ class RobotFamily:
         sites = tuple(dict.fromkeys(name[len(SITE):] for name in wanted if name.startswith(SITE)))
         tests = tuple(dict.fromkeys(name.split(".")[1] for name in wanted if name.startswith(TEST)))
         self._check_tests(tests, alone=all(name.startswith(TEST) for name in wanted))
-        evaluation = self._evaluation_of(self.mode if mode is None else self._known(mode), sites, TORQUES in wanted, tests, judged=False)
+        evaluation = self._evaluation_of(
+            self.mode if mode is None else self._mode_name(mode), sites, TORQUES in wanted, tests, judged=False,
+        )
         again = partial(self.function, names, outputs, mode=mode, at=at)
         space, by = self._numbers.parameters, as_names(names=names)
         return FamilyFunction(evaluation, self._reader, space, by, wanted, {} if at is None else at, again)
@@ -287,7 +289,7 @@ class RobotFamily:
 
         given = dict(at or {})
         numeric = [one.name for one in self.space if isinstance(one.value, float)]
-        by = as_names(names=names) or list(self._numbers.written(numeric))
+        by = as_names(names=names) or list(self._numbers.find_nodes(numeric))
         kinds = {name: test.kind for name, test in self._numbers.spec.tests.items()}
         fixed = {name: value for name, value in given.items() if name not in by}
         x: dict[str, float] = {}
@@ -300,7 +302,7 @@ class RobotFamily:
             function = self.function(by, results, mode=mode, at=fixed)
             read = self._reader.read({**dict(zip(by, function.start.tolist(), strict=True)), **given})
             x.update(zip(read.names, read.values, strict=True))
-            found += sensitivities(function, x, kinds, self._numbers.written(by), alone)
+            found += sensitivities(function, x, kinds, self._numbers.find_nodes(by), alone)
         return found
 
     def mjx(
@@ -348,7 +350,9 @@ class RobotFamily:
         the value in the document is used. Returns `NoModel` if the number cannot be set to `value`.
         """
         models = self._of(mode, False)
-        settings: dict[str, Any] = {one: self._numbers.stated(one) if value is None else value for one in self._reader.meant(str(name))}
+        settings: dict[str, Any] = {
+            one: self._numbers.value_of(one) if value is None else value for one in self._reader.matching_names(str(name))
+        }
         read = self._reader.read(settings or {name: ""})
         form: PlanCache[Any] = PlanCache()
         plan = models.plan(read, form) if settings.keys() <= set(read.names) else None
@@ -368,13 +372,13 @@ class RobotFamily:
             settings = {**settings.parameters, **settings.choices}
         return settings if isinstance(settings, Mapping) else {}, self._reader.read(settings)
 
-    def _known(self, mode: str) -> str:
+    def _mode_name(self, mode: str) -> str:
         if mode not in self.modes:
             raise UnknownChoice(f"`{self.name}` has no mode `{mode}`", did_you_mean(str(mode), self.modes, what="modes"))
         return mode
 
     def _of(self, mode: str | None, visual: bool, floor: bool = False) -> ModelsOfMode:
-        mode = self.mode if mode is None else self._known(mode)
+        mode = self.mode if mode is None else self._mode_name(mode)
         return self._planner(ModelsOfMode, mode=mode, refusals=self._refusals_of(mode), visual=visual, floor=floor)
 
     def _refusals_of(self, mode: str) -> Refusals:
@@ -407,16 +411,16 @@ class RobotFamily:
             raise FamilyError(f"`{TEST}{names[0]}` cannot be computed with other results", "use a separate function for tests")
 
     def _builds_of(self, targets: tuple[str, ...]) -> Builds:
-        from thingc.targets.registry import chosen, unknown
+        from thingc.targets.registry import parse_targets, unknown
 
         plan = self._plan
         for _, message, hint in unknown(targets):
             raise UnknownChoice(message, hint)
-        written = plan.emit if plan is not None and not targets else tuple(chosen(targets))
+        written = plan.emit if plan is not None and not targets else tuple(parse_targets(targets))
         return self._planner(Builds, modes=plan.chosen_modes if plan is not None else (), targets=written)
 
 
-def _planned(path: str, options: Options) -> Plan | None:
+def _read_plan(path: str, options: Options) -> Plan | None:
     """Return the plan of a variants document, or None for an assembly document. Raises `CompileError` if the document has errors."""
     from thingc.batch.variants_document import read_plan
     from thingc.documents.load.documents import load
@@ -428,7 +432,7 @@ def _planned(path: str, options: Options) -> Plan | None:
         return None
     plan = read_plan(path, options, report)
     if plan is None or report.failed:
-        raise CompileError(report.ordered())
+        raise CompileError(report.sorted_diagnostics())
     return plan
 
 
@@ -442,7 +446,7 @@ def as_many(settings: Any) -> Iterable[Any]:
     return [settings] if is_single(settings) else settings
 
 
-def _given(value: ExpressionValue | str) -> Any:
+def _plain_value(value: ExpressionValue | str) -> Any:
     return value.value if isinstance(value, Quantity) else value
 
 

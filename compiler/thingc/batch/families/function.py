@@ -106,7 +106,7 @@ class RestrictedPlan:
         the variables of the plan, and `values` are the values of all settings at the nodes of the stencil.
         """
         self.plan.prepare(values)
-        rows = [self.plan.given(row) for row in values]
+        rows = [self.plan.to_variables(row) for row in values]
         if any(row is None for row in rows):
             return None
         measured = stencil.with_noise(np.array(rows)[:, len(self.plan.free) :])
@@ -133,7 +133,7 @@ class FamilyFunction:
             raise FamilyError(f"expected `at` to be a mapping from names to values, found `{at!r}`")
         self._evaluation, self._reader, self._fixed, self._again = evaluation, reader, dict(at), again
         self.names = tuple(names)
-        fixed = [other for name in at for other in (str(name), *reader.meant(str(name)))]
+        fixed = [other for name in at for other in (str(name), *reader.matching_names(str(name)))]
         if twice := [name for place, name in enumerate(self.names) if name in (*self.names[:place], *fixed)]:
             raise FamilyError(f"`{twice[0]}` is given twice", "keep only one of the two")
         kinds = [self._number(name) for name in self.names]
@@ -144,7 +144,7 @@ class FamilyFunction:
         known = {one.name: (one.low, one.high) for one in space}
         limits = [known.get(name, (None, None)) for name in self.names]
         self.bounds = np.array([(-np.inf if low is None else low, np.inf if high is None else high) for low, high in limits])
-        self.outputs = self._expanded(outputs)
+        self.outputs = self._expand(outputs)
         self._plans: dict[int, RestrictedPlan] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -164,7 +164,7 @@ class FamilyFunction:
         made, ok = np.full((len(rows), len(self.outputs)), np.nan), np.zeros(len(rows), dtype=np.bool_)
         problems: list[tuple[Diagnostic, ...]] = [()] * len(rows)
         rest: Sequence[int] = range(len(rows))
-        together = self._evaluation.columns(rows, self.names, self._item, self._restricted)
+        together = self._evaluation.columns(rows, self.names, self._item, self._restrict)
         if together is not None:
             outputs, applies, known = together
             made[applies], rest = outputs[applies], np.flatnonzero(~applies).tolist()
@@ -195,16 +195,16 @@ class FamilyFunction:
             self._require(rows[0])
         elif not np.isfinite(found.values).all():
             name = self.outputs[int(np.flatnonzero(~np.isfinite(found.values))[0])]
-            raise NotDifferentiable(f"`{name}` is not finite at {self._shown(rows[0])}", f"remove `{name}`, or choose other settings")
+            raise NotDifferentiable(f"`{name}` is not finite at {self._format_row(rows[0])}", f"remove `{name}`, or choose other settings")
         else:
             made[:, names] = found.jacobian
         for place in range(shape[1]):
             unknown = np.isnan(made[:, place]) if place in names else np.full(shape[0], True)
             if unknown.any():
-                estimate = self._estimated(rows[0], place)
+                estimate = self._estimate(rows[0], place)
                 made[unknown, place], error[unknown, place] = (one[unknown] for one in estimate)
             elif found is not None and names.index(place) in found.special:
-                made[:, place], error[:, place] = self._beside(rows[0], place, made[:, place].copy())
+                made[:, place], error[:, place] = self._differentiate(rows[0], place, made[:, place].copy())
         jacobian = made.view(FamilyJacobian)
         jacobian.error = error
         return jacobian
@@ -225,7 +225,7 @@ class FamilyFunction:
             why = why or "a part depends on one of the numbers"
             raise FamilyError(f"JAX cannot compute {', '.join(self.outputs)}: {why}", "use `value` and `jacobian`")
         by = [plan.free.index(read.names.index(name)) for name in self.names]
-        return jax_function(self._restricted(plan).program, by, [read.values[at] for at in plan.free], dtype)
+        return jax_function(self._restrict(plan).program, by, [read.values[at] for at in plan.free], dtype)
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
@@ -234,9 +234,9 @@ class FamilyFunction:
         values = self.value(row)
         if not values.ok:
             missing = "; ".join(f"`{name}` does not exist" for name, value in zip(self.outputs, values, strict=True) if np.isnan(value))
-            raise FamilyError(f"there are no results at {self._shown(row)}: {_errors(values.problems[0]) or missing}")
+            raise FamilyError(f"there are no results at {self._format_row(row)}: {_errors(values.problems[0]) or missing}")
 
-    def _restricted(self, plan: NumericPlan[TracedResults]) -> NumericPlan[TracedResults]:
+    def _restrict(self, plan: NumericPlan[TracedResults]) -> NumericPlan[TracedResults]:
         """Return a plan that computes only the outputs of this function."""
         if id(plan) not in self._plans:
             while len(self._plans) >= MOST:
@@ -262,7 +262,7 @@ class FamilyFunction:
         if found is None and read.report is None:
             plan, _ = self._evaluation.plan_at(read)
             if plan is not None:
-                self._restricted(plan)
+                self._restrict(plan)
                 found = self._exact(read)
         return found
 
@@ -271,11 +271,11 @@ class FamilyFunction:
 
         Return None if no plan exists.
         """
-        for one, given in self._known(read):
+        for one, given in self._find_plans(read):
             try:
                 found = one.derivatives(given)
             except NotSmooth as fault:
-                where = self._shown([read.values[read.names.index(name)] for name in self.names])
+                where = self._format_row([read.values[read.names.index(name)] for name in self.names])
                 message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: an intermediate value {fault.why}"
                 raise NotDifferentiable(message, f"choose other settings, or remove `{self.outputs[fault.output]}`") from None
             except (ArithmeticError, ValueError):
@@ -284,14 +284,14 @@ class FamilyFunction:
                 return tuple(one.traced), found
         return None
 
-    def _known(self, read: ParsedSettings) -> Iterator[tuple[RestrictedPlan, tuple[float, ...]]]:
+    def _find_plans(self, read: ParsedSettings) -> Iterator[tuple[RestrictedPlan, tuple[float, ...]]]:
         """Yield each existing plan that may apply to the given settings, together with the values of its variables."""
         known = self._evaluation.form_of(read).plans if read.report is None else ()
         for one in self._plans.values():
-            if any(one.plan is other for other in known) and (given := one.plan.given(read.values)) is not None:
+            if any(one.plan is other for other in known) and (given := one.plan.to_variables(read.values)) is not None:
                 yield one, given
 
-    def _beside(self, x: Floats, place: int, own: Floats) -> tuple[Floats, Floats]:
+    def _differentiate(self, x: Floats, place: int, own: Floats) -> tuple[Floats, Floats]:
         """Return the derivatives of all outputs by one number, and their errors, if the compiler compares equal numbers at `x`.
 
         For greater and for smaller values of the number, the compiler may compute the results by different operations. The derivatives on
@@ -310,14 +310,15 @@ class FamilyFunction:
                 continue
             names, found = self._derivatives_at(self._item(point)[1]) or ((), None)
             if found is None or place not in names or names.index(place) in found.special:
-                return self._estimated(x, place)
+                return self._estimate(x, place)
             sides.append((found.jacobian[:, names.index(place)], (np.asarray(there) - here) / (point[place] - x[place])))
         rounding = 100.0 * ROUNDING * np.abs(here) / step
         tolerance = SAME * np.abs(here) / scale + rounding + BESIDE
         same = all(np.all(np.abs(one - sides[0][0]) <= SAME * np.abs(one) + tolerance) for pair in sides for one in pair)
         if not sides or not same:
             raise NotDifferentiable(
-                f"the results are not differentiable by `{self.names[place]}` at {self._shown(x)}: a result or a derivative jumps there",
+                f"the results are not differentiable by `{self.names[place]}` at {self._format_row(x)}: "
+                "a result or a derivative jumps there",
                 f"choose another value of `{self.names[place]}`"
             )
         if len(sides) == 1 and np.all(np.abs(own - sides[0][0]) <= SAME * np.abs(own) + tolerance):
@@ -325,7 +326,7 @@ class FamilyFunction:
         error = np.max([np.abs(slope - change) for slope, change in sides], axis=0) * 2.0 + rounding
         return np.mean([slope for slope, _ in sides], axis=0), error
 
-    def _estimated(self, x: Floats, place: int) -> tuple[Floats, Floats]:
+    def _estimate(self, x: Floats, place: int) -> tuple[Floats, Floats]:
         """Estimate the derivatives of all outputs by one number from the results at five nearby settings.
 
         Return arrays with the derivatives and with their errors.
@@ -360,7 +361,7 @@ class FamilyFunction:
                 continue
             stencil = Stencil.around(here[place], step, low, high)
             values = [self._item(point)[1].values for point in _points(here, place, stencil)]
-            estimates = (one.slopes(place, given, values, stencil) for one, given in self._known(read) if place in one.modelled)
+            estimates = (one.slopes(place, given, values, stencil) for one, given in self._find_plans(read) if place in one.modelled)
             if (slopes := next((one for one in estimates if one is not None), None)) is not None:
                 return slopes
         return None
@@ -412,7 +413,7 @@ class FamilyFunction:
             raise FamilyError(f"`{name}` is not a number, but `{words}`", f"remove `{name}`, or set its value separately")
         raise FamilyError(f"the document has no value for `{name}`", "set the value in the document")
 
-    def _expanded(self, outputs: Sequence[str]) -> tuple[str, ...]:
+    def _expand(self, outputs: Sequence[str]) -> tuple[str, ...]:
         """Replace names of groups of results by the names of single results.
 
         For example, `centre` is replaced by `centre.x`, `centre.y` and `centre.z`. Raises `FamilyError` for an unknown result.
@@ -420,7 +421,7 @@ class FamilyFunction:
         settings, read = self._item(self.start)
         results = next(self._evaluation.each([(settings, read)], tests=False))
         if not results.results:
-            raise FamilyError(f"there are no results at {self._shown(self.start)}: {_errors(results.problems)}")
+            raise FamilyError(f"there are no results at {self._format_row(self.start)}: {_errors(results.problems)}")
         found: list[str] = []
         for name in outputs:
             known = results.results
@@ -430,7 +431,7 @@ class FamilyFunction:
             found += group
         return tuple(dict.fromkeys(found))
 
-    def _shown(self, row: Sequence[float] | Floats) -> str:
+    def _format_row(self, row: Sequence[float] | Floats) -> str:
         return ", ".join(f"{name} = {value:g}{f' {unit}' if unit else ''}" for name, value, unit in zip(self.names, row, self.units))
 
 

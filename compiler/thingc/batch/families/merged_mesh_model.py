@@ -39,7 +39,7 @@ def likeness(model: mujoco.MjModel) -> bytes:
     return fields + repr([elements, [model.numeric(k).name for k in range(model.nnumeric)]]).encode()
 
 
-def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:
+def merge_models(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:
     """Merge several MuJoCo models without visual geometry into one.
 
     Return the merged model, and a list for each source model with the mesh number of every geom. For a geom without a mesh, the mesh number

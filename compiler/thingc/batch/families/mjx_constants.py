@@ -47,7 +47,7 @@ def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int,
     `ratios` contains pairs of an actuator index and a damping ratio, from which the damping of the actuator is computed. `relaxed` contains
     the indices of tendons whose spring length is not specified.
     """
-    places = jax.vmap(partial(_placed, model, data))(jnp.stack([model.qpos0, model.qpos_spring] if relaxed else [model.qpos0]))
+    places = jax.vmap(partial(_forward_positions, model, data))(jnp.stack([model.qpos0, model.qpos_spring] if relaxed else [model.qpos0]))
     composite = mjx.crb(model, jax.tree_util.tree_map(lambda leaf: leaf[0], places))
     inertia = jnp.diag(mjx.full_m(model, composite))
     found = mjx.transmission(model, mjx.tendon_armature(model, composite))
@@ -61,7 +61,7 @@ def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int,
         moments = found._impl.actuator_moment
         fields["actuator_acc0"] = _lengths(moments @ inverse)
         if ratios:
-            fields["actuator_biasprm"] = _damped(model, jnp.einsum("ai,ij,aj->a", moments, inverse, moments), ratios)
+            fields["actuator_biasprm"] = _apply_damping_ratios(model, jnp.einsum("ai,ij,aj->a", moments, inverse, moments), ratios)
     if model.ncam:
         fields |= _cameras(model, found)
     if relaxed:
@@ -70,7 +70,7 @@ def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int,
     return fields
 
 
-def _placed(model: mjx.Model, data: mjx.Data, qpos: Any) -> mjx.Data:
+def _forward_positions(model: mjx.Model, data: mjx.Data, qpos: Any) -> mjx.Data:
     """Return MJX data with the positions of all bodies and tendons at `qpos`.
 
     The bodies of held links are at the positions that the model specifies.
@@ -135,7 +135,7 @@ def _cameras(model: mjx.Model, data: mjx.Data) -> Fields:
     }
 
 
-def _damped(model: mjx.Model, weights: Any, ratios: Sequence[tuple[int, Any]]) -> Any:
+def _apply_damping_ratios(model: mjx.Model, weights: Any, ratios: Sequence[tuple[int, Any]]) -> Any:
     """Return the field `actuator_biasprm` with the damping of actuators whose damping ratio is specified.
 
     The damping is computed from the damping ratio, and from the inverse inertia that the actuator moves.
@@ -156,13 +156,13 @@ def principal_axes(matrix: Any) -> tuple[Any, Any]:
     tolerance = float(np.finfo(matrix.dtype).eps) * jnp.trace(matrix)
     rows, columns = jnp.array([0, 0, 1]), jnp.array([1, 2, 2])
 
-    def rotated(quaternion: Any) -> Any:
+    def rotate_by(quaternion: Any) -> Any:
         axes = math.quat_to_mat(quaternion)
         return axes.T @ matrix @ axes
 
-    def turned(state: tuple[Any, Any]) -> tuple[Any, Any]:
+    def turn_once(state: tuple[Any, Any]) -> tuple[Any, Any]:
         count, quaternion = state
-        inertia = rotated(quaternion)
+        inertia = rotate_by(quaternion)
         choice = jnp.argmax(jnp.abs(inertia[rows, columns]))
         row, column = rows[choice], columns[choice]
         entry = inertia[row, column]
@@ -174,8 +174,8 @@ def principal_axes(matrix: Any) -> tuple[Any, Any]:
         return jnp.where(small, MANY, count + 1), jnp.where(small, quaternion, math.normalize(math.quat_mul(quaternion, turn)))
 
     start = (0, jnp.array([1.0, 0.0, 0.0, 0.0], dtype=matrix.dtype))
-    _, quaternion = jax.lax.while_loop(lambda state: state[0] < MANY, turned, start)
-    moments = jnp.diag(rotated(quaternion))
+    _, quaternion = jax.lax.while_loop(lambda state: state[0] < MANY, turn_once, start)
+    moments = jnp.diag(rotate_by(quaternion))
     for first, axis in ((0, 3), (1, 1), (0, 3)):
         swaps, both = moments[first] < moments[first + 1], jnp.array([first, first + 1])
         turn = jnp.zeros_like(quaternion).at[jnp.array([0, axis])].set(0.5 ** 0.5)

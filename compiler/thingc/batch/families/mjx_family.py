@@ -58,13 +58,13 @@ class FamilyMjx:
         self._places = [read.names.index(name) for name in function.names]
         plan, why = models.template_at(read)
         if plan is not None and plan.exchange is not None:
-            plan, why = models.template_at(replace(read, values=self._beside(read.values)))
+            plan, why = models.template_at(replace(read, values=self._next_values(read.values)))
         lost = [name for name in function.names if plan is None or plan.free.count(read.names.index(name)) == 0]
         if plan is None or lost:
             raise FamilyError(f"MJX cannot vary {', '.join(lost)}: {why}", "set the value with `at`, or use `models`")
         self.names, self.start, self.units, self.bounds = function.names, function.start, function.units, function.bounds
         self._plan, self._values = plan, read.values
-        given = self._given(read.values)
+        given = self._variables(read.values)
         if given is None:
             raise FamilyError(f"MJX cannot vary {', '.join(self.names)}: nearby values take different branches", "use `models`")
         by = [plan.free.index(at) for at in self._places] if plan.exchange is None else range(len(given))
@@ -77,7 +77,7 @@ class FamilyMjx:
         self._many = jax.jit(jax.vmap(self._one))
         for name in self._writes:
             if not isinstance(attrgetter(name)(self.base), jax.Array) or (name.startswith("opt.") and name not in OPTIONS):
-                raise self._fixed(f"MJX fixes `{name}` when it converts a model")
+                raise self._fixed_error(f"MJX fixes `{name}` when it converts a model")
 
     def __repr__(self) -> str:
         return f"FamilyMjx({', '.join(self.names)} -> {', '.join(self.varied)})"
@@ -150,22 +150,22 @@ class FamilyMjx:
         settings = np.tile(self._values, (len(rows), 1))
         settings[:, self._places] = rows
         self._plan.prepare(settings.tolist())
-        given = [self._given(values) for values in settings.tolist()]
+        given = [self._variables(values) for values in settings.tolist()]
         return jnp.asarray([one or self._start for one in given]), np.array([one is not None for one in given])
 
-    def _given(self, values: Sequence[float]) -> tuple[float, ...] | None:
+    def _variables(self, values: Sequence[float]) -> tuple[float, ...] | None:
         """Return the values of the variables of the plan for the values of all settings, or None if the plan does not apply.
 
         A parameter that has its default value is omitted from the name of the part. The plan does not apply to this exact value, but to
         the next floating-point number, with the same part up to rounding errors.
         """
-        for one in (values, self._beside(values)):
+        for one in (values, self._next_values(values)):
             with suppress(ArithmeticError, ValueError):
-                if given := self._plan.given(one):
+                if given := self._plan.to_variables(one):
                     return given
         return None
 
-    def _beside(self, values: Sequence[float]) -> tuple[float, ...]:
+    def _next_values(self, values: Sequence[float]) -> tuple[float, ...]:
         """Replace the values of the numbers `names` by the next floating-point numbers."""
         return tuple(float(np.nextafter(one, np.inf)) if place in self._places else one for place, one in enumerate(values))
 
@@ -184,13 +184,13 @@ class FamilyMjx:
         try:
             self._numbers = NumberPlaces(root, template.places, model, geometry=True)
         except NotAnArrayEntry as fault:
-            raise self._fixed(f"MuJoCo uses `{fault.attribute}` at compile time") from None
+            raise self._fixed_error(f"MuJoCo uses `{fault.attribute}` at compile time") from None
         self._writes = {name: write for name, write in self._numbers.writes.items() if not name.startswith(IGNORED)}
         self.ratios = [
             (model.actuator(one.get("name", "")).id, template.places.get(ratio), ratio)
             for one in root.iterfind("actuator/*") if (ratio := one.get("dampratio")) is not None
         ]
-        self._recomputes = bool(self.ratios) or affect_constants(self._numbers.written(self._writes), model)
+        self._recomputes = bool(self.ratios) or affect_constants(self._numbers.add_mass_fields(self._writes), model)
         self._sized = self._rows("geom_size")
         moved = sorted({*self._rows("geom_pos"), *self._rows("geom_quat")})
         self._meshes = np.array([geom for geom in moved if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH], dtype=int)
@@ -200,7 +200,7 @@ class FamilyMjx:
         write = self._writes.get(name)
         return [] if write is None else sorted(set((write.at // getattr(self.mj_model, name).shape[1]).tolist()))
 
-    def _fixed(self, why: str) -> FamilyError:
+    def _fixed_error(self, why: str) -> FamilyError:
         return FamilyError(f"{why}, and it depends on {', '.join(self.names)}", "set the values with `at`, or use `models`")
 
     def _put_base(self, mode: str) -> mjx.Model:

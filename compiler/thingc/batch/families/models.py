@@ -78,7 +78,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
                 yield from self._together(waiting, share)
                 waiting = []
             if planned is None:
-                yield self._passed(item, share)
+                yield self._compile_cached(item, share)
             else:
                 waiting.append((item, *planned))
         yield from self._together(waiting, share)
@@ -135,11 +135,11 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
             template.why = slower
             return template.outputs, template
 
-        while (plan := self.new_plan(read, form, first, self._written, finish, applies=text)) is None and arrays is not None:
+        while (plan := self.new_plan(read, form, first, self._write_traced, finish, applies=text)) is None and arrays is not None:
             slower, form.refused, arrays = f"with arrays, {form.refused}", None, None
         return plan
 
-    def _written(self, compilation: Compilation, tape: Tape) -> WrittenModel:
+    def _write_traced(self, compilation: Compilation, tape: Tape) -> WrittenModel:
         """Write the model of a traced compilation, in which slots take the place of numbers."""
         request = replace(pipeline.request_of(self.session.environment, compilation, verify=False), memo=Memo())
         tape.writing = True
@@ -153,7 +153,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
 
     def whole(self, read: ParsedSettings) -> mujoco.MjModel | None:
         """Compile the model of the given settings. Return None if the settings are refused."""
-        outcome = self._compiled(read)
+        outcome = self._compile(read)
         return None if isinstance(outcome, tuple) else outcome
 
     def difference(self, made: mujoco.MjModel, whole: mujoco.MjModel) -> str:
@@ -169,7 +169,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         return plan.made.model
 
     def _by_text(self, plan: NumericPlan[Any], template: ModelTemplate, read: ParsedSettings, outputs: tuple[float, ...]) -> mujoco.MjModel:
-        exchanged = plan.exchanged(read.values)
+        exchanged = plan.exchange_parts(read.values)
         meshes = () if exchanged is None else exchanged.names
         self._mount(template.assets if exchanged is None else exchanged.assets)
         spec = self._specs.get(template)
@@ -189,7 +189,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
     ) -> RecompiledSpec | None:
         """Return an `MjSpec` that compiles to the same model as the XML `text`. Return None if no such `MjSpec` can be created."""
         try:
-            spec = RecompiledSpec(template, self._asked(text), meshes, self._files)
+            spec = RecompiledSpec(template, self._cache_key(text), meshes, self._files)
             return None if different_fields(spec.model(outputs, meshes, self._files), model) else spec
         except (NotInMjSpec, ValueError):
             return None
@@ -207,7 +207,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
                 prepared = plan.made.prepare([outputs for _, _, outputs in waiting])
             except ValueError:  # MuJoCo rejects one of the models
                 for item, _, _ in waiting:
-                    yield self._passed(item, share)
+                    yield self._compile_cached(item, share)
                 return
         for index, (item, _, outputs) in enumerate(waiting):
             is_due = plan.is_due(self.verify)
@@ -220,19 +220,19 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
                 model = plan.made.lend() if share else plan.made.model
             if is_due and not self.confirms(model, self.whole(item[1]), item[1], self.form_of(item[1])):
                 for wrong, _, _ in waiting[index:]:
-                    yield self._passed(wrong, share)
+                    yield self._compile_cached(wrong, share)
                 return
             if share and prepared is None:
                 self._keep(item[1], share, model)
             yield model if share or prepared is None else copy.copy(model)
 
-    def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
+    def _compile_cached(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
         """Return the model of the given settings from the cache, or compile it."""
         settings, read = item
         known = self._kept.get((read, share)) if read.report is None else None
         if known is None:
             refused = self.refusals.problems(read)
-            outcome = self._compiled(read) if refused is None else refused
+            outcome = self._compile(read) if refused is None else refused
             if isinstance(outcome, tuple):
                 if refused is None:
                     self.refusals.learn(read, outcome)
@@ -253,23 +253,23 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 
-    def _compiled(self, read: ParsedSettings) -> mujoco.MjModel | tuple[Diagnostic, ...]:
+    def _compile(self, read: ParsedSettings) -> mujoco.MjModel | tuple[Diagnostic, ...]:
         """Compile the document with the given settings. Return the MuJoCo model, or the diagnostics if the settings are refused."""
         if read.report is not None:
-            return tuple(read.report.ordered())
+            return tuple(read.report.sorted_diagnostics())
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
         report: Report = compilation.report
         if report.failed:
-            return tuple(report.ordered())
+            return tuple(report.sorted_diagnostics())
         texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
         if report.failed:
-            return tuple(report.ordered())
+            return tuple(report.sorted_diagnostics())
         self._mount(assets)
         try:
             return self._load(texts[self.mode])
         except ValueError:
             self.session.emit(compilation, ["mjcf"])  # report the error with the reason
-            return tuple(report.ordered())
+            return tuple(report.sorted_diagnostics())
 
     def source(self, read: ParsedSettings) -> ModelSource:
         """For valid settings, return the XML text of the model and the contents of its meshes."""
@@ -293,9 +293,9 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
     def _load(self, text: str) -> mujoco.MjModel:
         import mujoco
 
-        return mujoco.MjModel.from_xml_string(self._asked(text), vfs=self._files)
+        return mujoco.MjModel.from_xml_string(self._cache_key(text), vfs=self._files)
 
-    def _asked(self, text: str) -> str:
+    def _cache_key(self, text: str) -> str:
         # MuJoCo has cached most meshes: starting threads would take longer.
         asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
         return text.replace("<compiler ", f"<compiler {asked} ", 1)

@@ -65,11 +65,11 @@ class DriveEffects:
         if not self._undelayed:
             control[self._delayed] = data.history[acting]
         low, high = np.where(model.actuator_ctrllimited[:, None], model.actuator_ctrlrange, (-np.inf, np.inf)).T
-        control = self._limited(data, np.clip(control + noise, low, high))
+        control = self._limit(data, np.clip(control + noise, low, high))
         data.history[acting] = control[self._delayed]
         data.ctrl[:] = np.where(model.actuator_history[:, 0] > 0, data.ctrl, control)
 
-    def _limited(self, data: mujoco.MjData, control: Array) -> Array:
+    def _limit(self, data: mujoco.MjData, control: Array) -> Array:
         """Return the controls with which the drives ignore errors in their deadbands, and stay within their torque-speed lines."""
         gain, (constant, position, velocity) = self._gain, self.model.actuator_biasprm[:, :3].T
         speed, spring = data.actuator_velocity, position * data.actuator_length

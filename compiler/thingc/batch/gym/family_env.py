@@ -158,7 +158,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         for k, episode in zip(going, episodes):
             rewards[k], terminated[k], truncated[k], more = episode.judge()
             self._see(k)
-            infos = self._add_info(infos, {**self._called(k), **more}, k)
+            infos = self._add_info(infos, {**self._start_infos(k), **more}, k)
         self._begin(begun, infos, None)
         self._ended = terminated | truncated
         if self._autoreset is AutoresetMode.SAME_STEP and self._ended.any():
@@ -266,9 +266,9 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         """
         refused: NoModel | None = None
         for _ in range(DRAWS if wanted is None else 1):
-            drawn = [self._morphologies.drawn(self._source(k), wanted) for k in worlds]
+            drawn = [self._morphologies.draw(self._source(k), wanted) for k in worlds]
             keys, again = [key for key, _ in drawn], []
-            for k, key, morphology in zip(worlds, keys, self._morphologies.made(keys, [settings for _, settings in drawn])):
+            for k, key, morphology in zip(worlds, keys, self._morphologies.get_many(keys, [settings for _, settings in drawn])):
                 if isinstance(morphology, NoModel):
                     refused = morphology
                     self.refused[morphology.reason] += 1
@@ -278,7 +278,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
                 self._worlds[k] = (key, morphology, episode)
                 episode.begin(self._source(k), self._name(key), self._controls)
                 self._see(k)
-                self._add_info(infos, self._called(k), k)
+                self._add_info(infos, self._start_infos(k), k)
             worlds = again
         if worlds and refused is not None:
             raise refusal(refused)
@@ -300,7 +300,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         self._observer(episode, self._source(k), row)
         row[self._observer.length :] = morphology.described
 
-    def _called(self, k: int) -> dict[str, Any]:
+    def _start_infos(self, k: int) -> dict[str, Any]:
         """Return the `infos` of a world at the start of an episode: the variant of its robot, and the current mode."""
         key, _, episode = self._world(k)
         choices = self._morphologies.choices

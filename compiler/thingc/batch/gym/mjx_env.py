@@ -187,17 +187,17 @@ class MjxEnv:
         """
         action = jnp.clip(action, -1.0, 1.0)
         before = jnp.stack([data.subtree_com[0] for data in state.data])[state.mode]
-        data, current, refused = self._switched(models, state, jnp.asarray(mode))
+        data, current, refused = self._switch(models, state, jnp.asarray(mode))
         results = (state.observation, state.reward, state.terminated)
         for number, (model, own) in enumerate(zip(models, data, strict=True)):
-            stepped = partial(self._stepped, number, model, own, action, before)
+            stepped = partial(self._step_mode, number, model, own, action, before)
             data[number], results = _update(current == number, stepped, (own, results))
         steps = state.steps + 1
         return MjxState(tuple(data), current, steps, *results, steps >= self._max_steps, refused)
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
-    def _switched(self, models: Sequence[mjx.Model], state: MjxState, wanted: Any) -> tuple[list[mjx.Data], Any, Any]:
+    def _switch(self, models: Sequence[mjx.Model], state: MjxState, wanted: Any) -> tuple[list[mjx.Data], Any, Any]:
         """Switch the robot to the mode with the index `wanted`.
 
         Return the MJX data of all modes, the index of the current mode, and a flag that is True if the switch was refused.
@@ -206,11 +206,11 @@ class MjxEnv:
         for number in range(len(self.modes) if len(self.modes) > 1 else 0):
             enters = (wanted == number) & (state.mode != number)
             old = {name: getattr(data[number], name) for name in ENTERED}
-            fields, refused = _update(enters, partial(self._entered, number, models, state), (old, refused))
+            fields, refused = _update(enters, partial(self._enter, number, models, state), (old, refused))
             data[number] = data[number].replace(**fields)
         return data, jnp.where(refused, state.mode, wanted), refused
 
-    def _entered(self, number: int, models: Sequence[mjx.Model], state: MjxState) -> tuple[dict[str, jax.Array], jax.Array]:
+    def _enter(self, number: int, models: Sequence[mjx.Model], state: MjxState) -> tuple[dict[str, jax.Array], jax.Array]:
         """Return the MJX data `ENTERED` of a mode after a switch to it from another mode, and whether the switch is refused."""
         new, model, data = self._worlds[number], models[number], state.data[number]
         others = [
@@ -228,7 +228,7 @@ class MjxEnv:
         entered = new.write(robot, data).replace(time=current(own.time for _, _, own in others), qacc_warmstart=started)
         return {name: jnp.where(valid, getattr(entered, name), getattr(data, name)) for name in ENTERED}, ~valid
 
-    def _stepped(
+    def _step_mode(
         self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, before: jax.Array,
     ) -> tuple[mjx.Data, tuple[Any, Any, Any]]:
         """Simulate one action of a robot in a single mode.

@@ -80,14 +80,14 @@ class Morphologies:
         self._first: Morphology | None = None
         self.actuators: Sequence[str] = ()
         for key, settings in enumerate(choices.many or ({},)):
-            first = self.made([key if choices.many else ()], [settings])[0]
+            first = self.get_many([key if choices.many else ()], [settings])[0]
             if isinstance(first, Morphology):
                 break
         if isinstance(first, NoModel):
             raise refusal(first)
         self._first = self.first = first
 
-    def drawn(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
+    def draw(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
         """Draw the settings of a robot, or return the settings of the variant `wanted`.
 
         The first returned value is the key of the settings in the cache.
@@ -113,7 +113,7 @@ class Morphologies:
             raise UnknownVariant(f"there is no variant `{wanted}`", known)
         return int(wanted) % count
 
-    def made(self, keys: Sequence[Any], many: Sequence[Settings]) -> list[Morphology | NoModel]:
+    def get_many(self, keys: Sequence[Any], many: Sequence[Settings]) -> list[Morphology | NoModel]:
         """Return the robot for each set of settings. Robots in the cache are reused. For refused settings, the list contains a `NoModel`.
 
         `keys` contains the cache keys of the settings. Raises `FamilyError` if the model of a robot has different sizes than the model of

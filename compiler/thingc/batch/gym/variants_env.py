@@ -55,7 +55,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
     def __init__(self, family: BatchResults, rules: EnvRules, *, weights: Array, pad: bool) -> None:
         self.family = family
-        self.mode = family.chosen(rules.mode)
+        self.mode = family.choose_mode(rules.mode)
         self._rules = rules
         self._weights = weights
         self._seed = rules.seed

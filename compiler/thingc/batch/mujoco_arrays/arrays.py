@@ -140,7 +140,7 @@ class Arrays:
         self.model = compile(self._text)
         root = ElementTree.fromstring(text)
         self._numbers = NumberPlaces(root, tokens, self.model)
-        self.written = self._numbers.written(self._numbers.writes)
+        self.written = self._numbers.add_mass_fields(self._numbers.writes)
         self._writes: list[tuple[str, Array, Write]] = []
         self._options: list[tuple[Any, str, int]] = []
         for field, write in self._numbers.writes.items():

@@ -120,7 +120,7 @@ class NumberPlaces:
         self.inertials = np.array([tokens.get(word, len(tokens) + k) for k, word in enumerate(words)], dtype=int).reshape(-1, 10)
         self.relaxed = [model.tendon(one.get("name", "")).id for one in root.iterfind("tendon/*") if "springlength" not in one.attrib]
 
-    def written(self, fields: Collection[str]) -> frozenset[str]:
+    def add_mass_fields(self, fields: Collection[str]) -> frozenset[str]:
         """Add the fields with mass properties to the names of fields, if mass properties depend on numbers."""
         return frozenset(fields) | frozenset(INERTIAL if self.names else ())
 

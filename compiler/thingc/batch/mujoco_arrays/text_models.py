@@ -69,7 +69,7 @@ class TextModels:
                 groups.setdefault(self._kind(one, pieces[index]), []).append(index)
             ready = {
                 index: (kind, prepared, k) for kind, members in groups.items()
-                if (prepared := kind.prepared([pieces[index] for index in members])) is not None for k, index in enumerate(members)
+                if (prepared := kind.prepare([pieces[index] for index in members])) is not None for k, index in enumerate(members)
             }
             for index, one in enumerate(some):
                 made = ready[index][0].put(one, *ready[index][1:], share=share) if index in ready else None
@@ -107,7 +107,7 @@ class _Kind:
         self._slow = False
         self._seen = self._made = 0
 
-    def prepared(self, texts: Sequence[Sequence[str]]) -> Prepared | None:
+    def prepare(self, texts: Sequence[Sequence[str]]) -> Prepared | None:
         """Compute the array elements of several models of this kind. Return None if these models must be compiled."""
         self._seen += len(texts)
         if self._slow or self._seen <= ENOUGH:
@@ -116,7 +116,7 @@ class _Kind:
         others = {k for pieces in texts for k in range(1, len(first), 2) if pieces[k] != first[k]}.difference(self._gaps)
         try:
             if others or self._arrays is None:
-                self._arrays = self._with(others)
+                self._arrays = self._with_attributes(others)
             return self._arrays.prepare([self._numbers(pieces) for pieces in texts])
         except NotAnArrayEntry:
             self._slow = True
@@ -141,7 +141,7 @@ class _Kind:
             return None
         return self._arrays.lend() if share else self._arrays.model
 
-    def _with(self, others: Iterable[int]) -> Arrays:
+    def _with_attributes(self, others: Iterable[int]) -> Arrays:
         """Return an `Arrays` object for which further attributes of the XML can have different numbers."""
         self._gaps = sorted((*self._gaps, *others))
         tokens: dict[str, int] = {}

@@ -19,7 +19,7 @@ from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.safe_text import json_text
-from thingc.base.zip_files import MODEL, entries, inflate, zipped
+from thingc.base.zip_files import MODEL, entries, inflate, make_zip
 from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, TracedResults
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.planner import Planner
@@ -35,7 +35,7 @@ from thingc.geometry.record import Placed, StoredFile
 from thingc.geometry.service import GeometryService
 from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import MANIFEST, Artifacts, Content, counts_of
-from thingc.targets.registry import TARGETS, emitted
+from thingc.targets.registry import TARGETS, run_emitters
 from thingc.targets.request import EmitRequest
 
 SETTING, DIGEST = "setting:", "digest:"
@@ -86,7 +86,7 @@ class Builds(Planner["_Template", Build]):
 
     def __init__(
         self, session: Session, reader: SettingsReader, *, modes: Sequence[str], targets: Sequence[str], verify: int | None,
-        measured: Measured = lambda compilation: {}, emit: Emit = emitted, patience: int | None = None,
+        measured: Measured = lambda compilation: {}, emit: Emit = run_emitters, patience: int | None = None,
     ) -> None:
         refusals = Refusals(session, reader, modes, verify=verify)
         super().__init__(session, reader, modes, refusals, verify=verify, patience=patience or PATIENCE)
@@ -95,7 +95,7 @@ class Builds(Planner["_Template", Build]):
         self._measured = measured
         self._emit = emit
 
-    def planned(self, settings: Settings) -> Build | None:
+    def build_by_plan(self, settings: Settings) -> Build | None:
         """Create a build for the given settings with a plan.
 
         Return None if no plan applies to the settings. The settings can then be valid or invalid.
@@ -114,7 +114,7 @@ class Builds(Planner["_Template", Build]):
         right = not plan.is_due(self.verify) or self.confirms(made, self.compile_build(settings)[0], read, self.form_of(read))
         return made if right else None
 
-    def refused(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
+    def find_refusal(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
         """If a plan shows that the settings are refused, return the diagnostics and the number of part definitions.
 
         Otherwise, return None.
@@ -139,15 +139,15 @@ class Builds(Planner["_Template", Build]):
         alike = [*settings.parameters] == [*own.parameters] and [*settings.choices.items()] == [*own.choices.items()]
         return read if alike else None
 
-    def made(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
+    def build(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
         """Create the build files for the given settings, with a plan or by a compilation. Also return the diagnostics of the build.
 
         For refused settings, do not create any files.
         """
-        planned = self.planned(settings)
+        planned = self.build_by_plan(settings)
         if planned is not None:
             return planned.files(), planned.problems
-        refused = self.refused(settings)
+        refused = self.find_refusal(settings)
         if refused is not None:
             return {}, refused[0]
         build, problems = self.compile_build(settings)
@@ -160,11 +160,11 @@ class Builds(Planner["_Template", Build]):
         compilation = self.session.compile(settings, self.modes)
         report = compilation.report
         if report.failed:
-            return None, tuple(report.ordered())
+            return None, tuple(report.sorted_diagnostics())
         results = self._measured(compilation)
         request = pipeline.request_of(self.session.environment, compilation, verify=verify)
         artifacts = self._emit(request, self._targets) if results is not None else {}
-        problems = tuple(report.ordered())
+        problems = tuple(report.sorted_diagnostics())
         if report.failed or results is None:
             return None, problems
         files = self.session.files(compilation, artifacts)
@@ -186,7 +186,7 @@ class Builds(Planner["_Template", Build]):
             template = _Template(rehearsal, first)
             return template.outputs, template
 
-        return self.new_plan(read, form, first, partial(self._written, read), finish, applies=False)
+        return self.new_plan(read, form, first, partial(self._write_templates, read), finish, applies=False)
 
     def whole(self, read: ParsedSettings) -> Build | None:
         """Create a build by a compilation. Return None if the settings are refused."""
@@ -201,7 +201,9 @@ class Builds(Planner["_Template", Build]):
         same = all(getattr(made, name) == getattr(whole, name) for name in COMPARED) and made.files() == whole.files()
         return "" if same else "different files"
 
-    def _written(self, read: ParsedSettings, compilation: Compilation, tape: Tape) -> tuple[Mapping[str, Content], Mapping[str, Any]]:
+    def _write_templates(
+        self, read: ParsedSettings, compilation: Compilation, tape: Tape,
+    ) -> tuple[Mapping[str, Content], Mapping[str, Any]]:
         """Create the files of a traced compilation with slots for numbers and settings, and its results with traced numbers.
 
         The function `trace_compilation` calls this method.
@@ -293,7 +295,7 @@ class _Template:
         for path, text in self._texts.items():
             content = text.fill(words).encode()
             if path in self._zips:
-                content = zipped({MODEL: content, **self._zips[path]})
+                content = make_zip({MODEL: content, **self._zips[path]})
             files[path] = content
             digests[f"{DIGEST}{path}"] = hashlib.sha256(content).hexdigest()
         texts = {f"{SETTING}{name}": json_text(encode_basestring(given[name]))[1:-1] for name in self._settings}

@@ -89,7 +89,7 @@ RULES: dict[str, Partials] = {
     "radians": Partials((repr(math.pi / 180.0),)), "degrees": Partials((repr(180.0 / math.pi),)), "_fsum": Partials(each="1.0"),
     "min": Partials(each="float({i} == {r})", why="is the minimum of equal values", bounded=True),
     "max": Partials(each="float({i} == {r})", why="is the maximum of equal values", bounded=True),
-    "round": _ROUNDED, "rounded": _ROUNDED,
+    "round": _ROUNDED, "round_significant": _ROUNDED,
     "negative": Partials(("-1.0",)), "item": Partials(("1.0",)), "cosine of": Partials(("-sin({0})",)), "sine of": Partials(("cos({0})",)),
 }
 """The derivative rule for each operation, by the name of the operation.
@@ -171,7 +171,7 @@ def derivative_function(program: Program, by: Sequence[int] | None = None) -> De
     shortest = min(forward, backward, key=lambda one: len(one[0]))
     code = shortest if len(shortest[0]) <= LONGEST else None
     decisions = _decisions(program, varying)
-    run = _generated(program, steps, decisions, code)
+    run = _generate_function(program, steps, decisions, code)
     shape = (len(program.outputs), len(varying))
 
     def derivatives(values: Sequence[float]) -> Derivatives | None:
@@ -186,7 +186,7 @@ def derivative_function(program: Program, by: Sequence[int] | None = None) -> De
             entries = _by_arrays(program, steps, varying, entries)
             if always:  # the numbers are equal for all values, so this is not a decision
                 decisions = [one for one in decisions if one not in always]
-                run = _generated(program, steps, decisions, code)
+                run = _generate_function(program, steps, decisions, code)
         return Derivatives(np.array(outputs, dtype=np.float64), np.array(entries, dtype=np.float64).reshape(shape), special)
 
     return derivatives
@@ -241,7 +241,7 @@ def _special(
     """
     functions = names()
     equal = [one for one in decisions if eval(one[0], functions, known)]
-    probe = _generated(program, (), (), None)
+    probe = _generate_function(program, (), (), None)
     special: set[int] = set()
     differ: set[Decision] = set()
     for column in sorted(frozenset[int]().union(*(columns for _, columns in equal))):
@@ -258,7 +258,7 @@ def _special(
     return frozenset(special), [one for one in equal if one not in differ]
 
 
-def _generated(program: Program, steps: Sequence[Step], decisions: Sequence[Decision], code: Code | None) -> Callable[..., Any]:
+def _generate_function(program: Program, steps: Sequence[Step], decisions: Sequence[Decision], code: Code | None) -> Callable[..., Any]:
     """Generate the function that computes the outputs and the elements of the Jacobian.
 
     The generated function returns all values by name instead of the Jacobian at a kink, for a comparison between equal numbers, and without
@@ -285,7 +285,7 @@ def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) ->
             for variable, derivative in known[_index(step.arguments[place])].items():
                 sums[variable].append(_product(partial, derivative))
         known[step.target] = {
-            variable: _named(f"d{step.target}_{variable}", terms, statements) for variable, terms in sums.items()
+            variable: _name_sum(f"d{step.target}_{variable}", terms, statements) for variable, terms in sums.items()
         }
     entries = [known.get(_index(one), {}).get(variable, "0.0") for one in program.outputs for variable in range(len(varying))]
     return statements, entries
@@ -302,7 +302,7 @@ def _backward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -
             terms = sums.get(step.target)
             if terms is None:
                 continue
-            adjoint = _named(f"b{row}_{step.target}", terms, statements)
+            adjoint = _name_sum(f"b{row}_{step.target}", terms, statements)
             for place, partial in by_place.items():
                 sums[_index(step.arguments[place])].append(_product(partial, adjoint))
         entries += [" + ".join(sums.get(index, ["0.0"])) for index in varying]
@@ -327,7 +327,7 @@ def _partials(step: Step, statements: list[str]) -> list[tuple[int, str]]:
     return partials
 
 
-def _named(name: str, terms: Sequence[str], statements: list[str]) -> str:
+def _name_sum(name: str, terms: Sequence[str], statements: list[str]) -> str:
     """Return an expression without operators for the sum of `terms`: the only term, or `name`, to which a new statement assigns the sum."""
     if len(terms) == 1 and "*" not in terms[0]:
         return terms[0]

@@ -49,7 +49,7 @@ class NumericPlan(Generic[Made]):
         Return None if the plan does not apply to the given values.
         """
         try:
-            given = self.given(values)
+            given = self.to_variables(values)
             return None if given is None else self.program.run(*given)
         except (ArithmeticError, ValueError):
             return None
@@ -60,7 +60,7 @@ class NumericPlan(Generic[Made]):
             with suppress(ArithmeticError, ValueError):
                 self.exchange.prepare([values[at] for at in self.free] for values in many)
 
-    def given(self, values: Sequence[float]) -> tuple[float, ...] | None:
+    def to_variables(self, values: Sequence[float]) -> tuple[float, ...] | None:
         """Convert the values of all settings to the values of the variables of `program`.
 
         Return None if the plan does not apply to the given values.
@@ -88,7 +88,7 @@ class NumericPlan(Generic[Made]):
     def _columns(self) -> ColumnFunction:
         return column_function(self.program)
 
-    def exchanged(self, values: Sequence[float]) -> Exchanged | None:
+    def exchange_parts(self, values: Sequence[float]) -> Exchanged | None:
         """Return the numbers and meshes of the parts for these values of settings, or None if no parts depend on the settings.
 
         The plan must apply to the given values.

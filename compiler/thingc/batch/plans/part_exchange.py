@@ -161,7 +161,7 @@ class Exchange:
         self._pattern = self._pattern_of(rehearsed.definitions)
         self._likeness = rehearsed.likeness
         self._others = {file: stored for file, stored in assets.items() if not stored.sha256.startswith(TOKEN)}
-        stems = {text: one.stem for text, one in self._traced(rehearsed.definitions).items()}
+        stems = {text: one.stem for text, one in self._trace_definitions(rehearsed.definitions).items()}
         order = list(stems)
         self.names: list[str] = []
         self._named: list[tuple[int, int, str]] = []
@@ -182,7 +182,7 @@ class Exchange:
         if given is None:
             return None
         if given not in self._kept:
-            self._kept[given] = self._found(given)
+            self._kept[given] = self._find_parts(given)
             if len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(given)
@@ -194,7 +194,7 @@ class Exchange:
         if definitions := [self._definitions_at(one) for one in given]:
             self._records_of(definitions)
 
-    def _traced(self, definitions: Sequence[PartDefinition]) -> dict[str, PartDefinition]:
+    def _trace_definitions(self, definitions: Sequence[PartDefinition]) -> dict[str, PartDefinition]:
         """Map the texts of all definitions that depend on traced numbers in the traced compilation to the new definitions."""
         return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if numbers_of(rehearsed)}
 
@@ -206,11 +206,11 @@ class Exchange:
         first: dict[str, int] = {}
         return [first.setdefault(text, place) for place, text in enumerate((*(one.text for one in definitions), *self._expected))]
 
-    def _found(self, given: tuple[float, ...]) -> Exchanged | None:
+    def _find_parts(self, given: tuple[float, ...]) -> Exchanged | None:
         definitions = self._definitions_at(given)
         if self._pattern_of(definitions) != self._pattern:
             return None
-        traced, texts = self._traced(definitions), [one.text for one in definitions]
+        traced, texts = self._trace_definitions(definitions), [one.text for one in definitions]
         records = self._records_of([definitions])
         modelled = [record for text in traced if isinstance(record := records.get(text), PartRecord) and record.exact]
         if len(modelled) < len(traced):
@@ -233,14 +233,14 @@ class Exchange:
     def _definitions_at(self, given: Sequence[float]) -> list[PartDefinition]:
         """Return all part definitions of the traced compilation, with the numbers `given` in place of the traced numbers."""
         numbers = iter(given)
-        return [self._made(one, numbers) if numbers_of(one) else one for one in self._definitions]
+        return [self._make_definition(one, numbers) if numbers_of(one) else one for one in self._definitions]
 
     def _records_of(self, many: Sequence[Sequence[PartDefinition]]) -> Mapping[str, PartRecord | PartFailure]:
         """Return a mapping from definition texts to part records, for those definitions that depend on traced numbers.
 
         Records of parts that could be built also contain slicing results.
         """
-        asked = {text: one for definitions in many for text, one in self._traced(definitions).items()}
+        asked = {text: one for definitions in many for text, one in self._trace_definitions(definitions).items()}
         wanted = [
             (one.text, pieces, slicings) for definitions in many
             for one, pieces, slicings in zip(definitions, self._convex, self._slicings, strict=True)
@@ -250,10 +250,10 @@ class Exchange:
         texts = {one.text for one in made}
         return self._parts.slice(made, records, {text: slicings for text, _, slicings in wanted if text in texts and slicings})
 
-    def _made(self, rehearsed: PartDefinition, numbers: Any) -> PartDefinition:
+    def _make_definition(self, rehearsed: PartDefinition, numbers: Any) -> PartDefinition:
         """Return a part definition of the traced compilation with other numbers in place of its traced numbers."""
         if rehearsed.plain is not None and rehearsed.mirror is not None:
-            return self._made(rehearsed.plain, numbers).mirrored(rehearsed.mirror)
+            return self._make_definition(rehearsed.plain, numbers).mirror_image(rehearsed.mirror)
         values = {name: next(numbers) if isinstance(value, Traced) else value for name, value in rehearsed.parameters}
         schema = self._schemas[rehearsed.reference]
         assert isinstance(schema, PartSchema)
@@ -282,16 +282,16 @@ class _Walk:
 
     def slices(self, record: PartRecord) -> Any:
         """Return the slicing results of a part record, with replaced numbers."""
-        return self._in("slices", record)
+        return self._replace_field("slices", record)
 
     def through(self, record: PartRecord) -> PartRecord:
         """Return a copy of a part record with replaced numbers and meshes. The copy does not contain slicing results."""
         known = {name: getattr(record, name) for name in record.__struct_fields__ if name in _ASIDE}
-        changed = {name: self._in(name, record) for name in record.__struct_fields__ if name not in known}
+        changed = {name: self._replace_field(name, record) for name in record.__struct_fields__ if name not in known}
         self._record, self._mesh = self._record + 1, 0
         return PartRecord(**known, **changed)
 
-    def _in(self, name: str, record: PartRecord) -> Any:
+    def _replace_field(self, name: str, record: PartRecord) -> Any:
         """Return the value of one field of a part record, with replaced numbers."""
         self._plain = () if name in _MEASURED else _PLAIN
         return self._of(getattr(record, name))

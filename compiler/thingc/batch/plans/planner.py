@@ -16,7 +16,7 @@ from thingc.batch.plans.numeric_plan import Made, NumericPlan, PlanCache
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.program import program_of
 from thingc.batch.plans.tape import Tape
-from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, pinned, trace_compilation
+from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult, pinned_names, trace_compilation
 from thingc.documents.expressions.value_text import text_of
 from thingc.driver.pipeline import Compilation
 from thingc.driver.session import Session
@@ -152,7 +152,7 @@ class PlanMaker(ABC, Generic[Made, Whole]):
             source = random.Random(0)
             quantities = self.reader.quantities(read)
             values = [
-                read.values[at] if name in form.why or name in form.modelled else _near(quantities[name], source, side).value
+                read.values[at] if name in form.why or name in form.modelled else _nearby_quantity(quantities[name], source, side).value
                 for at, name in enumerate(read.names)
             ]
             settings.append(ParsedSettings(names=read.names, values=tuple(values), texts=read.texts))
@@ -167,7 +167,7 @@ class PlanMaker(ABC, Generic[Made, Whole]):
         free = {name: quantities[name] for name in read.names if name not in form.why}
         texts = {**{name: text_of(one) for name, one in quantities.items()}, **dict(read.texts)}  # ordered as in `SettingsReader`
         exact = [name for name in free if name in form.modelled]
-        near = {name: one if name in exact or not nearby else _near(one, random.Random(name)) for name, one in free.items()}
+        near = {name: one if name in exact or not nearby else _nearby_quantity(one, random.Random(name)) for name, one in free.items()}
         attempt = partial(self._attempt, make)
         rehearsal, fault = attempt(near, texts, exact)
         if fault is not None:
@@ -181,7 +181,7 @@ class PlanMaker(ABC, Generic[Made, Whole]):
                 form.give_up(named or exact or _culprits(near, texts, attempt), fault.why)
             return None
         assert rehearsal is not None
-        if known := pinned(rehearsal):
+        if known := pinned_names(rehearsal):
             form.give_up(known, "a pass needs the exact value")
             return None
         return rehearsal
@@ -208,7 +208,7 @@ def _culprits(numbers: Mapping[str, Quantity], texts: Mapping[str, str], attempt
     return [name for name, others in alone.items() if attempt({name: numbers[name]}, others)[0] is None]
 
 
-def _near(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:
+def _nearby_quantity(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:
     """Return a quantity that is close to the given quantity.
 
     For a quantity near 0, return a positive quantity, because many numbers must not be negative.

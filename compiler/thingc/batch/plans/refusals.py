@@ -95,7 +95,7 @@ class Refusals(PlanMaker["DiagnosticsTemplate", Diagnostics]):
     def whole(self, read: ParsedSettings) -> Diagnostics:
         """Compile the document. Return the diagnostics of a refused compilation, or an empty tuple."""
         report = self.session.compile(self.reader.settings(read), self.modes).report
-        return tuple(report.ordered()) if report.failed else ()
+        return tuple(report.sorted_diagnostics()) if report.failed else ()
 
     def compute(self, plan: NumericPlan[DiagnosticsTemplate], outputs: Sequence[float], read: ParsedSettings) -> Diagnostics:
         """Compute the diagnostics with a plan."""
@@ -112,8 +112,8 @@ class Refusals(PlanMaker["DiagnosticsTemplate", Diagnostics]):
             form.refused = "a compilation with these settings succeeds"
             return None
 
-        def reported(compilation: Compilation, tape: Tape) -> tuple[Diagnostics, int]:
-            found = tuple(compilation.report.ordered())
+        def collect(compilation: Compilation, tape: Tape) -> tuple[Diagnostics, int]:
+            found = tuple(compilation.report.sorted_diagnostics())
             if not compilation.report.failed or _cause(found) != _cause(problems):
                 raise NotTraceable("other diagnostics are reported for other values")
             return found, len(compilation.decisions)
@@ -122,7 +122,7 @@ class Refusals(PlanMaker["DiagnosticsTemplate", Diagnostics]):
             template = DiagnosticsTemplate(rehearsal)
             return template.numbers.outputs, template
 
-        return self.new_plan(read, form, problems, reported, finish)
+        return self.new_plan(read, form, problems, collect, finish)
 
 
 class DiagnosticsTemplate:
@@ -152,7 +152,7 @@ class DiagnosticsTemplate:
         """
         words = self.numbers.words(outputs)
         texts = {text: template.fill(words) for text, template in self._templates.items()}
-        return tuple(dict.fromkeys(_filled(one, texts) for one in self._all)) if texts else self._all
+        return tuple(dict.fromkeys(_fill(one, texts) for one in self._all)) if texts else self._all
 
 
 def _cause(problems: Diagnostics) -> Hashable:
@@ -163,7 +163,7 @@ def _texts(one: Diagnostic) -> list[str]:
     return [one.message, one.path or "", one.help or "", *(note.message for note in one.notes)]
 
 
-def _filled(one: Diagnostic, texts: Mapping[str, str]) -> Diagnostic:
+def _fill(one: Diagnostic, texts: Mapping[str, str]) -> Diagnostic:
     """Return a copy of a diagnostic in which words are inserted into the slots of all texts."""
     if not any(text in texts for text in _texts(one)):
         return one

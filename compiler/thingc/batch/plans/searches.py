@@ -64,15 +64,15 @@ class SearchMemo(Memo):
         structure = _structure(result, kept, [])
 
         @lru_cache(KEPT)
-        def repeated(*values: float) -> tuple[float, ...]:
+        def repeat(*values: float) -> tuple[float, ...]:
             given, found = build(values), list[float]()
             if _structure(function(*given), _outside(given), found) != structure:
                 raise ValueError("a search has a different result for these numbers")
             return tuple(found)
 
         name = f"search_{len(tape.operations)}"
-        tape.operations[name] = repeated
-        whole = tape.apply(name, numbers, repeated(*plain))
+        tape.operations[name] = repeat
+        whole = tape.apply(name, numbers, repeat(*plain))
         tape.guards.append((len(tape.lines), "==", (Ref(whole.line), Ref(whole.line)), True))  # even if none of its numbers is used
         items = [tape.apply("item", (whole, place), value) for place, value in enumerate(whole.value)]
         return _with_numbers(result, kept, _outside(inputs), iter(items))

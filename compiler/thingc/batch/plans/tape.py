@@ -161,17 +161,17 @@ class Traced(Recorded):
     def __pos__(self) -> Traced: return self
     def __abs__(self) -> Traced: return self.tape.apply("abs", (self,), abs(self.value))
 
-    def __lt__(self, other: Number) -> Any: return _compared("<", self, other)
-    def __le__(self, other: Number) -> Any: return _compared("<=", self, other)
-    def __gt__(self, other: Number) -> Any: return _compared(">", self, other)
-    def __ge__(self, other: Number) -> Any: return _compared(">=", self, other)
+    def __lt__(self, other: Number) -> Any: return _compare("<", self, other)
+    def __le__(self, other: Number) -> Any: return _compare("<=", self, other)
+    def __gt__(self, other: Number) -> Any: return _compare(">", self, other)
+    def __ge__(self, other: Number) -> Any: return _compare(">=", self, other)
 
     def __eq__(self, other: object) -> bool:
         if self is other:
             return True
         if not isinstance(other, (int, float, Traced)):
             return False
-        return bool(_compared("==", self, other))
+        return bool(_compare("==", self, other))
 
     def __ne__(self, other: object) -> bool:
         return not self == other
@@ -238,7 +238,7 @@ def _binary(operation: str, left: Number, right: Number) -> Any:
     return tape.apply(operation, (left, right), OPERATORS[operation](value_of(left), value_of(right)))
 
 
-def _compared(operation: str, left: Traced, right: Number) -> Any:
+def _compare(operation: str, left: Traced, right: Number) -> Any:
     if not isinstance(right, (int, float, Traced)):
         return NotImplemented
     return left.tape.guard(operation, (left, right), bool(OPERATORS[operation](value_of(left), value_of(right))))

@@ -93,7 +93,7 @@ def trace_compilation(
     return TraceResult(made=made, tape=tape, names=tuple(numbers), parts=parts if parts.before is not None else None)
 
 
-def pinned(rehearsal: TraceResult) -> list[str]:
+def pinned_names(rehearsal: TraceResult) -> list[str]:
     """Return the names of all settings whose values a compiler pass has used directly.
 
     The tape applies only to the current values of these settings.

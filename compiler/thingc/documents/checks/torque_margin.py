@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.diagnostics import Code, noted
+from thingc.base.diagnostics import Code, make_notes
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import NUMBER
@@ -50,9 +50,9 @@ def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck
     """Parse the keys of a `torque_margin` test. Modes in which the document does not specify what supports the robot are reported."""
     minimum = reader.number(written.min, "min", NUMBER, above=0.0)
     joints = reader.drives(written.drive, "drive")
-    floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
+    floating = [name for name in reader.chosen_modes if not _is_supported(reader.modes[name])]
     if floating:
-        standing = [name for name, mode in reader.modes.items() if _carried(mode) and not left_out(joints, mode)]
+        standing = [name for name, mode in reader.modes.items() if _is_supported(mode) and not left_out(joints, mode)]
         others = f", or use a mode with a support: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
         reader.error(
             Code.TEST, f"the base of mode `{floating[0]}` is free and has no support", "mode" if written.mode is not None else (),
@@ -68,7 +68,7 @@ def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck
     return TorqueCheck(joints=joints, minimum=minimum)
 
 
-def _carried(mode: Mode) -> bool:
+def _is_supported(mode: Mode) -> bool:
     """Return True if the base of a mode does not float, or if feet or holds support it."""
     return mode.base != "free" or mode.standing is not None or bool(mode.holds)
 
@@ -89,7 +89,7 @@ def link(test: Test, check: TorqueCheck, drives: Mapping[str, JointEdge | Linked
                 Code.TEST, f"drive `{path}` has no effort limit, so it has no margin",
                 (test.spans["drive"],) if "drive" in test.spans else test.origin, path=path,
                 help="set `limit: {effort: ...}` of the joint, or `effort` of its drive",
-                notes=noted(f"`{path}` is defined here", joint.origin),
+                notes=make_notes(f"`{path}` is defined here", joint.origin),
             )
 
 

@@ -7,7 +7,7 @@ from typing import Union
 
 from thingc.base import numeric
 from thingc.base.suggestions import Hint, did_you_mean
-from thingc.base.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, shortened
+from thingc.base.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, shorten
 from thingc.documents.expressions.terms import CONSTANTS, Binary, Call, Expression, ExpressionError, Literal, NameUse, Term, Unary
 
 ExpressionValue = Union[Quantity, bool, str]
@@ -63,10 +63,10 @@ class _Evaluator:
         if isinstance(value, Quantity):
             return value
         found = "a boolean" if isinstance(value, bool) else "a string"
-        raise ExpressionError(f"expected a quantity, found {found} (`{self.written(term)}`)", term.offset, term.end, kind="dimension")
+        raise ExpressionError(f"expected a quantity, found {found} (`{self.source_of(term)}`)", term.offset, term.end, kind="dimension")
 
-    def written(self, term: Term) -> str:
-        return shortened(self.text[term.offset : term.end])
+    def source_of(self, term: Term) -> str:
+        return shorten(self.text[term.offset : term.end])
 
     def same(self, left: Term, a: Quantity, right: Term, b: Quantity) -> Dimension:
         """Return the physical dimension of two operands, which must have the same dimension.
@@ -83,9 +83,9 @@ class _Evaluator:
         for term, quantity, other in ((right, b, a), (left, a, b)):
             if quantity.dimension == NUMBER and isinstance(term, Literal):
                 unit = other.dimension.example.partition(" ")[2]
-                help = f"write `{self.written(term)} {unit}`"
+                help = f"write `{self.source_of(term)} {unit}`"
         raise ExpressionError(
-            f"cannot combine `{self.written(left)}`, {a.dimension.words}, with `{self.written(right)}`, {b.dimension.words}",
+            f"cannot combine `{self.source_of(left)}`, {a.dimension.words}, with `{self.source_of(right)}`, {b.dimension.words}",
             right.offset, right.end, kind="dimension", help=help,
         )
 
@@ -93,11 +93,11 @@ class _Evaluator:
         try:
             result = work()
         except ZeroDivisionError:
-            raise ExpressionError(f"division by zero in `{self.written(term)}`", term.offset, term.end, kind="value") from None
+            raise ExpressionError(f"division by zero in `{self.source_of(term)}`", term.offset, term.end, kind="value") from None
         except (OverflowError, ValueError):
             result = numeric.inf
         if isinstance(result, complex) or not numeric.isfinite(result):
-            raise ExpressionError(f"`{self.written(term)}` has no finite result", term.offset, term.end, kind="value")
+            raise ExpressionError(f"`{self.source_of(term)}` has no finite result", term.offset, term.end, kind="value")
         return Quantity(result + 0.0, dimension)
 
     def chain(self, term: Binary) -> Quantity:
@@ -128,7 +128,7 @@ class _Evaluator:
         base, exponent = self.quantity(term.left), self.quantity(term.right)
         if exponent.dimension != NUMBER:
             raise ExpressionError(
-                f"an exponent must be a number, found {exponent.dimension.words} (`{self.written(term.right)}`)",
+                f"an exponent must be a number, found {exponent.dimension.words} (`{self.source_of(term.right)}`)",
                 term.right.offset, term.right.end, kind="dimension",
             )
         dimension = base.dimension
@@ -138,7 +138,7 @@ class _Evaluator:
             ratio = Fraction(exponent.value).limit_denominator(12)
             if abs(exponent.value) > 12.0 or abs(float(ratio) - exponent.value) > 1e-12:
                 raise ExpressionError(
-                    f"the exponent of {dimension.words} must be a small whole number or fraction, found `{self.written(term.right)}`",
+                    f"the exponent of {dimension.words} must be a small whole number or fraction, found `{self.source_of(term.right)}`",
                     term.right.offset, term.right.end, kind="dimension",
                 )
             dimension = dimension**ratio
@@ -170,7 +170,7 @@ class _Evaluator:
             self.same(term.arguments[0], first, term.arguments[1], arguments[1])
             return Quantity(numeric.atan2(x, arguments[1].value), ANGLE)
         if first.dimension != ANGLE and not _zero(term.arguments[0]):
-            shown = self.written(term.arguments[0])
+            shown = self.source_of(term.arguments[0])
             raise ExpressionError(
                 f"`{term.function}` expects an angle (such as 30 deg), found {first.dimension.words} (`{shown}`)", term.arguments[0].offset,
                 term.arguments[0].end, kind="dimension", help=f"for radians write `{shown} * 1 rad`" if first.dimension == NUMBER else None,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection
 from msgspec.structs import replace
 
 from thingc.base.suggestions import Suggestion, did_you_mean
-from thingc.base.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, converted, scan_number, scan_unit, shortened
+from thingc.base.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, scan_number, scan_unit, shorten, to_si
 from thingc.documents.expressions.terms import (
     COMPARISONS,
     CONSTANTS,
@@ -67,7 +67,7 @@ class _Parser:
             raise ExpressionError("expected an expression after `=`, found nothing", max(0, self.at - 1), len(self.text))
         tree = self.comparison()
         if self.at < len(self.text):
-            raise self.unexpected("an operator or the end of the expression")
+            raise self.unexpected_token("an operator or the end of the expression")
         return tree
 
     def spaces(self) -> None:
@@ -80,7 +80,7 @@ class _Parser:
         match = _OPERATOR.match(self.text, self.at)
         return match.group() if match else ""
 
-    def unexpected(self, wanted: str) -> ExpressionError:
+    def unexpected_token(self, wanted: str) -> ExpressionError:
         self.spaces()
         if self.at >= len(self.text):
             return ExpressionError(f"expected {wanted}, found the end of the expression", max(0, len(self.text) - 1), len(self.text))
@@ -161,7 +161,7 @@ class _Parser:
             return self.literal(*number)
         name = self.names.match(self.text, self.at)
         if name is None:
-            raise self.unexpected("a number, a name or `(`")
+            raise self.unexpected_token("a number, a name or `(`")
         offset, self.at = self.at, name.end()
         if self.peek() == "(":
             return self.call(name.group(), offset)
@@ -178,7 +178,7 @@ class _Parser:
         elif self.at >= len(self.text):
             raise ExpressionError("the `(` opened here is not closed", opened, opened + 1, help="add `)`")
         else:
-            raise self.unexpected("an operator or `)`")
+            raise self.unexpected_token("an operator or `)`")
 
     def literal(self, number: str, end: int) -> Literal:
         offset, self.at = self.at, end
@@ -192,10 +192,10 @@ class _Parser:
             if rest.isalpha() or rest in ("%", "°", "_") and rest:
                 word = _NAME.match(self.text, following)
                 if word is not None and word.group() in FUNCTIONS or rest == "_":
-                    raise self.unexpected("an operator")
+                    raise self.unexpected_token("an operator")
                 unit, self.at = scan_unit(self.text, following, compact=True)
                 bare = False
-            value = Quantity(converted(number, unit), unit[2])
+            value = Quantity(to_si(number, unit), unit[2])
         except UnitError as error:
             at, stop = (offset, end) if error.kind == "quantity" or error.offset is None else (error.offset, error.end or end)
             kind = "unit" if error.kind == "unit" else "value"
@@ -246,4 +246,4 @@ def expression_hint(text: str, names: Collection[str] | None = None) -> Suggesti
         return None
     if names is not None and any(use.name not in names for use in expression.names):
         return None
-    return Suggestion(f"an expression begins with `=`: `={shortened(inside)}`", (text, f"={inside}") if "\n" not in text else None)
+    return Suggestion(f"an expression begins with `=`: `={shorten(inside)}`", (text, f"={inside}") if "\n" not in text else None)

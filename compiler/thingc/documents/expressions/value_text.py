@@ -8,7 +8,7 @@ from decimal import Decimal
 from typing import Any
 
 from thingc.base import numeric
-from thingc.base.units import FREQUENCY, NUMBER, Quantity, Unit, UnitError, converted, scan_unit
+from thingc.base.units import FREQUENCY, NUMBER, Quantity, Unit, UnitError, scan_unit, to_si
 from thingc.documents.expressions.evaluation import ExpressionValue, plain
 
 
@@ -45,7 +45,7 @@ def _in_unit(quantity: Quantity, unit: str) -> str | None:
     Return None if the unit has another physical dimension, or if no decimal number represents the value exactly. The latter is possible for
     degrees, which are rounded twice.
     """
-    known = _scanned(unit)
+    known = _scan_unit(unit)
     if known is None or known[2] != quantity.dimension:
         return None
     number = Decimal(quantity.value + 0.0) * known[1] / known[0]
@@ -55,13 +55,13 @@ def _in_unit(quantity: Quantity, unit: str) -> str | None:
     near = (double + ulps * math.ulp(double) for ulps in (0, 1, -1))  # neighbouring doubles, needed for degrees
     texts = (f"{double:.15g}", f"{number:.16g}", *(f"{one:.17g}" for one in (number, *near)))
     try:
-        return next((f"{text} {unit}" for text in texts if converted(text, known) == quantity.value), None)
+        return next((f"{text} {unit}" for text in texts if to_si(text, known) == quantity.value), None)
     except UnitError:
         return None
 
 
 @functools.cache
-def _scanned(unit: str) -> Unit | None:
+def _scan_unit(unit: str) -> Unit | None:
     """Parse a unit such as `mm` or `N*m`. Return None for an invalid unit."""
     try:
         return scan_unit(unit, 0)[0]

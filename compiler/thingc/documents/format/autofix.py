@@ -58,7 +58,7 @@ Look = Callable[[Mapping[str, bytes]], CheckResult]
 """A function that checks documents. The argument maps absolute paths to file contents that replace the contents on disk."""
 
 
-def located(edit: Edit, text: str) -> tuple[int, int] | None:
+def locate_edit(edit: Edit, text: str) -> tuple[int, int] | None:
     """Return the start and end index of the characters that an edit replaces in the text of its file.
 
     `text` does not contain a byte order mark. Return None if the text to replace does not occur exactly once at the position of the edit.
@@ -101,7 +101,7 @@ def _autofix(
     for _ in range(PASSES):
         chosen = safe_edits(now, texts, allowed, read)
         while chosen:
-            fresh = {**texts, **_applied(chosen, texts, read)}
+            fresh = {**texts, **_apply_edits(chosen, texts, read)}
             then = look(fresh)
             kept = _better(chosen, now.found, then.found, strict=strict)
             if len(kept) == len(chosen):
@@ -128,7 +128,7 @@ def safe_edits(
                 data = texts.get(file) or read(file) if allowed(file) else None
                 decoded[file] = None if data is None else data.decode("utf-8-sig", errors="replace")
             text = decoded[file]
-            place = located(edit, text) if text is not None else None
+            place = locate_edit(edit, text) if text is not None else None
             if place is None or text is None or (diagnostic.code not in LANGUAGE and not _told_apart(edit, words, given)):
                 continue
             at = Source(file, text).span(*place)
@@ -174,7 +174,7 @@ def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
     return meant not in given or words[meant] >= 2
 
 
-def _applied(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Callable[[str], bytes | None]) -> dict[str, bytes]:
+def _apply_edits(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Callable[[str], bytes | None]) -> dict[str, bytes]:
     fresh: dict[str, bytes] = {}
     for file in {text_edit.file for text_edit in chosen}:
         data = texts.get(file) or read(file)
@@ -203,7 +203,7 @@ def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Seq
     """
     errors = [d.span for d in after if d.severity is Severity.ERROR and d.span is not None]
 
-    def mended(one: TextEdit) -> bool:
+    def has_fix(one: TextEdit) -> bool:
         above = [other for other in chosen if (other.file, other.line) == (one.file, one.line) and other.column < one.column]
         start = one.column + sum(len(other.replacement) - len(other.written) for other in above)
         end = start + len(one.replacement)
@@ -213,4 +213,4 @@ def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Seq
             for span in errors
         )
 
-    return [one for one in chosen if mended(one) and (not strict or _faults(after, one.file) < _faults(before, one.file))]
+    return [one for one in chosen if has_fix(one) and (not strict or _faults(after, one.file) < _faults(before, one.file))]

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticCustomError
 
 from thingc.base.units import UnitError, parse_quantity
-from thingc.documents.format.segments import Item, Segment, shifted
+from thingc.documents.format.segments import Item, Segment, indent_rest
 from thingc.documents.spec.annotation_types import FieldType, branch_of, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec, AtSpec, ComponentSpec, JointSpec
 from thingc.documents.spec.link_shapes import ShapeSpec
@@ -89,7 +89,7 @@ def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
     return None
 
 
-def ordered(names: Sequence[str], shape: FieldType | None) -> list[int]:
+def canonical_order(names: Sequence[str], shape: FieldType | None) -> list[int]:
     """Return the indices of `names`, which are the keys of a mapping, in canonical order.
 
     A key that the document model does not define stays behind the key that precedes it in the document.
@@ -109,7 +109,7 @@ _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _GLUED = re.compile(rf"({_NUMBER}(?: {_NUMBER})*)( *)((?:[^\W\d_]|%).*)", re.ASCII)
 
 
-def spaced(text: str, shape: FieldType | None) -> str:
+def space_units(text: str, shape: FieldType | None) -> str:
     """Insert a space before each unit: `120mm` becomes `120 mm`, and `0 0 4mm` becomes `0 0 4 mm`. Other strings are unchanged."""
     match = _GLUED.fullmatch(text)
     if match is None or match.group(2) == " " or shape is None:
@@ -157,7 +157,7 @@ class Inline:
         if piece.kind == "scalar":
             return self.scalar(piece, written, shape, by)
         if piece.odd:
-            return shifted(written, by)
+            return indent_rest(written, by)
         # an alias may be among user-defined keys, which keep their order
         shape = None if piece.body > piece.start else shape_for(shape, outline(piece))
         head = self.text[piece.start : piece.body].rstrip()
@@ -170,7 +170,7 @@ class Inline:
         if not any("\n" in gap for gap in gaps):
             body = ", ".join(texts)
         else:
-            tidied = [self.tidied(gap, at in (0, len(texts)), by) for at, gap in enumerate(gaps)]
+            tidied = [self.tidy_gap(gap, at in (0, len(texts)), by) for at, gap in enumerate(gaps)]
             body = tidied[0] + "".join(text + after for text, after in zip(texts, tidied[1:], strict=True))
         return f"{head}{' ' if head else ''}{opening}{body}{closing}"
 
@@ -185,7 +185,7 @@ class Inline:
     def scalar(self, piece: Segment, written: str, shape: FieldType | None, by: int) -> str:
         """Format a scalar, with a space between its number and its unit."""
         if "\n" in written:
-            return shifted(written, by)
+            return indent_rest(written, by)
         if not written or shape is None or piece.aliases or piece.anchors:
             return written
         body = self.text[piece.body : piece.end]
@@ -194,7 +194,7 @@ class Inline:
         if inner[:1] not in "0123456789+-.":
             return written
         shape = shape_for(shape, inner)
-        return self.text[piece.start : piece.body] + quote + spaced(inner, shape) + quote
+        return self.text[piece.start : piece.body] + quote + space_units(inner, shape) + quote
 
     def gaps(self, piece: Segment) -> list[str]:
         """Return the pieces of source text before, between and after the entries of a mapping or list in braces or brackets."""
@@ -205,14 +205,14 @@ class Inline:
             at = item.value.end
         return [*gaps, self.text[at : piece.end - 1]]
 
-    def tidied(self, gap: str, outer: bool, by: int) -> str:
+    def tidy_gap(self, gap: str, outer: bool, by: int) -> str:
         """Remove trailing spaces from the text between two entries of a multi-line value."""
         if "\n" not in gap:
             return ("," if "," in gap else "") if outer else ", "
         first, *others = gap.split("\n")
         first = first.rstrip() if "#" in first else first.strip()
         lines = [line.rstrip() for line in others[:-1]]
-        return shifted("\n".join([first, *lines, others[-1]]), by)
+        return indent_rest("\n".join([first, *lines, others[-1]]), by)
 
 
 def outline(piece: Segment) -> Any:
@@ -227,7 +227,7 @@ def order_of(items: list[Item], shape: FieldType | None) -> list[int]:
 
     If a YAML alias would precede its anchor in canonical order, return the order of the document.
     """
-    order = ordered([item.name for item in items], shape)
+    order = canonical_order([item.name for item in items], shape)
     if order == sorted(order):
         return order
     place = {at: new for new, at in enumerate(order)}

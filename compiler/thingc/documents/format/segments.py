@@ -30,7 +30,7 @@ class EndComment:
     gap: int
 
 
-def commented(line: str, comment: EndComment | None) -> str:
+def append_comment(line: str, comment: EndComment | None) -> str:
     """Append the comment, if any, to a formatted line.
 
     The comment stays in its column if the formatted line is short enough and the original line had more spaces before the comment than the
@@ -146,7 +146,7 @@ def first_lines(lines: list[str | None]) -> list[str | None]:
     return list(dropwhile(lambda line: line is None, tidy(lines)))
 
 
-def shifted(text: str, by: int) -> str:
+def indent_rest(text: str, by: int) -> str:
     """Indent all lines of a string except the first by `by` additional columns.
 
     If `by` is negative, at most the leading spaces of a line are removed.
@@ -154,10 +154,10 @@ def shifted(text: str, by: int) -> str:
     if by == 0 or "\n" not in text:
         return text
     first, *others = text.split("\n")
-    return "\n".join([first, *(_moved(line, by) for line in others)])
+    return "\n".join([first, *(_indent_line(line, by) for line in others)])
 
 
-def _moved(line: str, by: int) -> str:
+def _indent_line(line: str, by: int) -> str:
     if not line:
         return line
     if by > 0:
@@ -166,7 +166,7 @@ def _moved(line: str, by: int) -> str:
     return line[min(spaces, -by) :]
 
 
-def aligned(written: Sequence[tuple[int, int] | None]) -> list[int]:
+def alignments(written: Sequence[tuple[int, int] | None]) -> list[int]:
     """Return the number of spaces between the key and the value of each entry: 1, or more to keep values in one column.
 
     `written` contains the spaces in the document and the column behind them, or None for entries without a value on the same line. The

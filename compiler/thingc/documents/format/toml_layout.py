@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from thingc.documents.format.flow_style import Inline, ordered, shape_below, shape_for
-from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, aligned, commented, first_lines, gap, tidy
+from thingc.documents.format.flow_style import Inline, canonical_order, shape_below, shape_for
+from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, alignments, append_comment, first_lines, gap, tidy
 from thingc.documents.load.toml_tree import TomlSyntax
 from thingc.documents.spec.annotation_types import FieldType
 
@@ -55,7 +55,7 @@ class _Names:
         self.shape = shape
         known = list(self.below)
         inner = shape_for(shape, dict.fromkeys(known))
-        self.ranks = {known[at]: rank for rank, at in enumerate(ordered(known, inner))}
+        self.ranks = {known[at]: rank for rank, at in enumerate(canonical_order(known, inner))}
         for word, table in self.below.items():
             table.settle(shape_below(inner, word))
 
@@ -110,7 +110,7 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
     if section.end:
         lines.extend([] if first else [""])
         lines.extend(line or "" for line in first_lines(section.leading))
-        lines.append(commented(f"[{text[slice(*section.key)].strip()}]", section.comment))
+        lines.append(append_comment(f"[{text[slice(*section.key)].strip()}]", section.comment))
     pairs = sorted(section.pairs, key=lambda pair: names.rank((*section.words, *pair.words)))
     inline = Inline(text, " = ")
     for at, (pair, spaces) in enumerate(zip(pairs, _alignment(pairs, text), strict=True)):
@@ -118,7 +118,7 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
         assert pair.value is not None
         below = names.at((*section.words, *pair.words)).shape
         written = f"{text[slice(*pair.key)]}{' ' * spaces}= {inline.value(pair.value, below, 0)}".split("\n")
-        written[-1] = commented(written[-1], pair.comment)
+        written[-1] = append_comment(written[-1], pair.comment)
         lines.extend(written)
     return lines
 
@@ -126,7 +126,7 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
 def _alignment(pairs: list[_Statement], text: str) -> list[int]:
     """Return the number of spaces before the `=` of each pair."""
     spaces = [(pair, text[pair.key[1] : text.index("=", pair.key[1])]) for pair in pairs]
-    return aligned([
+    return alignments([
         None if blank.strip(" ") else (max(1, len(blank)), pair.key[1] - pair.key[0] + max(1, len(blank))) for pair, blank in spaces
     ])
 

@@ -38,14 +38,14 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     set_one = _in_toml if _is_toml(document.path) else _in_yaml
     for keys, value in values.items():
         after = _parse_document(document, set_one(document, keys, value))
-        if after is None or after.tree.plain() != _put(document.tree.plain(), keys, _meant(value)):
+        if after is None or after.tree.plain() != _put(document.tree.plain(), keys, _parse_value(value)):
             why = "cannot be set separately: an alias repeats the value, or thingc cannot edit this YAML syntax"
             raise CannotSetValue(document, keys, why)
         document = after
     return document
 
 
-def without(document: Document, keys: Keys) -> Document:
+def remove_value(document: Document, keys: Keys) -> Document:
     """Remove a key and its value from a document, and return the changed document.
 
     The mapping with this key must contain at least one other key. Raises `CannotSetValue` if removing the key would change other values.
@@ -60,11 +60,11 @@ def _is_toml(path: str) -> bool:
     return path.lower().endswith(".toml")
 
 
-def _meant(value: Written) -> Plain:
+def _parse_value(value: Written) -> Plain:
     """Parse a value such as `{upper: 60 deg}` to plain Python values."""
     if isinstance(value, str):
         return core_value(value)
-    return {key: _meant(one) for key, one in value.items()} if isinstance(value, Mapping) else [_meant(one) for one in value]
+    return {key: _parse_value(one) for key, one in value.items()} if isinstance(value, Mapping) else [_parse_value(one) for one in value]
 
 
 def _parse_document(document: Document, text: str) -> Document | None:

@@ -11,12 +11,12 @@ from thingc.documents.format.segments import (
     Segment,
     Trivia,
     UnsupportedStyle,
-    aligned,
+    alignments,
+    append_comment,
     body_of,
-    commented,
     first_lines,
     gap,
-    shifted,
+    indent_rest,
     tidy,
 )
 from thingc.documents.spec.annotation_types import FieldType
@@ -338,7 +338,7 @@ class _Printer:
             between = self.text[item.key[1] : item.value.start]
             plain = not item.value.block and item.value.start < item.value.end and between.startswith(":") and not between[1:].strip(" ")
             written.append((len(between) - 1, item.value.start - item.key[0]) if plain else None)
-        return aligned(written)
+        return alignments(written)
 
     def entry(self, item: Item, shape: FieldType | None, indent: int, column: int, spaces: int) -> list[str]:
         assert item.key is not None
@@ -348,14 +348,14 @@ class _Printer:
         if value.block:
             return [self.head(head, item), *self.block(value, below, indent + INDENT)]
         if value.start == value.end:
-            return [commented(head, item.comment)]
+            return [append_comment(head, item.comment)]
         if item.verbatim:
-            written = shifted(self.text[item.key[0] : value.end], indent - column)
+            written = indent_rest(self.text[item.key[0] : value.end], indent - column)
             lines = (" " * indent + written).split("\n")
         else:
             written = self.leaf(value, below, indent - column)
             lines = f"{head}{' ' * spaces}{written}".split("\n")
-        lines[-1] = commented(lines[-1], item.comment)
+        lines[-1] = append_comment(lines[-1], item.comment)
         return lines
 
     def head(self, head: str, item: Item) -> str:
@@ -363,7 +363,7 @@ class _Printer:
         value = item.value
         if value.body > value.start:
             head += " " + self.text[value.start : value.body]
-        return commented(head, item.key_comment)
+        return append_comment(head, item.key_comment)
 
     def leaf(self, piece: Segment, shape: FieldType | None, by: int) -> str:
         """Format a scalar, an alias, or a value in braces or brackets. Trailing spaces are removed from empty lines of block scalars."""
@@ -404,10 +404,10 @@ class _Printer:
             return [self.head(dash, item), *lines]
         by = indent - column
         if item.verbatim:
-            lines = shifted(" " * indent + self.text[item.dash : value.end], by).split("\n")
+            lines = indent_rest(" " * indent + self.text[item.dash : value.end], by).split("\n")
         else:
             lines = f"{dash} {self.leaf(value, shape, by)}".split("\n")
-        lines[-1] = commented(lines[-1], item.comment)
+        lines[-1] = append_comment(lines[-1], item.comment)
         return lines
 
 

@@ -8,7 +8,7 @@ import io
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, line_of
 from thingc.base.suggestions import did_you_mean, nearest
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.load.text import Source
 
 COLUMNS = ("number", "supplier", "cost", "quantity", "link", "picture")
@@ -39,10 +39,10 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
     unknown = [(text, span) for text, span in header if text not in COLUMNS]
     for text, span in unknown:
         help = did_you_mean(text, [name for name in COLUMNS if name not in names], what="columns")
-        report.add(Code.UNKNOWN_KEY, f"unknown column `{shortened(text)}`", span, help=help)
+        report.add(Code.UNKNOWN_KEY, f"unknown column `{shorten(text)}`", span, help=help)
     twice = [(text, span) for k, (text, span) in enumerate(header) if text in names[:k]]
     for text, span in twice:
-        report.add(Code.DUPLICATE_KEY, f"the column `{shortened(text)}` occurs twice", span, help="remove one of the columns")
+        report.add(Code.DUPLICATE_KEY, f"the column `{shorten(text)}` occurs twice", span, help="remove one of the columns")
     if unknown or twice:
         return None
     entries: list[Node] = []
@@ -50,7 +50,7 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
         if len(row) > len(header):
             text, span = row[len(header)]
             report.add(
-                Code.SYNTAX, f"expected {len(header)} cells as in the header, found `{shortened(text)}` in cell {len(header) + 1}", span,
+                Code.SYNTAX, f"expected {len(header)} cells as in the header, found `{shorten(text)}` in cell {len(header) + 1}", span,
                 help="write cells that contain a comma in double quotes",
             )
             return None

@@ -16,7 +16,7 @@ from thingc.base.filesystem import beginning, listing, without_suffix
 from thingc.base.installed_packages import package_folder
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean, near_hint
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES, OWN_SUFFIXES
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked
             looked_at.add(path)
             if os.path.isfile(path) and _stays(path, top, workspace):
                 return path
-    shown, known = shortened(text), packaged_documents(workspace)
+    shown, known = shorten(text), packaged_documents(workspace)
     if any(os.path.isdir(top) for top in tops):
         report.add(
             Code.MISSING_FILE, f"there is no document `{shown}`: the package `{package}` has no document of that name", where,

@@ -12,10 +12,10 @@ from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.filesystem import beginning
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
-from thingc.base.safe_text import unseen
+from thingc.base.safe_text import find_invisible
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, entries_of
 from thingc.base.suggestions import did_you_mean, near_hint, nearest
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.load.discovery import find_packaged, is_packaged
 from thingc.documents.load.paths import (
     CATALOG_SUFFIXES,
@@ -25,8 +25,8 @@ from thingc.documents.load.paths import (
     PICTURE_SUFFIXES,
     find_file,
     libraries,
-    named,
     refuse_name,
+    resolve_path,
 )
 from thingc.documents.load.text import MAX_ALL_BYTES, MAX_BYTES, MAX_FAULTS, decode
 
@@ -55,7 +55,7 @@ class Documents(FrozenStruct):
     broken: frozenset[str] = frozenset()
     files: frozenset[str] = frozenset()
 
-    def named(self, document: Document, text: str) -> Document | None:
+    def find_referenced(self, document: Document, text: str) -> Document | None:
         """Return the document to which the reference `text` in `document` points, or None if that document could not be read."""
         path = self.links.get((document.relative, text))
         return None if path is None else self.by_path.get(path)
@@ -72,7 +72,7 @@ def load(
     documents.
     """
     path = os.path.abspath(document)
-    name = shortened(os.path.basename(path))
+    name = shorten(os.path.basename(path))
     if not path.lower().endswith(DOCUMENT_SUFFIXES):
         report.add(Code.FILE_TYPE, f"expected a document ({', '.join(DOCUMENT_SUFFIXES)}), found `{name}`", None)
         return None
@@ -82,7 +82,7 @@ def load(
             help="use the file that the link points to",
         )
         return None
-    if unseen(workspace.relative(path)):
+    if find_invisible(workspace.relative(path)):
         refuse_name(workspace.relative(path), None, report)
         return None
     reader = _Reader(workspace, report, texts, memo)
@@ -98,10 +98,10 @@ def load(
 
 def remember(document: Document, memo: Memo) -> None:
     """Cache a parsed document, so that `load` returns it for the same path and content."""
-    memo.keep(*_known(document.path, document.relative, document.sha256), document)
+    memo.keep(*_cache_inputs(document.path, document.relative, document.sha256), document)
 
 
-def _known(path: str, relative: str, sha256: str) -> tuple[tuple[str, str, str], tuple[str]]:
+def _cache_inputs(path: str, relative: str, sha256: str) -> tuple[tuple[str, str, str], tuple[str]]:
     """Return the key and the inputs by which a document is cached.
 
     The key contains the path of the document in the workspace, and the inputs contain the digest of its content.
@@ -124,7 +124,7 @@ def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, 
     reader.broken.update(documents.broken)
     reader.files.update(documents.files)
     for text in texts:
-        document = reader.named(documents.root, text, None, "assembly")
+        document = reader.read_referenced(documents.root, text, None, "assembly")
         if document is not None:
             reader.follow(document, [])
     return reader.documents(documents.root)
@@ -216,7 +216,7 @@ class _Reader:
     def find(self, text: str, document: Document, where: Span | None, kind: str) -> str | None:
         """Return the absolute path of a file of a kind in `_REFERENCED` that a document references (see `find_file`)."""
         what, suffixes = _REFERENCED[kind]
-        wanted = named(text, document.path)
+        wanted = resolve_path(text, document.path)
         if wanted is not None and self.workspace.contains(wanted):
             self.files.add(wanted)
         return find_file(
@@ -250,12 +250,12 @@ class _Reader:
             data = self.texts[path] if path in self.texts else beginning(path, MAX_BYTES + 1)
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else "unknown error"
-            name = shortened(os.path.basename(path))
+            name = shorten(os.path.basename(path))
             self.report.add(Code.UNREADABLE, f"cannot read `{name}`: {reason[:1].lower()}{reason[1:]}", None)
             return None
         self.bytes += len(data)
         sha256 = hashlib.sha256(data).hexdigest()
-        document: Document | None = self.memo.last(*_known(path, relative, sha256))
+        document: Document | None = self.memo.last(*_cache_inputs(path, relative, sha256))
         if document is None:
             said = len(self.report.diagnostics)
             tree = read_tree(path, data, self.report)
@@ -289,7 +289,7 @@ class _Reader:
                 path = self.find(text, document, where, key)
                 if key == "mesh" and path is not None:
                     self.files.update(os.path.join(os.path.dirname(path), name) for name in libraries(path))
-            elif (named := self.named(document, text, where, key)) is None:
+            elif (named := self.read_referenced(document, text, where, key)) is None:
                 continue
             elif key == "assembly":
                 self.nest(named, [*chain, (document, where)])
@@ -320,7 +320,7 @@ class _Reader:
             ], help="remove one of the components that form the cycle",
         )
 
-    def named(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
+    def read_referenced(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
         if kind == "materials" and is_packaged(text):
             path = find_packaged(text, where=where, workspace=self.workspace, looked_at=self.files, report=self.report)
         else:
@@ -330,8 +330,8 @@ class _Reader:
             return None
         if target.kind != kind:
             self.report.add(
-                Code.WRONG_KIND, f"expected {_REFERENCED[kind][0]}, found `{shortened(text)}` of kind `{target.kind}`", where,
-                notes=[Note(message=f"the kind of `{shortened(text)}` is set here", span=target.span(("thingc",)))],
+                Code.WRONG_KIND, f"expected {_REFERENCED[kind][0]}, found `{shorten(text)}` of kind `{target.kind}`", where,
+                notes=[Note(message=f"the kind of `{shorten(text)}` is set here", span=target.span(("thingc",)))],
             )
             return None
         self.links[document.relative, text] = target.relative
@@ -356,7 +356,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
     if node is None:
         first = next(iter(tree.keys), None)
         if first is not None and nearest(first, ["thingc"]) and isinstance(tree.entries[first], ScalarNode):
-            message = f"expected the key `thingc`, found `{shortened(first)}`"
+            message = f"expected the key `thingc`, found `{shorten(first)}`"
             report.add(Code.HEADER, message, tree.keys[first], help=near_hint(first, ["thingc"]))
         else:
             where = tree.keys[first] if first is not None else tree.span
@@ -370,7 +370,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
     value = node.value if isinstance(node, ScalarNode) else None
     if not isinstance(value, str):
         if isinstance(node, ScalarNode):
-            found = "nothing" if value is None else f"`{shortened(node.text)}`"
+            found = "nothing" if value is None else f"`{shorten(node.text)}`"
         else:
             found = "a list" if isinstance(node, SequenceNode) else "a mapping"
         report.add(
@@ -380,10 +380,10 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
         return None
     kind, slash, version = value.partition("/")
     if kind not in KINDS:
-        report.add(Code.HEADER, f"unknown kind of document `{shortened(kind)}`", node.span, help=did_you_mean(kind, KINDS, what="kinds"))
+        report.add(Code.HEADER, f"unknown kind of document `{shorten(kind)}`", node.span, help=did_you_mean(kind, KINDS, what="kinds"))
         return None
     if version != KINDS[kind]:
-        message = f"unknown version `{shortened(version)}` of `{kind}`" if slash else f"the version of `{kind}` is missing"
+        message = f"unknown version `{shorten(version)}` of `{kind}`" if slash else f"the version of `{kind}` is missing"
         report.add(Code.HEADER, message, node.span, help=f"write `{head_line(file, kind)}`")
         return None
     return kind

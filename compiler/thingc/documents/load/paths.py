@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import beginning
-from thingc.base.safe_text import escape_control, is_text, unseen
+from thingc.base.safe_text import escape_control, find_invisible, is_text
 from thingc.base.source import Span
 from thingc.base.suggestions import Hint, file_meant
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
@@ -41,7 +41,7 @@ def find_file(
     Report an error at `where` and return None if the reference is an absolute path. The same applies if the file is outside the workspace,
     does not exist, or has none of the `suffixes`. `what` is the description of the file in messages, such as `an assembly document`.
     """
-    shown = shortened(text)
+    shown = shorten(text)
     if not text.strip():
         report.add(Code.MISSING_FILE, f"expected the path of {what}, found `{shown}`", where)
         return None
@@ -51,7 +51,7 @@ def find_file(
             help="write a path relative to this document, inside the workspace",
         )
         return None
-    path = named(text, beside)
+    path = resolve_path(text, beside)
     if path is None:
         refuse_name(text, where, report)
         return None
@@ -68,10 +68,10 @@ def find_file(
         if os.path.isdir(path):
             report.add(Code.MISSING_FILE, f"`{shown}` is a folder, not a file", where, help="use a file in this folder")
         else:
-            report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_near(path, text, beside, suffixes))
+            report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_missing_file_hint(path, text, beside, suffixes))
         return None
     relative = workspace.relative(path)
-    if unseen(relative):  # the target of a link
+    if find_invisible(relative):  # the target of a link
         refuse_name(relative, where, report)
         return None
     return path
@@ -87,12 +87,12 @@ def find_assembly(text: str, *, beside: str, where: Span | None, workspace: Work
     )
 
 
-def named(text: str, beside: str) -> str | None:
+def resolve_path(text: str, beside: str) -> str | None:
     """Convert a path in the document at the path `beside` to an absolute path, whether or not the file exists.
 
     Return None for an invalid path.
     """
-    return None if unseen(text) else os.path.normpath(os.path.join(os.path.dirname(beside), text))
+    return None if find_invisible(text) else os.path.normpath(os.path.join(os.path.dirname(beside), text))
 
 
 def libraries(path: str) -> tuple[str, ...]:
@@ -107,26 +107,28 @@ def libraries(path: str) -> tuple[str, ...]:
     except OSError:
         return ()
     names = {name.decode("utf-8", "replace") for name in _LIBRARY.findall(head)}
-    return tuple(sorted(name for name in names if name.lower().endswith(".mtl") and os.path.basename(name) == name and not unseen(name)))
+    return tuple(
+        sorted(name for name in names if name.lower().endswith(".mtl") and os.path.basename(name) == name and not find_invisible(name))
+    )
 
 
 def refuse_name(name: str, where: Span | None, report: Report) -> None:
     """Report a file name that contains invisible characters or is not valid UTF-8."""
     what = "invisible characters" if is_text(name) else "bytes that are not UTF-8"
     report.add(
-        Code.FILE_NAME, f"the file name `{escape_control(name)}` has {what}: `{escape_control(unseen(name))}`", where,
+        Code.FILE_NAME, f"the file name `{escape_control(name)}` has {what}: `{escape_control(find_invisible(name))}`", where,
         help="rename the file: use letters, digits, spaces and visible characters",
     )
 
 
-def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> Hint:
+def _missing_file_hint(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> Hint:
     """Return a hint for a file that does not exist: a file with a similar name in the same folder, or the names of existing files."""
     folder = os.path.dirname(path)
     prefix = text[: len(text) - len(os.path.basename(text))]
     try:
         files = [entry.name for entry in os.scandir(folder) if entry.is_file() and entry.name.lower().endswith(suffixes)]
     except OSError:
-        return f"there is no folder `{shortened(prefix)}` here" if prefix else "use a path relative to this document"
+        return f"there is no folder `{shorten(prefix)}` here" if prefix else "use a path relative to this document"
     names = [prefix + name for name in files if os.path.join(folder, name) != os.path.normpath(beside)]
     if not names:
         return "correct the path, which is relative to this document"

@@ -89,7 +89,7 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
         )
         return None
     source = Source(file, text)
-    bad = forbidden(text)
+    bad = find_forbidden(text)
     if bad is not None:
         at, words = bad
         report.add(Code.SYNTAX, words, source.span(at, at + 1), help="delete the character; most editors do not show it")
@@ -97,7 +97,7 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
     return source
 
 
-def forbidden(text: str) -> tuple[int, str] | None:
+def find_forbidden(text: str) -> tuple[int, str] | None:
     """Find the first character that is not allowed in documents.
 
     Return its index and a description, or None if there is no such character.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Union
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
 from thingc.base.suggestions import Hint
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.load.text import MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ class _Statements:
         if self.report is not None and len(self.report.diagnostics) - self.before < MAX_FAULTS:
             span = self.source.span
             self.report.add(
-                Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", span(*place),
+                Code.DUPLICATE_KEY, f"the key `{shorten(name)}` is written twice", span(*place),
                 notes=[Note(message="first defined here", span=span(*table.keys[name]))], help="remove or rename one of the two keys",
             )
         return True
@@ -256,8 +256,8 @@ class _Joiner:
         known: Scalar
         damaged = False
         if isinstance(value, (datetime.date, datetime.time)):
-            message = f"expected a string or a number, found the date or time `{shortened(text)}`"
-            self.fault(Code.DATE, message, span, f'for a string, write `"{shortened(text)}"`')
+            message = f"expected a string or a number, found the date or time `{shorten(text)}`"
+            self.fault(Code.DATE, message, span, f'for a string, write `"{shorten(text)}"`')
             known, damaged = text, True
         elif isinstance(value, str):
             known = text = value
@@ -267,7 +267,7 @@ class _Joiner:
             except OverflowError:
                 finite = False
             if not finite:
-                self.fault(Code.NOT_FINITE, f"expected a finite number, found `{shortened(text)}`", span)
+                self.fault(Code.NOT_FINITE, f"expected a finite number, found `{shorten(text)}`", span)
             known, damaged = value if finite else 0, not finite
         else:
             known = None
@@ -315,14 +315,14 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
         _Statements(source, syntax, report).read()
         if len(report.diagnostics) > before:
             return
-    bare = _unquoted(source, index) if words.startswith(("Invalid value", "Expected newline", "Unclosed")) else None
+    bare = _find_unquoted(source, index) if words.startswith(("Invalid value", "Expected newline", "Unclosed")) else None
     if bare is not None:
         start, end, key = bare
         text = source.text[start:end]
         quoted = f'{key} = "{text}"' if key else f'"{text}"'
         report.add(
-            Code.SYNTAX, f"`{shortened(text)}` is not a TOML value", source.span(start, end),
-            help=f"strings and quantities need quotes: `{shortened(quoted)}`",
+            Code.SYNTAX, f"`{shorten(text)}` is not a TOML value", source.span(start, end),
+            help=f"strings and quantities need quotes: `{shorten(quoted)}`",
         )
         return
     message, help = _in_words(words)
@@ -344,7 +344,7 @@ def _bracket_beyond(text: str) -> int:
     return 0
 
 
-def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
+def _find_unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
     """Find an unquoted string or quantity at or before `index`. Return its range, and the key of the value ("" in a list).
 
     Return None if no unquoted value is found.

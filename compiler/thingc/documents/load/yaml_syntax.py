@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.load.text import Source
 
 
@@ -65,7 +65,7 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
         key, value, start = missing
         return SyntaxFault(
             message=f"a space is missing after `{key}:`", start=start, end=start + len(key) + 1 + len(value),
-            help=f"write `{shortened(f'{key}: {value}')}`",
+            help=f"write `{shorten(f'{key}: {value}')}`",
         )
     if text[at : at + 1] == ":" and text[:at].rstrip(" ")[-1:] in ("", "\n", "\r", "{", ","):
         return SyntaxFault(message="a key is missing before the `:`", start=at, end=at + 1)
@@ -90,7 +90,7 @@ def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault 
         written = source.line(line).strip()
         start = source.starts[line] + len(source.line(line)) - len(source.line(line).lstrip())
         return SyntaxFault(
-            message=f"expected `key: value`, found `{shortened(written)}`", start=start, end=start + max(1, len(written)),
+            message=f"expected `key: value`, found `{shorten(written)}`", start=start, end=start + max(1, len(written)),
             help="write `: ` after a key",
         )
     if "cannot start any token" in problem:

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Diagnostic, Note, Report
 from thingc.base.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
 from thingc.base.suggestions import Hint, Suggestion, did_you_mean
-from thingc.base.units import scan_number, shortened
+from thingc.base.units import scan_number, shorten
 from thingc.documents.load.text import MAX_ALIAS_NODES, MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
 from thingc.documents.load.yaml_scalars import core_value
 from thingc.documents.load.yaml_syntax import explain
@@ -112,12 +112,12 @@ class _Builder:
             return self.alias(event, level)
         self.nodes += 1
         self.deepest = max(self.deepest, level)
-        self.bound(event, level)
+        self.check_limits(event, level)
         if event.tag is not None:
             start = event.start_mark.index
             shown = self.source.text[start : event.end_mark.index].split(None, 1)[0] if kind == "ScalarEvent" else event.tag
             self.report.add(
-                Code.TAG, f"tags such as `{shortened(shown)}` are not supported", self.source.span(start, start + max(1, len(shown))),
+                Code.TAG, f"tags such as `{shorten(shown)}` are not supported", self.source.span(start, start + max(1, len(shown))),
                 help="remove the tag",
             )
         anchored = _Anchored() if event.anchor is not None else None
@@ -133,7 +133,7 @@ class _Builder:
         self.deepest = max(self.deepest, deepest)
         return node
 
-    def bound(self, event: Any, level: int) -> None:
+    def check_limits(self, event: Any, level: int) -> None:
         """Raise `_Stop` if the document is nested too deeply, is too large, or has too many errors."""
         if level > MAX_LEVELS:
             message = f"the document has more than {MAX_LEVELS} levels of nesting"
@@ -191,7 +191,7 @@ class _Builder:
             try:
                 value = core_value(text)
             except OverflowError:
-                self.report.add(Code.NOT_FINITE, f"expected a finite number, found `{shortened(text)}`", span)
+                self.report.add(Code.NOT_FINITE, f"expected a finite number, found `{shorten(text)}`", span)
                 value, damaged = 0, True
         return ScalarNode(value=value, text=text, span=span, damaged=damaged)
 
@@ -214,7 +214,7 @@ class _Builder:
                 pieces = [following]
                 while _open(pieces) and type(following := next(self.events)).__name__ == "ScalarEvent":
                     pieces.append(following)
-                items.append(self.rejoined(pieces))
+                items.append(self.rejoin(pieces))
                 if following not in pieces:
                     continue
             else:
@@ -253,7 +253,7 @@ class _Builder:
                 name, place = key
                 if name in entries:
                     self.report.add(
-                        Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", place,
+                        Code.DUPLICATE_KEY, f"the key `{shorten(name)}` is written twice", place,
                         notes=[Note(message="first defined here", span=keys[name])], help="remove or rename one of the two keys",
                     )
                 else:
@@ -289,7 +289,7 @@ class _Builder:
                 shown = self.source.text[event.start_mark.index :].partition(":")[0].strip()
                 self.report.add(
                     Code.ALIAS, f"`*{event.anchor}` refers to an unknown anchor", self.span(event),
-                    help=f'a key that starts with `*` needs quotes: `"{shortened(shown)}"`',
+                    help=f'a key that starts with `*` needs quotes: `"{shorten(shown)}"`',
                 )
             else:
                 self.report.add(Code.KEY_NOT_TEXT, f"a key must not be an alias, found `*{event.anchor}`", self.span(event))
@@ -321,8 +321,8 @@ class _Builder:
             return None
         what = "the number" if not isinstance(node.value, (bool, type(None))) else "the word"
         self.report.add(
-            Code.KEY_NOT_TEXT, f"a key must be a string, found {what} `{shortened(node.text)}`", node.span,
-            help=f'write `"{shortened(node.text)}"`',
+            Code.KEY_NOT_TEXT, f"a key must be a string, found {what} `{shorten(node.text)}`", node.span,
+            help=f'write `"{shorten(node.text)}"`',
         )
         return None
 
@@ -353,7 +353,7 @@ class _Builder:
         whole = text if shared else f"[{written}]"  # a unit at the end applies to all three values
         self.report.add(
             Code.EXPRESSION_COMMA, "the comma ends the value: write a vector in `[]`, or separate its values by spaces", span,
-            help=Suggestion(f"write `{shortened(whole)}`", (written, whole) if "\n" not in written else None),
+            help=Suggestion(f"write `{shorten(whole)}`", (written, whole) if "\n" not in written else None),
         )
         return ScalarNode(value=text, text=text, span=span, damaged=True)
 
@@ -371,9 +371,9 @@ class _Builder:
                 self.say_cut(pieces)
                 raise _Stop
             following = next(self.events)
-        return self.rejoined(pieces), following
+        return self.rejoin(pieces), following
 
-    def rejoined(self, pieces: list[Any]) -> ScalarNode:
+    def rejoin(self, pieces: list[Any]) -> ScalarNode:
         if len(pieces) > 1:
             self.say_cut(pieces)
         start, end = pieces[0].start_mark.index, pieces[-1].end_mark.index
@@ -388,7 +388,7 @@ class _Builder:
         self.report.add(
             Code.EXPRESSION_COMMA, "the comma ends the expression: quote an expression with a comma inside `{}` and `[]`",
             self.source.span(start, end),
-            help=Suggestion(f"write `{shortened(quoted)}`", (text, quoted) if text == self.source.text[start:end] else None),
+            help=Suggestion(f"write `{shorten(quoted)}`", (text, quoted) if text == self.source.text[start:end] else None),
         )
 
 

@@ -14,7 +14,7 @@ from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, Se
 from thingc.documents.spec.annotation_types import FieldType, alternatives, branch_of, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.name_types import DeclaresName, RefersTo
-from thingc.documents.spec.settable_values import nested
+from thingc.documents.spec.settable_values import split_nested
 from thingc.documents.spec.validation import model_of
 
 EXPRESSION = RefersTo("expression")
@@ -49,10 +49,10 @@ def mentions_of(document: Document) -> Iterator[NameOccurrence]:
     """
     model = model_of(document.kind)
     if model is not None:
-        yield from _in(document.tree, shape_of(model), ())
+        yield from _find_in(document.tree, shape_of(model), ())
 
 
-def _in(node: Node, shape: FieldType, path: Path) -> Iterator[NameOccurrence]:
+def _find_in(node: Node, shape: FieldType, path: Path) -> Iterator[NameOccurrence]:
     if isinstance(node, ScalarNode):
         if isinstance(node.value, str):
             names = _of_text(node.value, shape)
@@ -62,7 +62,7 @@ def _in(node: Node, shape: FieldType, path: Path) -> Iterator[NameOccurrence]:
         listed = next((one for one in alternatives(shape) if one.kind == "list"), None)
         inner = shape if listed is None else shape_of(listed.members[0])  # a vector is one field, and contains expressions
         for index, item in enumerate(node.items):
-            yield from _in(item, inner, (*path, index))
+            yield from _find_in(item, inner, (*path, index))
     elif RefersTo("raw") in {one.names for one in alternatives(shape)}:
         yield from _in_raw(node, path)
     else:
@@ -71,13 +71,13 @@ def _in(node: Node, shape: FieldType, path: Path) -> Iterator[NameOccurrence]:
             keys = model_keys(branch.model)
             for key, value in node.entries.items():
                 if key in keys:
-                    yield from _in(value, keys[key][0], (*path, key))
+                    yield from _find_in(value, keys[key][0], (*path, key))
         elif branch is not None:
             names, inner = shape_of(branch.key).names, shape_of(branch.members[0])
             for key, value in node.entries.items():
                 if names is not None:
                     yield NameOccurrence(path=(*path, key), key=True, text=key, names=names)
-                yield from _in(value, inner, (*path, key))
+                yield from _find_in(value, inner, (*path, key))
 
 
 def _of_text(text: str, shape: FieldType) -> DeclaresName | RefersTo | None:
@@ -97,14 +97,14 @@ def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
     for kind, named in node.entries.items():
         if kind in ("add", "order"):
             for place, value in walk(named, (*path, kind)):
-                if isinstance(value, ScalarNode) and isinstance(value.value, str) and (kind == "order" or referred(place)):
+                if isinstance(value, ScalarNode) and isinstance(value.value, str) and (kind == "order" or referenced_element(place)):
                     yield NameOccurrence(path=place, key=False, text=value.value, names=RefersTo("raw"))
             continue
         for name in entries_of(named):
             yield NameOccurrence(path=(*path, kind, name), key=True, text=name, names=RefersTo("raw"))
 
 
-def referred(path: Path) -> str | None:
+def referenced_element(path: Path) -> str | None:
     """Return the type of MuJoCo element to which an attribute of an added element refers.
 
     The type is a joint, a site, a body, or any element (`object`).
@@ -130,7 +130,7 @@ def setting_words(text: str) -> Iterator[SettingWord]:
     through: list[str] = []
     rest: str | None = text
     while rest is not None:
-        inner = nested(rest)
+        inner = split_nested(rest)
         words = rest.split(".") if inner is None else ["components", inner[0]]
         shape: FieldType | None = shape_of(AssemblySpec)
         at = offset

@@ -147,7 +147,7 @@ class PartClass:
         whole = [name for name in owners if (name == text and pattern is None) or (name in several and text.startswith(f"{name}_"))]
         chosen = fitting or ([max(whole, key=len)] if whole else [])
         if not chosen and pattern is None:
-            return [self._unseen("part mount", text)]
+            return [self._missing_name("part mount", text)]
         return [self._give(Name("part mount", owners[name][0].file, name, owners[name][1].name)) for name in chosen]
 
     def parameter(self, text: str) -> Name:
@@ -161,9 +161,9 @@ class PartClass:
                 if any(one.arg == text for one in _arguments(method)):
                     return self._give(Name("part parameter", module.file, text, node.name))
                 break
-        return self._unseen("part parameter", text)
+        return self._missing_name("part parameter", text)
 
-    def _unseen(self, what: str, text: str) -> Name:
+    def _missing_name(self, what: str, text: str) -> Name:
         return Name(what, "", text, self.reference)
 
     def _give(self, name: Name) -> Name:
@@ -207,7 +207,7 @@ class PartNames:
         """Yield the existing part classes that callers have requested with `thing`, each with its reference `module:Class`."""
         yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
 
-    def elsewhere(self, name: Name) -> tuple[str, int] | None:
+    def find_in_code(self, name: Name) -> tuple[str, int] | None:
         """Return the location (file and line) of other code in which the name of a mount or parameter occurs.
 
         Return None if no other code contains the name.
@@ -292,10 +292,10 @@ class PartNames:
 
     def _module(self, dotted: str) -> _Module | None:
         if dotted not in self._modules:
-            self._modules[dotted] = self._parsed(dotted)
+            self._modules[dotted] = self._parse_module(dotted)
         return self._modules[dotted]
 
-    def _parsed(self, dotted: str) -> _Module | None:
+    def _parse_module(self, dotted: str) -> _Module | None:
         for folder in self.folders:
             stem = os.path.join(folder, *dotted.split("."))
             for file in (f"{stem}.py", os.path.join(stem, "__init__.py")):
@@ -345,8 +345,8 @@ def _name_spans(module: _Module, node: ast.ClassDef, name: Name) -> Iterator[Spa
         one for one in module.inside(node).nodes if isinstance(one, ast.Attribute) and one.attr == name.text and _parameter_of_self(one)
     ]
     yield from (span for one in used if (span := module.span_of(one, name.text)) is not None)
-    yield from _documented(module, node, name.text)
-    yield from _documented(module, method, name.text)
+    yield from _find_in_docstring(module, node, name.text)
+    yield from _find_in_docstring(module, method, name.text)
 
 
 def _parameter_of_self(node: ast.Attribute) -> bool:
@@ -354,7 +354,7 @@ def _parameter_of_self(node: ast.Attribute) -> bool:
     return isinstance(node.value, ast.Attribute) and node.value.attr == "p" and _of_self(node.value)
 
 
-def _documented(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str) -> Iterator[Span]:
+def _find_in_docstring(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str) -> Iterator[Span]:
     """Yield the location of a parameter's name in the docstring of its class, in a line `NAME: ...`."""
     first = node.body[0]
     if not (isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str)):

@@ -14,8 +14,16 @@ from thingc.base.filesystem import without_suffix
 from thingc.base.source import MappingNode, Path, ScalarNode, entries_of, node_at
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import ExpressionError
-from thingc.documents.load.paths import named
-from thingc.documents.names.document_names import GLOB, SPECIAL, DocumentNames, NameOccurrence, pattern_of, referred, setting_words
+from thingc.documents.load.paths import resolve_path
+from thingc.documents.names.document_names import (
+    GLOB,
+    SPECIAL,
+    DocumentNames,
+    NameOccurrence,
+    pattern_of,
+    referenced_element,
+    setting_words,
+)
 from thingc.documents.names.part_names import Name, NamePlace, PartClass, PartNames, Role
 from thingc.documents.spec.name_types import DeclaresName, ReferenceKind, RefersTo
 
@@ -25,7 +33,7 @@ Word = tuple[int, str]
 """A word of a string and its start index."""
 
 
-def _moved(offset: int, hits: Iterable[Hit]) -> Iterator[Hit]:
+def _shift_hits(offset: int, hits: Iterable[Hit]) -> Iterator[Hit]:
     """Convert the positions of names in a substring to positions in the whole string, which contains the substring at `offset`."""
     return ((offset + start, offset + end, name, role) for start, end, name, role in hits)
 
@@ -74,20 +82,20 @@ class NameReader:
             if mention.names.what == "sensor" and written.text(*path, "type") == "joint" and written.text(*path, "joint") is None:
                 yield from self.joints(written, text, "")
             return
-        yield from self.meant(self.base, mention.names.what, text, path, index)
+        yield from self.find_names(self.base, mention.names.what, text, path, index)
 
     def own_name(self, what: str, text: str, path: Path) -> Name:
         """Return the name that a key or a string of this document declares."""
         owner = f"{path[0]}.{path[1]}" if what in ("index", "mount") else ""
         return Name(what, self.own.path, text, owner)
 
-    def meant(self, base: DocumentNames | None, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
+    def find_names(self, base: DocumentNames | None, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
         """Yield the names in the assembly `base` to which the string at `path` refers."""
         match what:
             case "assembly document":
                 yield from self._document(self.document(self.own, text), text)
             case "materials document":
-                yield from self._document(self.document(self.own, text) or self.packaged(text), text)
+                yield from self._document(self.document(self.own, text) or self.find_packaged(text), text)
             case "part":
                 yield from self._part(text)
             case _:
@@ -118,10 +126,10 @@ class NameReader:
                 yield from self.joints(base, text, index)
                 yield from self.in_section(base, "tendon", text)
             case "joint or nested assembly":
-                yield from self.posed(base, text, path, index)
+                yield from self.find_pose_names(base, text, path, index)
             case "pose of a nested assembly":
                 for inner in self.components_of(base, [word for _, word in _words(str(path[-1]))], index):
-                    yield from self.in_section(self.nested(*inner), "pose", text)
+                    yield from self.in_section(self.find_nested(*inner), "pose", text)
             case "pose" | "poses" | "mode" | "modes" | "motion" | "tendon":
                 yield from self.in_section(base, what.removesuffix("s"), text)
             case "sensor":
@@ -129,14 +137,14 @@ class NameReader:
             case "material":
                 yield from self.material(base, text)
             case "parameter of a nested assembly" | "mode of a nested assembly":
-                yield from self.in_section(self.nested(base, str(path[1])), what.partition(" ")[0], text)
+                yield from self.in_section(self.find_nested(base, str(path[1])), what.partition(" ")[0], text)
             case "parameter of a part":
                 if (thing := self.thing(base, str(path[1]))) is not None:
                     yield 0, len(text), thing.parameter(text), "used"
             case "assembly document" | "materials document" | "part":
                 return
 
-    def posed(self, base: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
+    def find_pose_names(self, base: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
         """Yield the names to which the key of a pose at `path` refers: a joint, or a nested assembly."""
         said = node_at(self.own.document.tree, path)
         pose = isinstance(said, ScalarNode) and isinstance(said.value, str) and re.fullmatch(r"\s*[A-Za-z]\w*\s*", said.value)
@@ -147,14 +155,14 @@ class NameReader:
 
     def document(self, beside: DocumentNames, text: str | None) -> DocumentNames | None:
         """Return the document to which the reference `text` in the document `beside` points."""
-        return self.documents.get(named(text, beside.path) or "") if text else None
+        return self.documents.get(resolve_path(text, beside.path) or "") if text else None
 
-    def packaged(self, text: str) -> DocumentNames | None:
+    def find_packaged(self, text: str) -> DocumentNames | None:
         """Return the document of a package with the dotted name `package.document`."""
         end = os.sep + text.replace(".", os.sep) + "."
         return next((one for path, one in self.documents.items() if f"{without_suffix(path)}.".endswith(end)), None)
 
-    def nested(self, written: DocumentNames, component: str) -> DocumentNames | None:
+    def find_nested(self, written: DocumentNames, component: str) -> DocumentNames | None:
         """Return the document of a component that is a nested assembly, or None."""
         return self.document(written, written.text("components", component, "assembly"))
 
@@ -181,7 +189,7 @@ class NameReader:
         reached: list[tuple[DocumentNames, str]] = []
         for depth, word in enumerate(words):
             reached = [(one, key) for one in level for key in one.fitting("components", word, index if not depth else "")]
-            level = [inner for one, key in reached if (inner := self.nested(one, key)) is not None]
+            level = [inner for one, key in reached if (inner := self.find_nested(one, key)) is not None]
         return reached
 
     def components(self, written: DocumentNames, words: Sequence[Word], index: str) -> Iterator[Hit]:
@@ -210,12 +218,12 @@ class NameReader:
         has_mount = False
         owners = self.components_of(written, [word for _, word in words], index)
         for owner, key in owners:
-            for hit in _moved(at, self.of_component(owner, key, last, index)):
+            for hit in _shift_hits(at, self.of_component(owner, key, last, index)):
                 has_mount = True
                 yield hit
         if what == "root" and not has_mount:
             for owner, key in owners:
-                if (nested := self.nested(owner, key)) is not None:
+                if (nested := self.find_nested(owner, key)) is not None:
                     yield from self.components(nested, [(at, last)], "")
 
     def of_component(self, written: DocumentNames, key: str, word: str, index: str) -> Iterator[Hit]:
@@ -228,7 +236,7 @@ class NameReader:
         for mount in entries_of(added):
             if pattern.match(mount):
                 yield 0, len(word), Name("mount", written.path, mount, f"components.{key}"), "used" if mount == word else "fits"
-        if (nested := self.nested(written, key)) is not None:
+        if (nested := self.find_nested(written, key)) is not None:
             for mount in nested.section("mounts"):
                 if pattern.match(mount):
                     yield 0, len(word), Name("export", nested.path, mount), "used" if mount == word else "fits"
@@ -243,7 +251,7 @@ class NameReader:
         key = str(path[1])
         if "." not in text:
             yield from self.of_component(written, key, text, index)
-        elif (nested := self.nested(written, key)) is not None:
+        elif (nested := self.find_nested(written, key)) is not None:
             yield from self.mount(nested, text, index, "mount")
 
     def exact_joint(self, written: DocumentNames, text: str, index: str) -> Iterator[Hit]:
@@ -257,7 +265,7 @@ class NameReader:
         owners = [written]
         if words:
             components = self.components_of(written, [word for _, word in words], index)
-            owners = [inner for one, key in components if (inner := self.nested(one, key)) is not None]
+            owners = [inner for one, key in components if (inner := self.find_nested(one, key)) is not None]
         keys = [(owner, key) for owner in owners for key in owner.fitting("joints", last, index)]
         if keys:
             yield from self.components(written, words, index)
@@ -272,7 +280,7 @@ class NameReader:
             return
         pattern, words = pattern_of(text, index), _words(text)
         for way in self.all_joints(written, ()):
-            if not any(pattern.match(item) or pattern.match(f"{item}[0]") for item in _dotted(way)):
+            if not any(pattern.match(item) or pattern.match(f"{item}[0]") for item in _item_names(way)):
                 continue
             if len(words) == len(way) and all(one.fitting(section, word) for (one, section, _), (_, word) in zip(way, words, strict=True)):
                 for (one, section, key), (at, word) in zip(way, words, strict=True):
@@ -292,7 +300,7 @@ class NameReader:
         for key in written.section("joints"):
             yield (*way, (written, "joints", key))
         for key in written.section("components"):
-            inner = self.nested(written, key)
+            inner = self.find_nested(written, key)
             if inner is not None and all(inner is not one for one, _, _ in way) and inner is not written:
                 yield from self.all_joints(inner, (*way, (written, "components", key)))
 
@@ -314,7 +322,7 @@ class NameReader:
         sources = [written]
         if not isinstance(node, MappingNode):
             texts = [one.value for one in getattr(node, "items", ()) if isinstance(one, ScalarNode) and isinstance(one.value, str)]
-            sources = [one for text in texts if (one := self.document(written, text) or self.packaged(text)) is not None]
+            sources = [one for text in texts if (one := self.document(written, text) or self.find_packaged(text)) is not None]
         for source in sources:
             if text in source.section("materials"):
                 yield 0, len(text), Name("material", source.path, text), "used"
@@ -346,21 +354,21 @@ class NameReader:
                 if name.startswith(prefix):
                     name, at = name.removeprefix(prefix), at + len(prefix)
             if name.startswith("length."):
-                yield from _moved(at + len("length."), self.joints(written, name.removeprefix("length."), ""))
+                yield from _shift_hits(at + len("length."), self.joints(written, name.removeprefix("length."), ""))
             else:
                 yield from self.setting(written, name, at)
 
     def setting(self, written: DocumentNames, text: str, at: int) -> Iterator[Hit]:
         """Yield the parameter to which a setting refers, or the names in the path of another value of the assembly."""
         if "." not in text:
-            yield from _moved(at, self.in_section(written, "parameter", text))
+            yield from _shift_hits(at, self.in_section(written, "parameter", text))
             return
         for word in setting_words(text):
             one = self._through(written, word.through)
             if one is None:
                 return
             inside = NameReader(self.documents, self.parts, one)
-            yield from _moved(at + word.offset, inside.key(word.path, str(word.path[-1]), word.names))
+            yield from _shift_hits(at + word.offset, inside.key(word.path, str(word.path[-1]), word.names))
 
     def key(self, path: Path, text: str, names: DeclaresName | RefersTo) -> Iterator[Hit]:
         """Yield the name that the key at a path of this document declares or refers to.
@@ -370,7 +378,7 @@ class NameReader:
         if isinstance(names, RefersTo):
             key = self.own.fitting("components", str(path[1])) if path[0] == "components" and len(path) > 2 else [path[1]]
             for one in key:
-                yield from self.meant(self.own, names.what, text, (path[0], one, *path[2:]), "")
+                yield from self.find_names(self.own, names.what, text, (path[0], one, *path[2:]), "")
         elif path[0] in ("components", "joints") and len(path) == 2:
             section = str(path[0])
             for one in self.own.fitting(section, text) or ([text] if text in self.own.section(section) else []):
@@ -384,7 +392,7 @@ class NameReader:
             if one is None:
                 return None
             keys = one.fitting("components", word) or [word]
-            one = self.nested(one, keys[0])
+            one = self.find_nested(one, keys[0])
         return one
 
     def choice(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
@@ -406,7 +414,7 @@ class NameReader:
 
     def raw(self, written: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
         """Yield the names in the path of an element in output files, such as `hand/finger`."""
-        kind = referred(path) or "" if path[2] == "add" else str(path[2])
+        kind = referenced_element(path) or "" if path[2] == "add" else str(path[2])
         dotted = text.replace("/", ".")
         words = _words(dotted)
         answers: list[list[Hit]] = []
@@ -424,8 +432,8 @@ class NameReader:
         yield from next((hits for hits in answers if hits and kind != "default"), [])
 
 
-def _dotted(way: Sequence[tuple[DocumentNames, str, str]]) -> Iterator[str]:
+def _item_names(way: Sequence[tuple[DocumentNames, str, str]]) -> Iterator[str]:
     """Yield the dotted names of all items of a joint, including the names of its parent components."""
     (written, section, key), *rest = way
     for item in written.items(section, key):
-        yield from (f"{item}.{inner}" for inner in _dotted(rest)) if rest else (item,)
+        yield from (f"{item}.{inner}" for inner in _item_names(rest)) if rest else (item,)

@@ -15,10 +15,10 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.python_source import parse_python
 from thingc.base.safe_text import escape_control
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, entries_of, node_at
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS
 from thingc.documents.names.part_names import Name, NamePlace
-from thingc.documents.names.workspace_index import WorkspaceIndex, mentioned
+from thingc.documents.names.workspace_index import WorkspaceIndex, mentions
 from thingc.documents.spec.name_types import RESERVED
 
 WORDS = {"export": "exported mount", "part mount": "mount of a part", "part parameter": "parameter of a part"}
@@ -50,23 +50,25 @@ def renamable(sight: WorkspaceIndex, name: Name) -> None:
     what = WORDS.get(name.what, name.what)
     if name.what in ("document", "part"):
         kinds = "files" if name.what == "document" else "classes"
-        raise RenameRefused(f"`thingc rename` does not rename {kinds}, such as `{shortened(name.text)}`")
-    if sight.index.declared(name) is None:
+        raise RenameRefused(f"`thingc rename` does not rename {kinds}, such as `{shorten(name.text)}`")
+    if sight.index.find_declaration(name) is None:
         if name.what == "index":
             raise RenameRefused(f"the index `{name.text}` is the default: first add `as: {name.text}` under `repeat`")
         raise RenameRefused(f"cannot find the definition of the {what} `{name.text}` of `{name.owner}` without running its code")
-    if name.what == "sensor" and any(one.name.what == "joint" and one.span == sight.index.declared(name) for one in sight.index.places):
+    if name.what == "sensor" and any(
+        one.name.what == "joint" and one.span == sight.index.find_declaration(name) for one in sight.index.places
+    ):
         raise RenameRefused(f"the sensor `{name.text}` measures the joint with the same name: first add `joint: {name.text}` to the sensor")
     if name.what == "transmission" and (drive := re.search(rf"\b{name.text}_[\d*?[]", text := sight.read(name.file) or "")):
         where = f"{sight.relative(name.file)}:{text.count(chr(10), 0, drive.start()) + 1}"
         raise RenameRefused(f"`{where}` uses a drive of the transmission `{name.text}`: rename the transmission by hand")
     for path, text in sight.broken.items():
-        if mentioned(text, name.text):
+        if mentions(text, name.text):
             raise RenameRefused(f"`{sight.relative(path)}` contains `{name.text}` but cannot be parsed: fix the file first")
     if name.what.startswith("part"):
         if not name.file.startswith(tuple(sight.folders)):
             raise RenameRefused(f"`{name.owner}` does not belong to this workspace")
-        other = sight.parts.elsewhere(name)
+        other = sight.parts.find_in_code(name)
         if other is not None:
             where = f"{sight.relative(other[0])}:{other[1]}"
             raise RenameRefused(f"`{name.text}` at {where} may refer to this {what} of `{name.owner}`: rename it there by hand")
@@ -107,7 +109,7 @@ def with_spans(sight: WorkspaceIndex, spans: Iterable[Span], new: str) -> dict[s
 def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
     what = WORDS.get(name.what, name.what)
     if not _NAME.fullmatch(new) or len(new) > 1000:
-        raise RenameRefused(f"`{escape_control(shortened(new))}` is not a valid name: use a letter, then letters, digits and `_`")
+        raise RenameRefused(f"`{escape_control(shorten(new))}` is not a valid name: use a letter, then letters, digits and `_`")
     if new.lower() in ("true", "false", "null"):
         raise RenameRefused(f"`{new}` is not a string in YAML unless it is quoted: choose another name")
     if new in RESERVED and name.what in _RESERVING:
@@ -121,16 +123,16 @@ def _check(sight: WorkspaceIndex, name: Name, new: str) -> None:
             raise RenameRefused(f"`{new}` is a Python keyword and cannot be the name of a {what}")
         if new in sight.parts.attributes(name):
             raise RenameRefused(f"`{name.owner}` already has a `{new}`")
-        alike = sight.parts.elsewhere(replace(name, text=new))
+        alike = sight.parts.find_in_code(replace(name, text=new))
         if alike is not None:  # both names would become the same, so the rename could not be undone
             where = f"{sight.relative(alike[0])}:{alike[1]}"
             raise RenameRefused(f"`{new}` at {where} would then refer to this {what} of `{name.owner}`: choose another name")
         return
-    for other, called in _taken(sight, name, new):
+    for other, called in _find_conflicts(sight, name, new):
         raise RenameRefused(f"there is already {called} `{other}`" + ("" if other == new else f", which differs from `{new}` only in case"))
 
 
-def _taken(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, str]]:
+def _find_conflicts(sight: WorkspaceIndex, name: Name, new: str) -> Iterator[tuple[str, str]]:
     """Yield the existing names that conflict with a new name, each with the type of its element."""
     written = sight.documents[name.file]
     if name.what == "index":

@@ -41,7 +41,7 @@ class NameIndex(FrozenStruct, kw_only=False):
         ]
         return min(around, key=lambda place: (place.role == "fits", place.span.end_column - place.span.column), default=None)
 
-    def declared(self, name: Name) -> Span | None:
+    def find_declaration(self, name: Name) -> Span | None:
         """Return the location at which a name is declared, or None if the declaration is unknown."""
         return next((place.span for place in self.by_name.get(name, ()) if place.role == "declared"), None)
 
@@ -89,7 +89,7 @@ class WorkspaceIndex(FrozenStruct):
             path: written if path not in texts else read_document(path, written.document.relative, texts[path])
             for path, written in self.documents.items()
         }
-        return _seen({path: one for path, one in documents.items() if one is not None}, {
+        return _build_index({path: one for path, one in documents.items() if one is not None}, {
             **self.broken, **{path: texts[path] for path, one in documents.items() if one is None},
         }, read, self.relative, self.folders)
 
@@ -125,10 +125,10 @@ def index_workspace(
             broken[path], written = text, known.get(path)
         if written is not None:
             documents[path] = written
-    return _seen(documents, broken, read, workspace.relative, tuple(workspace.parts))
+    return _build_index(documents, broken, read, workspace.relative, tuple(workspace.parts))
 
 
-def _seen(
+def _build_index(
     documents: Mapping[str, DocumentNames], broken: Mapping[str, str], read: Callable[[str], str | None], relative: Callable[[str], str],
     folders: tuple[str, ...],
 ) -> WorkspaceIndex:
@@ -153,6 +153,6 @@ def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
     ))
 
 
-def mentioned(text: str, word: str) -> bool:
+def mentions(text: str, word: str) -> bool:
     """Return True if a text contains the name `word`, or this name with the index of a repeat. For example, `leg_0` contains `leg`."""
     return re.search(rf"(?<![A-Za-z0-9_]){re.escape(word)}(?![A-Za-z0-9])", text, re.ASCII) is not None

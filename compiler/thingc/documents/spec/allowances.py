@@ -10,8 +10,8 @@ from pydantic import Field
 from thingc.base.diagnostics import Allowance, Code
 from thingc.base.source import Document, Node, Path, Span, node_at
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import shortened
-from thingc.documents.spec.fields import FieldValidator, fault, found
+from thingc.base.units import shorten
+from thingc.documents.spec.fields import FieldValidator, describe, fault
 
 if TYPE_CHECKING:
     from thingc.documents.spec.assembly import AssemblySpec
@@ -25,19 +25,19 @@ ALLOWABLE = {code.code: code.title for code in Code if code.warned_by is not Non
 def _warning_code(value: Any) -> str:
     """Validate the diagnostic code of a suppressed warning."""
     if not isinstance(value, str):
-        raise fault("type", f"expected the code of a warning such as `TC407`, found {found(value)}")
+        raise fault("type", f"expected the code of a warning such as `TC407`, found {describe(value)}")
     if value in ALLOWABLE:
         return value
     if value in _BY_CODE:
         raise fault("choice", f"`{value}` is not a warning that can be allowed", help=f"run `thingc explain {value}` for details")
-    raise fault("choice", f"there is no warning `{shortened(value)}`", help=did_you_mean(value, ALLOWABLE, what="warnings"))
+    raise fault("choice", f"there is no warning `{shorten(value)}`", help=did_you_mean(value, ALLOWABLE, what="warnings"))
 
 
 def _reason(value: Any) -> str:
     """Validate the reason for suppressing a warning."""
     if isinstance(value, str) and value.strip():
         return value
-    raise fault("type", f"expected a reason, found {found(value)}", help="explain why the warning does not apply")
+    raise fault("type", f"expected a reason, found {describe(value)}", help="explain why the warning does not apply")
 
 
 _REASON_SCHEMA = {"type": "string", "pattern": r"\S"}

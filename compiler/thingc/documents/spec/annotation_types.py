@@ -53,7 +53,7 @@ class FieldType(FrozenStruct):
             named = [key for key, (_, required) in keys.items() if required] or list(dict.fromkeys([*own, *keys]))[:3]
             return "a mapping with " + ", ".join(f"`{key}`" for key in named)
         if self.kind == "literal":
-            return one_of([spoken(choice) for choice in self.choices])
+            return one_of([format_choice(choice) for choice in self.choices])
         if self.kind == "field":
             assert self.field is not None
             return self.field.words
@@ -157,6 +157,6 @@ def one_of(words: Sequence[str]) -> str:
     return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]
 
 
-def spoken(choice: Any) -> str:
+def format_choice(choice: Any) -> str:
     """Format an allowed value of a field as it is written in documents."""
     return {True: "true", False: "false"}[choice] if isinstance(choice, bool) else str(choice)

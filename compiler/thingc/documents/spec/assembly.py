@@ -11,7 +11,7 @@ from thingc.base.joints.kinds import JointType
 from thingc.base.suggestions import Suggestion
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
 from thingc.documents.spec.allowances import Allow, allow
-from thingc.documents.spec.base import Model, given, require_with, rule
+from thingc.documents.spec.base import Model, given_keys, require_with, rule
 from thingc.documents.spec.catalog import QuantityText
 from thingc.documents.spec.drives import DriveSpec, DynamicsSpec
 from thingc.documents.spec.fields import (
@@ -33,8 +33,8 @@ from thingc.documents.spec.fields import (
     SpeedField,
     Vector3Angle,
     Vector3Length,
+    describe,
     fault,
-    found,
     raise_all,
     within,
 )
@@ -102,7 +102,7 @@ def _sound_raw(value: Any, path: tuple[str | int, ...], wrong: list[PydanticCust
     if isinstance(value, list) and any(isinstance(one, dict) for one in value):  # added elements
         return [_sound_raw(one, (*path, number), wrong) for number, one in enumerate(value)]
     if not all(one is None or isinstance(one, (str, int, float)) for one in scalars):  # null values are reported for every key
-        error = fault("type", f"expected {_WORDS}, found {found(value)}")
+        error = fault("type", f"expected {_WORDS}, found {describe(value)}")
         wrong.append(within(error, path) if path else error)
     return value
 
@@ -300,7 +300,7 @@ class ComponentSpec(ComponentDefaults):
 
     @model_validator(mode="after")
     def _one_kind(self) -> ComponentSpec:
-        kinds = given(self, KINDS)
+        kinds = given_keys(self, KINDS)
         if not kinds:
             raise rule("a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
                         "add `link: true` next to `shapes`" if self.shapes else "write, for example, `part: arm:BasePlate`")

@@ -25,14 +25,14 @@ def rule(message: str, help: Hint = "", key: str | None = None) -> PydanticCusto
     return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})
 
 
-def given(spec: BaseModel, keys: Sequence[str]) -> list[str]:
+def given_keys(spec: BaseModel, keys: Sequence[str]) -> list[str]:
     """Return the keys in `keys` that a mapping contains."""
     return [key for key in keys if getattr(spec, key) is not None]
 
 
 def require_one(spec: BaseModel, keys: Sequence[str], what: str, help: Hint) -> None:
     """Raise a validation error unless a mapping contains exactly one of the keys. `what` describes the mapping: `a volume`."""
-    found = given(spec, keys)
+    found = given_keys(spec, keys)
     if len(found) != 1:
         known, named = (", ".join(f"`{key}`" for key in keys), " and ".join(f"`{key}`" for key in found))
         raise rule(f"{what} must have exactly one of {known}, found {named or 'none'}", help)
@@ -40,7 +40,7 @@ def require_one(spec: BaseModel, keys: Sequence[str], what: str, help: Hint) -> 
 
 def require_either(spec: BaseModel, one: str, other: str, what: str, help: Hint) -> None:
     """Raise a validation error unless a mapping contains exactly one of two keys."""
-    found = given(spec, (one, other))
+    found = given_keys(spec, (one, other))
     if len(found) != 1:
         raise rule(f"{what} needs exactly one of `{one}` and `{other}`, found {'both' if found else 'none'}", help)
 

@@ -10,7 +10,7 @@ from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.documents.expressions.evaluation import evaluate
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.base import Model, require_either, rule
-from thingc.documents.spec.fields import FieldValidator, fault, found, quantity, raise_all, read_value, within
+from thingc.documents.spec.fields import FieldValidator, describe, fault, quantity, raise_all, read_value, within
 from thingc.documents.spec.name_types import JointPattern
 
 MOST_TICKS = 1 << 32
@@ -22,7 +22,7 @@ FINEST = 1e-12
 def _whole_number(least: int, most: int) -> FieldValidator:
     def validate(value: Any) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
-            raise fault("type", f"expected a whole number, found {found(value)}")
+            raise fault("type", f"expected a whole number, found {describe(value)}")
         if not least <= value <= most:
             raise fault("quantity", f"expected a whole number from {least} to {most}, found {value}")
         return value
@@ -32,7 +32,7 @@ def _whole_number(least: int, most: int) -> FieldValidator:
 
 def _sign(value: Any) -> int:
     if type(value) is not int or abs(value) != 1:
-        raise fault("choice", f"expected `1` or `-1`, found {found(value)}")
+        raise fault("choice", f"expected `1` or `-1`, found {describe(value)}")
     return value
 
 

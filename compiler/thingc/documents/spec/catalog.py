@@ -6,14 +6,14 @@ import re
 from typing import Annotated, Any
 
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import CostField, FieldValidator, LinkField, fault, found
+from thingc.documents.spec.fields import CostField, FieldValidator, LinkField, describe, fault
 
 
 def _quantity(value: Any) -> str:
     """Validate a number of pieces: a positive whole number, as text. The string is returned unchanged."""
     if isinstance(value, str) and re.fullmatch(r"[1-9][0-9]{0,8}", value):
         return value
-    raise fault("type", f"expected a positive whole number, found {found(value)}", help="write, for example, `10`")
+    raise fault("type", f"expected a positive whole number, found {describe(value)}", help="write, for example, `10`")
 
 
 _QUANTITY_SCHEMA = {"type": "string", "pattern": "^[1-9][0-9]{0,8}$", "description": "A number of pieces.", "examples": ["10"]}

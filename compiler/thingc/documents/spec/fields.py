@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic_core import PydanticCustomError, core_schema
 
 from thingc.base import units
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.suggestions import Hint, Suggestion, near_hint
 from thingc.base.units import (
     ANGLE,
@@ -26,10 +26,10 @@ from thingc.base.units import (
     Dimension,
     Quantity,
     UnitError,
-    checked,
+    check_dimension,
     parse_quantity,
     scan_number,
-    shortened,
+    shorten,
     suggested_units,
 )
 from thingc.base.vector_text import parse_vector
@@ -77,18 +77,18 @@ def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | N
     return PydanticCustomError(kind, "{message}", context)
 
 
-def found(value: object) -> str:
+def describe(value: object) -> str:
     """Describe an invalid value for a message: "the string `x`", "the number `3`", "a list of 2 items", "a mapping"."""
     if isinstance(value, str):
-        return f"the string `{shortened(value)}`" if value else "an empty string"
+        return f"the string `{shorten(value)}`" if value else "an empty string"
     if isinstance(value, bool):
         return f"`{'true' if value else 'false'}`"
     if isinstance(value, (int, float)):
-        return f"the number `{shortened(repr(value))}`"
+        return f"the number `{shorten(repr(value))}`"
     if isinstance(value, (list, tuple)):
-        return f"a list of {counted(len(value), 'item')}" if value else "an empty list"
+        return f"a list of {format_count(len(value), 'item')}" if value else "an empty list"
     if isinstance(value, Mapping):
-        keys = ", ".join(f"`{shortened(str(key), 20)}`" for key in list(value)[:3])
+        keys = ", ".join(f"`{shorten(str(key), 20)}`" for key in list(value)[:3])
         return f"a mapping with {keys}" if keys else "an empty mapping"
     return "nothing"
 
@@ -128,17 +128,17 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
     Raises an error such as `expected a length (such as `120 mm`), found ...` for any other value.
     """
     if isinstance(value, Quantity):
-        return checked(value, dimensions, f"{value.value}")
+        return check_dimension(value, dimensions, f"{value.value}")
     if is_expression(value):
         return read_expression(value)
     try:
         if isinstance(value, str):
-            return checked(_quantity_in(value, dimensions, words, example), dimensions, value)
+            return check_dimension(_quantity_in(value, dimensions, words, example), dimensions, value)
         if isinstance(value, (int, float)) and not isinstance(value, bool):
-            return checked(_bare(value), dimensions, repr(value))
+            return check_dimension(_bare(value), dimensions, repr(value))
     except UnitError as error:
         raise _of_unit(error) from None
-    raise fault("type", f"expected {words} (such as `{example}`), found {found(value)}")
+    raise fault("type", f"expected {words} (such as `{example}`), found {describe(value)}")
 
 
 def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: str) -> Quantity:
@@ -148,7 +148,7 @@ def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: 
     """
     start = len(text) - len(text.lstrip())
     if scan_number(text, start) is None:
-        raise UnitError(f"expected {words} (such as `{example}`), found {found(text)}", help=expression_hint(text))
+        raise UnitError(f"expected {words} (such as `{example}`), found {describe(text)}", help=expression_hint(text))
     try:
         return parse_quantity(text, wanted)
     except UnitError as error:
@@ -167,8 +167,8 @@ def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
     """
     point = f"{whole}.{rest}"
     decimals = re.match(r"\d*", rest)
-    sure = decimals is not None and len(decimals.group()) != 3 and shortened(point) == point
-    return Suggestion(f"write `{shortened(point)}`", (text, point) if sure else None)
+    sure = decimals is not None and len(decimals.group()) != 3 and shorten(point) == point
+    return Suggestion(f"write `{shorten(point)}`", (text, point) if sure else None)
 
 
 def quantity(*dimensions: Dimension, doc: str = "") -> FieldValidator:
@@ -227,7 +227,7 @@ def any_value(value: Any) -> Value | bool | str:
             raise _of_unit(error) from None
     if isinstance(value, (int, float)):
         return _bare(value)
-    raise fault("type", f"expected a quantity, an expression, a boolean or a string, found {found(value)}")
+    raise fault("type", f"expected a quantity, an expression, a boolean or a string, found {describe(value)}")
 
 
 def _begins_with_number(text: str) -> bool:
@@ -255,7 +255,7 @@ def _vector(dimension: Dimension) -> FieldValidator:
     def validate(value: Any) -> Vector:
         if isinstance(value, str) and not is_expression(value):
             try:
-                x, y, z = (checked(part, (dimension,), value) for part in parse_vector(value, (dimension,)))
+                x, y, z = (check_dimension(part, (dimension,), value) for part in parse_vector(value, (dimension,)))
             except UnitError as error:
                 if error.kind == "unit" and error.offset is None:
                     meant = f"{' '.join(value.split())} {suggested_units(dimension, value)[0]}"
@@ -263,9 +263,9 @@ def _vector(dimension: Dimension) -> FieldValidator:
                 raise _of_unit(error) from None
             return x, y, z
         if not isinstance(value, (list, tuple)):
-            raise fault("type", f"expected {words}, found {found(value)}", help=f"write, for example, `{short}` or `{listed}`")
+            raise fault("type", f"expected {words}, found {describe(value)}", help=f"write, for example, `{short}` or `{listed}`")
         if len(value) != 3:
-            raise fault("vector", f"expected {words}, found {found(value)}", help=f"write, for example, `{listed}`")
+            raise fault("vector", f"expected {words}, found {describe(value)}", help=f"write, for example, `{listed}`")
         items: list[Value] = []
         wrong: list[PydanticCustomError] = []
         for index, item in enumerate(value):
@@ -310,7 +310,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 def name_of(value: Any) -> str:
     """Validate a name in a document, such as the name of a component. Raises an error if the name is invalid."""
     if not isinstance(value, str):
-        raise fault("type", f"expected a name, found {found(value)}")
+        raise fault("type", f"expected a name, found {describe(value)}")
     if _NAME.fullmatch(value):
         return value
     from unicodedata import normalize
@@ -318,16 +318,16 @@ def name_of(value: Any) -> str:
     plain = re.sub("[\u0300-\u036f]+", "", normalize("NFD", value.strip()))  # letters without their accents
     cleaned = re.sub(r"\W+", "_", plain, flags=re.ASCII).strip("_")
     help = f"write, for example, `{cleaned}`" if _NAME.fullmatch(cleaned) else None
-    raise fault("name", f"`{shortened(value)}` is not a valid name: use a letter, then letters, digits and `_`", help=help)
+    raise fault("name", f"`{shorten(value)}` is not a valid name: use a letter, then letters, digits and `_`", help=help)
 
 
-def _omitted(value: Any) -> tuple[str, ...]:
+def _validate_omitted(value: Any) -> tuple[str, ...]:
     """Validate levels of detail that are omitted, such as `-fasteners`, and return their names."""
     given = value if isinstance(value, list) else [value]
     for one in given:
         if not isinstance(one, str) or not one.startswith("-"):
             help = f"write `-{one}` to omit it" if isinstance(one, str) and _NAME.fullmatch(one) else "write, for example, `-fasteners`"
-            raise fault("type", f"expected a minus sign and a level of detail, found {found(one)}", help=help)
+            raise fault("type", f"expected a minus sign and a level of detail, found {describe(one)}", help=help)
     return tuple(name_of(one[1:]) for one in given)
 
 
@@ -335,7 +335,7 @@ def _index(value: Any) -> str:
     """Validate the index of a joint coordinate, which must be an integer of at least 0."""
     if isinstance(value, str) and value.isdecimal() and value.isascii() and len(value) < 3:
         return value
-    raise fault("name", f"expected the index of a coordinate such as `0`, found {found(value)}")
+    raise fault("name", f"expected the index of a coordinate such as `0`, found {describe(value)}")
 
 
 _REFERENCE_WORD = re.compile(r"(?:[A-Za-z*?\[]|\$\{?[A-Za-z])(?:[A-Za-z0-9_*?\[\]!-]|\$\{?[A-Za-z][A-Za-z0-9_]*\}?)*", re.ASCII)
@@ -347,14 +347,14 @@ def _reference(value: Any) -> str:
     A reference can contain the index `$i` of a repeat. If patterns are allowed, `*`, `?` and `[...]` are also valid.
     """
     if not isinstance(value, str):
-        raise fault("type", f"expected a reference such as `plate.servo_seat`, found {found(value)}")
+        raise fault("type", f"expected a reference such as `plate.servo_seat`, found {describe(value)}")
     at = 0
     for word in value.split("."):
         if not _REFERENCE_WORD.fullmatch(word):
-            message = f"`{shortened(value)}` is not a valid reference"
+            message = f"`{shorten(value)}` is not a valid reference"
             if word != value:
-                message += f": `{shortened(word)}` in it is not a valid name" if word else ": a name is missing next to a `.`"
-            help = f"separate names with dots: `{shortened(value.replace('/', '.'))}`" if "/" in word else None
+                message += f": `{shorten(word)}` in it is not a valid name" if word else ": a name is missing next to a `.`"
+            help = f"separate names with dots: `{shorten(value.replace('/', '.'))}`" if "/" in word else None
             if re.fullmatch(r"\w+ +\w+", word):
                 help = f"write `{'.'.join(word.split())}`"
             raise fault("reference", message, help=help, offset=at, end=at + max(1, len(word)))
@@ -370,17 +370,17 @@ def _color(value: Any) -> str:
     import webcolors  # lazy import: many documents have no colours
 
     if not isinstance(value, str):
-        raise fault("type", f"expected a colour, found {found(value)}", help='write a CSS name or `"#rrggbb"`')
+        raise fault("type", f"expected a colour, found {describe(value)}", help='write a CSS name or `"#rrggbb"`')
     if _HEX.fullmatch(value):
         digits = value[1:].lower()
         return "#" + (digits if len(digits) == 6 else "".join(digit * 2 for digit in digits))
     if value.startswith("#"):
-        raise fault("color", f"`{shortened(value)}` is not a colour", help='write `"#rrggbb"` with hexadecimal digits')
+        raise fault("color", f"`{shorten(value)}` is not a colour", help='write `"#rrggbb"` with hexadecimal digits')
     try:
         return str(webcolors.name_to_hex(value))
     except ValueError:
         help = near_hint(value, webcolors.names()) or 'write a CSS name or `"#rrggbb"`'
-        raise fault("color", f"unknown colour `{shortened(value)}`", help=help) from None
+        raise fault("color", f"unknown colour `{shorten(value)}`", help=help) from None
 
 
 def _count(value: Any) -> int | Expression:
@@ -388,13 +388,13 @@ def _count(value: Any) -> int | Expression:
     if is_expression(value):
         return read_expression(value)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise fault("type", f"expected a whole number, found {found(value)}")
+        raise fault("type", f"expected a whole number, found {describe(value)}")
     if value != math.floor(value):
-        raise fault("quantity", f"expected a whole number, found {found(value)}")
+        raise fault("quantity", f"expected a whole number, found {describe(value)}")
     if value < 0:
-        raise fault("quantity", f"expected a whole number of at least 0, found {found(value)}")
+        raise fault("quantity", f"expected a whole number of at least 0, found {describe(value)}")
     if value > 1_000_000_000:
-        raise fault("quantity", f"expected a whole number of at most 1000000000, found {found(value)}")
+        raise fault("quantity", f"expected a whole number of at most 1000000000, found {describe(value)}")
     return int(value)
 
 
@@ -411,7 +411,7 @@ def _cost(value: Any) -> str:
         return value
     amount = value if isinstance(value, (int, float)) and not isinstance(value, bool) else "12.50"
     raise fault(
-        "quantity" if isinstance(value, str) else "type", f"expected an amount and a currency, found {found(value)}",
+        "quantity" if isinstance(value, str) else "type", f"expected an amount and a currency, found {describe(value)}",
         help=f"write, for example, `{amount} EUR`",
     )
 
@@ -420,7 +420,7 @@ def _link(value: Any) -> str:
     """Validate the address of a web page. The string is returned unchanged."""
     if isinstance(value, str) and re.fullmatch(r"https?://[^\s\"<>]+", value):
         return value
-    raise fault("type", f"expected a web address, found {found(value)}", help="write, for example, `https://www.example.com/xm430`")
+    raise fault("type", f"expected a web address, found {describe(value)}", help="write, for example, `https://www.example.com/xm430`")
 
 
 _ANY_SCHEMA = {
@@ -469,7 +469,7 @@ Vector3Length = Annotated[Vector, _vector(LENGTH)]
 Vector3Angle = Annotated[Vector, _vector(ANGLE)]
 Vector3Acceleration = Annotated[Vector, _vector(units.ACCELERATION)]
 Name = Annotated[str, FieldValidator(name_of, "a name", _NAME_SCHEMA)]
-OmittedField = Annotated[tuple[str, ...], FieldValidator(_omitted, "levels of detail", _OMITTED_SCHEMA)]
+OmittedField = Annotated[tuple[str, ...], FieldValidator(_validate_omitted, "levels of detail", _OMITTED_SCHEMA)]
 Index = Annotated[str, FieldValidator(_index, "the index of a coordinate", _INDEX_SCHEMA)]
 ReferenceField = Annotated[str, FieldValidator(_reference, "a reference", _REFERENCE_SCHEMA)]
 ColorField = Annotated[str, FieldValidator(_color, "a colour", _COLOR_SCHEMA)]

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from thingc.base.suggestions import Hint, Suggestion
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, repeats, sensors
 from thingc.documents.spec.annotation_types import model_keys, one_of
 
@@ -70,8 +70,8 @@ def written_whole(model: type[BaseModel], texts: list[str], value: object) -> st
     if keys is None or not texts or not all(texts) or isinstance(value, bool):
         return None
     if keys == ("xyz",):
-        return f"{{xyz: [{', '.join(texts)}]}}" if len(texts) == 3 else f"{{xyz: {shortened(texts[0])}}}" if len(texts) == 1 else None
+        return f"{{xyz: [{', '.join(texts)}]}}" if len(texts) == 3 else f"{{xyz: {shorten(texts[0])}}}" if len(texts) == 1 else None
     needed = sum(required for _, required in model_keys(model).values())
     if not max(needed, 1 if len(keys) < 2 else 2) <= len(texts) <= len(keys):
         return None
-    return "{" + ", ".join(f"{key}: {shortened(text, 40)}" for key, text in zip(keys, texts)) + "}"
+    return "{" + ", ".join(f"{key}: {shorten(text, 40)}" for key, text in zip(keys, texts)) + "}"

@@ -64,7 +64,7 @@ class Specs(dict[str, "AssemblySpec | CatalogSpec | MaterialsSpec"]):
         self.doubts: dict[str, InvalidEntries] = {}
         self.allowances: list[Allowance] = []
 
-    def joined(self, more: Specs) -> Specs:
+    def union(self, more: Specs) -> Specs:
         """Return the union of these validated models and the models in `more`."""
         both = Specs({**self, **more})
         both.doubts = {**self.doubts, **more.doubts}

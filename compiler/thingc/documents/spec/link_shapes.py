@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import ConfigDict, Field, model_validator
 
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
-from thingc.documents.spec.base import Model, given, require_one, require_with, rule
+from thingc.documents.spec.base import Model, given_keys, require_one, require_with, rule
 from thingc.documents.spec.fields import ColorField, CountField, LengthField, NumberField, Vector3Length
 from thingc.documents.spec.materials import FrictionSpec
 from thingc.documents.spec.name_types import MaterialField
@@ -97,7 +97,7 @@ class ContactShapeSpec(Model):
 
     @model_validator(mode="after")
     def _one_kind(self) -> ContactShapeSpec:
-        help = "write each shape as a separate item: `- {...}`" if given(self, KINDS) else "write, for example, `box: 40 40 20 mm`"
+        help = "write each shape as a separate item: `- {...}`" if given_keys(self, KINDS) else "write, for example, `box: 40 40 20 mm`"
         require_one(self, KINDS, "a shape", help)
         for key in OF_MESHES:
             why = "other shapes are convex" if key == "decompose" else "lengths of other shapes include their units"
@@ -136,7 +136,7 @@ class ChoiceSpec(Model):
     @model_validator(mode="after")
     def _one_form(self) -> ChoiceSpec:
         known = [key for key in ("kind", "shapes", "decompose") if key in type(self).model_fields]
-        if given(self, known) or not getattr(self, "targets", None):
+        if given_keys(self, known) or not getattr(self, "targets", None):
             require_one(self, known, "collision shapes", "write, for example, `collision: {shapes: [{box: 40 20 10 mm}]}`")
         return self
 

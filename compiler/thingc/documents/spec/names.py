@@ -8,17 +8,17 @@ from pydantic import Field
 
 from thingc.base.export_names import LONGEST, is_file_name
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import FieldValidator, fault, found
+from thingc.documents.spec.fields import FieldValidator, describe, fault
 from thingc.documents.spec.name_types import DrivenKey, OwnComponentKey, OwnExportKey, OwnJointKey, OwnPoseKey, OwnTendonKey, SensorKey
 
 
 def _file_name(value: Any) -> str:
     """Validate a name in output files."""
     if not isinstance(value, str):
-        raise fault("type", f"expected a name, found {found(value)}", help="put the name in quotes")
+        raise fault("type", f"expected a name, found {describe(value)}", help="put the name in quotes")
     if not is_file_name(value):
         raise fault(
-            "name", f"expected a name, found {found(value)}",
+            "name", f"expected a name, found {describe(value)}",
             help=f"write a single line of at most {LONGEST} characters, without leading or trailing spaces",
         )
     return value

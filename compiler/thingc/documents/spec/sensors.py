@@ -101,7 +101,7 @@ class SensorSpec(Model):
     cutoff: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["160 m/s^2", {"gyro": "35 rad/s"}])
     """The largest absolute value of the reading; for several readings, a mapping by name of the reading."""
 
-    def said(self, key: SensorKey) -> Any:
+    def value_of(self, key: SensorKey) -> Any:
         """Return the value of a key of the sensor. Return None if the document does not contain the key."""
         return getattr(self, f"{key}_" if key in ("in", "with") else key)
 
@@ -109,11 +109,11 @@ class SensorSpec(Model):
     def _keys(self) -> SensorSpec:
         kind = SENSORS[self.type]
         for key in _KEYS:
-            if self.said(key) is not None and key not in kind.keys:
+            if self.value_of(key) is not None and key not in kind.keys:
                 able = one_of([one.name for one in SENSORS.values() if key in one.keys])
                 raise rule(f"a sensor of type `{self.type}` cannot have `{key}`", f"remove `{key}`, or choose another `type`: {able}", key)
         for group in kind.needs:
-            written = [key for key in group if self.said(key) is not None]
+            written = [key for key in group if self.value_of(key) is not None]
             if len(written) != 1:
                 wanted = " or ".join(f"`{key}`" for key in group)
                 here = "found both" if written else "found none"

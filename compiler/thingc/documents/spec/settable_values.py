@@ -53,7 +53,7 @@ def parse(path: str) -> ChoicePath | None:
     return None
 
 
-def nested(path: str) -> tuple[str, str] | None:
+def split_nested(path: str) -> tuple[str, str] | None:
     """Split a path into the name of a component and the rest of the path, which refers to a value in the nested assembly.
 
     Return None if the path does not refer to a value in a nested assembly.
@@ -145,7 +145,7 @@ def dimension_stated(documents: Documents, path: str) -> Dimension | None:
 def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[str, ...]]:
     """Return the nested document that contains the value at a path, and the keys of the value in this document."""
     document: Document | None = documents.root
-    while document is not None and (through := nested(path)) is not None:
+    while document is not None and (through := split_nested(path)) is not None:
         component, path = through
         document = nested_document(documents, document, component)
     return document, tuple(path.split("."))
@@ -154,7 +154,7 @@ def _leading(documents: Documents, path: str) -> tuple[Document | None, tuple[st
 def nested_document(documents: Documents, document: Document, component: str) -> Document | None:
     """Return the document of a component that is a nested assembly, or None."""
     text = node_at(document.tree, ("components", component, "assembly"))
-    return documents.named(document, text.text) if isinstance(text, ScalarNode) else None
+    return documents.find_referenced(document, text.text) if isinstance(text, ScalarNode) else None
 
 
 def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> ExpressionValue | Expression | None:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.documents.spec.base import Model, given, rule
+from thingc.documents.spec.base import Model, given_keys, rule
 from thingc.documents.spec.drives import DriveSpec
 from thingc.documents.spec.fields import ArmatureField, JointValueField, MultiplierField, RatioField
 from thingc.documents.spec.name_types import ComponentField, CoordinateField
@@ -83,7 +83,7 @@ class TransmissionSpec(Model):
     def _one_way(self) -> TransmissionSpec:
         missing = [f"`{key}`" for key in SIMPLE if getattr(self, key) is None]
         if self.differential is not None:
-            for key in given(self, (*SIMPLE, "backlash")):
+            for key in given_keys(self, (*SIMPLE, "backlash")):
                 raise rule(f"a transmission with `differential` cannot have `{key}`", f"remove `{key}`", key)
         elif missing:
             raise rule(f"a transmission needs {' and '.join(missing)}", "write, for example, `{actuator: motor, joint: knee, ratio: 9}`")

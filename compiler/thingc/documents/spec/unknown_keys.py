@@ -7,7 +7,7 @@ from typing import Any
 
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, node_at
 from thingc.base.suggestions import Hint, Suggestion, closest_name, did_you_mean, near_hint, nearest
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.spec.annotation_types import FieldType, alternatives, branch_of, likeness, model_keys, one_of, shape_of
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.foreign_keywords import key_for
@@ -33,7 +33,7 @@ class UnknownKey:
         self.instead: str | None = None
         self.help: Hint
         if told is not None:
-            self.help = self._called(told)
+            self.help = self._suggest(told)
             return
         place = None if closest_name(self.key, absent) is not None else self._mate() or self._place(root)
         if place is not None:
@@ -49,7 +49,7 @@ class UnknownKey:
         else:
             self.help = did_you_mean(self.key, self.known, what="keys")
 
-    def _called(self, told: str) -> Hint:
+    def _suggest(self, told: str) -> Hint:
         """Return the help text that suggests the key `told` instead of the unknown key.
 
         If `told` is a whole sentence, this sentence is returned unchanged.
@@ -65,13 +65,13 @@ class UnknownKey:
         """Suggest the long form of `attach` for an unknown key `turn` or `gap` in a component with the short form of `attach`."""
         if not {"mount", "to"} <= set(self.known) - self.present:
             return None
-        return f"write in full: `mount: {shortened(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
+        return f"write in full: `mount: {shorten(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
 
     def _place(self, root: type[Model]) -> str | None:
         """Describe where an unknown key is valid: in a nested mapping, in a parent mapping, or in a section of the document."""
         value = node_at(self.document.tree, self.path)
         if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
-            return f"set a parameter by `parameters: {{{shortened(self.key, 40)}: {shortened(value.text, 40)}}}`"
+            return f"set a parameter by `parameters: {{{shorten(self.key, 40)}: {shorten(value.text, 40)}}}`"
         shown = _node_text(value)
         if len(self.path) == 3 and self.path[0] == "defaults":
             entries = dict(sections(root)).get(f"{self.path[1]}s")
@@ -83,7 +83,7 @@ class UnknownKey:
             short = node_at(self.document.tree, (*self.path[:-1], "attach")) if here == ["attach"] else None
             if isinstance(short, MappingNode) and len(short.entries) == 1 and "mount" not in short.entries:
                 ((mount, to),) = short.entries.items()
-                mate = f"mount: {shortened(mount, 40)}, to: {_node_text(to)}, {self.key}: {shown}"
+                mate = f"mount: {shorten(mount, 40)}, to: {_node_text(to)}, {self.key}: {shown}"
                 return f"write the key inside `attach`, in full: `attach: {{{mate}}}`"
             if here:
                 return f"move the key into {one_of(here)}"
@@ -119,12 +119,12 @@ class UnknownKey:
         """Return a help text that describes how to set the parameters of a part or of a nested document."""
         for of, key in (("part", "params"), ("assembly", "parameters")):
             if {of, key} <= set(self.known) and of in self.present and shown != "..." and nearest(self.key, self.known) is None:
-                return f"set a parameter of the {of} by `{key}: {{{shortened(self.key, 40)}: {shown}}}`"
+                return f"set a parameter of the {of} by `{key}: {{{shorten(self.key, 40)}: {shown}}}`"
         return None
 
 
 def _node_text(value: Node | None) -> str:
-    return shortened(value.text, 40) if isinstance(value, ScalarNode) else "..."
+    return shorten(value.text, 40) if isinstance(value, ScalarNode) else "..."
 
 
 def sections(root: type[Model]) -> Iterator[tuple[str, FieldType]]:
@@ -159,7 +159,7 @@ def _models(model: type[Model] | Any, key: str) -> Iterator[type[Model] | Any]:
     return (one.model for one in alternatives(model_keys(model)[key][0]) if one.model is not None)
 
 
-def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list[Fault]:
+def combine_faults(document: Document, root: type[Model], faults: list[Fault]) -> list[Fault]:
     """Combine the errors about keys that have the same indentation as the entry to which they belong.
 
     Errors that report these keys as missing are dropped.
@@ -200,14 +200,14 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
 
     For TOML documents, the texts mention tables instead of indentation.
     """
-    section, owner, names = str(fault.path[0]), fault.context["owner"], [f"`{shortened(name)}`" for name in fault.value]
+    section, owner, names = str(fault.path[0]), fault.context["owner"], [f"`{shorten(name)}`" for name in fault.value]
     several = len(names) > 1
     shown = ", ".join(names[:-1]) + f" and {names[-1]}" if several else names[0]
     message = f"{shown} {'are' if several else 'is'} {'written' if toml else 'indented'} like a {section.removesuffix('s')}"
     it = "them" if several else "it"
     if owner is None:
         return f"{message}, and {'are keys' if several else 'is a key'} of one", f"move {it} inside one of the {section}"
-    owner = shortened(owner)
+    owner = shorten(owner)
     help = f"write `[{section}.{owner}.{fault.value[0]}]`" if toml else f"indent {it} further, like the other keys of `{owner}`"
     return f"{message}, and probably {'belong' if several else 'belongs'} to `{owner}`", help
 

@@ -19,14 +19,14 @@ from pydantic_core import PydanticCustomError, ValidationError
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import Document, MappingNode, Path, ScalarNode, Span, node_at
 from thingc.base.suggestions import Hint, Suggestion
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.spec.annotation_types import FieldType, branch_of, model_keys, shape_of
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import decimal_point
 from thingc.documents.spec.invalid_entries import InvalidEntries
 from thingc.documents.spec.pruning import ROUNDS, Fault, prune, take_out
-from thingc.documents.spec.unknown_keys import gathered
-from thingc.documents.spec.validation_messages import KINDS, MAX_FAULTS, FaultReporter, dotted
+from thingc.documents.spec.unknown_keys import combine_faults
+from thingc.documents.spec.validation_messages import KINDS, MAX_FAULTS, FaultReporter, format_path
 
 
 def sound_rest(
@@ -41,7 +41,7 @@ def sound_rest(
     wrong = _report_empty(document, empty, report)
     faults: list[Fault] = []
     if error is not None:
-        faults = gathered(document, model, list(_faults(shape_of(model), plain, (), error)))
+        faults = combine_faults(document, model, list(_faults(shape_of(model), plain, (), error)))
         FaultReporter(document=document, root=model, report=report, empty=wrong, damaged=damaged).say(faults)
     if document.kind == "workspace":
         return None, InvalidEntries()
@@ -76,7 +76,7 @@ def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: 
     paths: set[Path] = set()
     for path, node in empty.items():
         paths.add(path)
-        named = next((f"`{shortened(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
+        named = next((f"`{shorten(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
         help: Hint = "write a value after the colon, indent the lines that belong to the key, or remove the key"
         key = document.span(path, key=True)
         behind = document.line(key.end_line)[key.end_column - 1 :]
@@ -93,7 +93,7 @@ def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: 
             code, message, where, help = Code.BAD_QUANTITY, _COMMA, cut[1], cut[2]
         if len(paths) > MAX_FAULTS:
             continue
-        report.add(code, message, where, help=help, path=dotted(path))
+        report.add(code, message, where, help=help, path=format_path(path))
     return frozenset(paths)
 
 

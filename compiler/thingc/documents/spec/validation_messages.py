@@ -13,10 +13,10 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, node_at
 from thingc.base.suggestions import Hint, Suggestion, near_hint
-from thingc.base.units import shortened
-from thingc.documents.spec.annotation_types import FieldType, alternatives, model_keys, one_of, spoken
+from thingc.base.units import shorten
+from thingc.documents.spec.annotation_types import FieldType, alternatives, format_choice, model_keys, one_of
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import found, read_value
+from thingc.documents.spec.fields import describe, read_value
 from thingc.documents.spec.foreign_keywords import choice_hint, written_whole
 from thingc.documents.spec.pruning import MISPLACED, Fault
 from thingc.documents.spec.settable_values import dimension_at
@@ -65,7 +65,7 @@ class FaultReporter(FrozenStruct, eq=False):
                 self._add(Code.TOO_LARGE, message, self._place(fault.path), fault.path, None)
                 return
             if fault.path in unknown:
-                message = f"unknown key `{shortened(str(fault.path[-1]))}`{_inside(fault.path[:-1])}"
+                message = f"unknown key `{shorten(str(fault.path[-1]))}`{_inside(fault.path[:-1])}"
                 self._add(Code.UNKNOWN_KEY, message, self._place(fault.path, key=True), fault.path, unknown[fault.path].help)
             else:
                 self._one(fault)
@@ -86,12 +86,12 @@ class FaultReporter(FrozenStruct, eq=False):
         elif fault.kind in ("too_short", "too_long"):
             self._wrong_length(fault)
         elif fault.kind in KINDS and "message" in fault.context:
-            self._stated(fault)
+            self._report_stated(fault)
         else:
             self._wrong_type(fault)
 
     def _add(self, code: Code, message: Hint, where: Span, path: Path, help: Hint | None) -> None:
-        self.report.add(code, message, where, help=help or None, path=dotted(path) or None)
+        self.report.add(code, message, where, help=help or None, path=format_path(path) or None)
 
     def _place(self, path: Path, *, key: bool = False) -> Span:
         """Return the span of the value at a path in the document.
@@ -107,33 +107,33 @@ class FaultReporter(FrozenStruct, eq=False):
 
     def _missing_key(self, fault: Fault) -> None:
         key, parent = str(fault.path[-1]), fault.path[:-1]
-        owner = f"`{dotted(parent)}`" if parent else "the document"
+        owner = f"`{format_path(parent)}`" if parent else "the document"
         assert fault.shape.model is not None
         help = f"add the key `{key}`, whose value is {model_keys(fault.shape.model)[key][0].words}"
         by_default = ("defaults", str(parent[0])[:-1], *parent[2:]) if parent and parent[0] in ("joints", "components") else ()
         if by_default and node_at(self.document.tree, (*by_default, key)) is not None:
-            help += f"; the value of {owner} replaces `{dotted(by_default)}` completely: add all required keys here"
+            help += f"; the value of {owner} replaces `{format_path(by_default)}` completely: add all required keys here"
         self._add(Code.MISSING_KEY, f"{owner} needs the key `{key}`", self._place(parent, key=True), parent, help)
 
     def _unknown_choice(self, fault: Fault) -> None:
-        choices = [spoken(choice) for choice in fault.shape.choices]
-        text = spoken(fault.value)
+        choices = [format_choice(choice) for choice in fault.shape.choices]
+        text = format_choice(fault.value)
         self._add(
-            Code.UNKNOWN_CHOICE, f"expected {one_of(choices)}, found {found(fault.value)}", self._place(fault.path), fault.path,
+            Code.UNKNOWN_CHOICE, f"expected {one_of(choices)}, found {describe(fault.value)}", self._place(fault.path), fault.path,
             (near_hint(text, choices) if isinstance(fault.value, str) else None) or choice_hint(text, choices),
         )
 
     def _wrong_length(self, fault: Fault) -> None:
         if isinstance(fault.value, dict):
-            message = f"`{dotted(fault.path)}` is empty; at least one entry is required"
+            message = f"`{format_path(fault.path)}` is empty; at least one entry is required"
         else:
             least, most = fault.context.get("min_length"), fault.context.get("max_length")
             count = most if least is None else least
             wanted = "a list with at least one item" if least == 1 and most is None else f"a list of {count} items"
-            message = f"expected {wanted}, found {found(fault.value)}"
+            message = f"expected {wanted}, found {describe(fault.value)}"
         self._add(Code.WRONG_LENGTH, message, self._place(fault.path), fault.path, None)
 
-    def _stated(self, fault: Fault) -> None:
+    def _report_stated(self, fault: Fault) -> None:
         """Report an error whose message was created by a field or by a rule of a model."""
         path = (*fault.path, *fault.context.get("path", ()))
         if fault.kind == "unit":
@@ -164,24 +164,24 @@ class FaultReporter(FrozenStruct, eq=False):
             node = node_at(self.document.tree, fault.path)
             if isinstance(node, ScalarNode):
                 quoted = f'"{node.text}"'
-                help = Suggestion(f"write `{shortened(quoted)}`", (node.text, quoted))
+                help = Suggestion(f"write `{shorten(quoted)}`", (node.text, quoted))
         elif shape.kind == "flag" and isinstance(value, str) and value.lower() in ("yes", "no", "on", "off"):
             flag = "true" if value.lower() in ("yes", "on") else "false"
             help = Suggestion(f"write `{flag}`", (value, flag))
         elif isinstance(value, str) and value.lower() == "none":
             help = "to use none, remove the key"
         elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
-            help = f"write a list with one item for each: `[{{{shortened(str(next(iter(value))))}: ...}}]`"
+            help = f"write a list with one item for each: `[{{{shorten(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
             numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is a list of three numbers, `mass < 2 kg` is a single rule
-            help = f"write `[{shortened(', '.join(value.split()) if numbers else value)}]`"
+            help = f"write `[{shorten(', '.join(value.split()) if numbers else value)}]`"
         elif help is None and isinstance(value, bool):
-            help = choice_hint(spoken(value), [spoken(choice) for one in alternatives(shape) for choice in one.choices])
-        self._add(Code.WRONG_TYPE, f"expected {shape.words}, found {found(value)}", self._place(fault.path), fault.path, help)
+            help = choice_hint(format_choice(value), [format_choice(choice) for one in alternatives(shape) for choice in one.choices])
+        self._add(Code.WRONG_TYPE, f"expected {shape.words}, found {describe(value)}", self._place(fault.path), fault.path, help)
 
 
 def _inside(path: Path) -> str:
-    return f" in `{dotted(path)}`" if path else ""
+    return f" in `{format_path(path)}`" if path else ""
 
 
 def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) -> str | None:
@@ -192,14 +192,14 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
     else:
         texts = [node.text] if isinstance(node, ScalarNode) else []
     if isinstance(value, str) and path[:-1] == ("components",) and re.fullmatch(r"[\w.]+:[\w.]+", value):
-        return f"write `{{part: {shortened(value)}}}`"
+        return f"write `{{part: {shorten(value)}}}`"
     space = _space_hint(value)
     if space is not None:
         return space
     if path[-1:] == ("attach",) and all(texts) and len(texts) in (1, 2):
-        return f"write `{{{'my_mount' if len(texts) == 1 else shortened(texts[0])}: {shortened(texts[-1])}}}`"
+        return f"write `{{{'my_mount' if len(texts) == 1 else shorten(texts[0])}: {shorten(texts[-1])}}}`"
     if path[:-1] == ("poses",) and all(texts) and texts:
-        return f"a pose sets positions of joints: `{{JOINT: {shortened(texts[0])}}}`"
+        return f"a pose sets positions of joints: `{{JOINT: {shorten(texts[0])}}}`"
     for branch in alternatives(shape):
         whole = written_whole(branch.model, texts, value) if branch.model is not None else None
         if whole is not None:
@@ -208,9 +208,9 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
         first: Mapping[str, Node] = node.items[0].entries if node.items and isinstance(node.items[0], MappingNode) else {}
         named, key = first.get("name"), next(iter(first), "")
         if isinstance(named, ScalarNode):
-            return f"write `{shortened(named.text)}:` instead of `- name: {shortened(named.text)}`, with its other keys below it"
+            return f"write `{shorten(named.text)}:` instead of `- name: {shorten(named.text)}`, with its other keys below it"
         if len(first) == 1:
-            return f"remove the `-` of every item: write `{shortened(key)}:` instead of `- {shortened(key)}:`"
+            return f"remove the `-` of every item: write `{shorten(key)}:` instead of `- {shorten(key)}:`"
         return f"write `{path[-1]}: {{NAME: ...}}`: the key of each entry is its name"
     return None
 
@@ -225,20 +225,20 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
     if len(fault.value) != 1 or not inside:
         return None
     mount = ".MOUNT" if fault.shape.field.words == "a reference" and inside[0].isidentifier() else ""
-    return f"write `{shortened(inside[0])}{mount}`"
+    return f"write `{shorten(inside[0])}{mount}`"
 
 
 def _space_hint(value: Any) -> str | None:
     """Return a hint for a string `key:value` in which a space after the colon is missing."""
     match = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
-    return f"a space is missing after the `:`: `{match.group(1)}: {shortened(match.group(2))}`" if match else None
+    return f"a space is missing after the `:`: `{match.group(1)}: {shorten(match.group(2))}`" if match else None
 
 
-def dotted(path: Path) -> str:
+def format_path(path: Path) -> str:
     """Format a path for messages: `components.plate.at.xyz[0]`."""
     text = ""
     for step in path:
-        text += f"[{step}]" if isinstance(step, int) else f".{shortened(step)}" if text else shortened(step)
+        text += f"[{step}]" if isinstance(step, int) else f".{shorten(step)}" if text else shorten(step)
     return text
 
 

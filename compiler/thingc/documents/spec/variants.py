@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.base import Model, rule
-from thingc.documents.spec.fields import AnyQuantityField, CountField, FieldValidator, Name, fault, found, name_of
+from thingc.documents.spec.fields import AnyQuantityField, CountField, FieldValidator, Name, describe, fault, name_of
 from thingc.documents.spec.name_types import AssemblyDocument, ModeField, PoseField, RefersTo, ShownMountField
 from thingc.documents.spec.settable_values import EXAMPLES, VALUES, is_value, parse
 
@@ -18,13 +18,13 @@ from thingc.documents.spec.settable_values import EXAMPLES, VALUES, is_value, pa
 def _choice_path(value: Any) -> str:
     if isinstance(value, str) and parse(value) is not None:
         return value
-    raise fault("reference", f"`{shortened(str(value))}` cannot be a choice", help=f"write {EXAMPLES}")
+    raise fault("reference", f"`{shorten(str(value))}` cannot be a choice", help=f"write {EXAMPLES}")
 
 
 def _rule_text(value: Any) -> Expression:
     """Validate a comparison of parameters and results."""
     if not isinstance(value, str):
-        raise fault("type", f"expected a comparison such as `mass < 2.5 kg`, found {found(value)}")
+        raise fault("type", f"expected a comparison such as `mass < 2.5 kg`, found {describe(value)}")
     try:
         expression = parse_expression(value, dotted=True)
     except ExpressionError as error:
@@ -32,7 +32,7 @@ def _rule_text(value: Any) -> Expression:
             "unit" if error.kind == "unit" else "expression", error.message, help=error.help, offset=error.offset, end=error.end,
         ) from None
     if not expression.compares:
-        raise fault("expression", f"expected a comparison, found {found(value)}", help=f"write, for example, `{shortened(value)} > 0`")
+        raise fault("expression", f"expected a comparison, found {describe(value)}", help=f"write, for example, `{shorten(value)} > 0`")
     return expression
 
 
@@ -41,9 +41,9 @@ def _setting(value: Any) -> str:
     if not isinstance(value, str) or "." not in value:
         return name_of(value)
     if parse(value) is not None:
-        raise fault("reference", f"`{shortened(value)}` is a choice", help="move the path to `choices`")
+        raise fault("reference", f"`{shorten(value)}` is a choice", help="move the path to `choices`")
     if not is_value(value):
-        raise fault("reference", f"`{shortened(value)}` is not the path of a value", help=f"write {VALUES}")
+        raise fault("reference", f"`{shorten(value)}` is not the path of a value", help=f"write {VALUES}")
     return value
 
 

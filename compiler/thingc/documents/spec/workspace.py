@@ -9,7 +9,7 @@ from pydantic import Field
 
 from thingc.base.package_info import MAINTAINER, MEMORY, VERSION, one_line
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import AngleField, FieldValidator, LengthField, TimeField, fault, found
+from thingc.documents.spec.fields import AngleField, FieldValidator, LengthField, TimeField, describe, fault
 
 
 class SimulationMeshSpec(Model):
@@ -34,28 +34,30 @@ class MeshSpec(Model):
 
 def _maintainer(value: Any) -> str:
     if not isinstance(value, str):
-        raise fault("type", f"expected a name and a mail address, found {found(value)}", help=_MAINTAINER_HINT)
+        raise fault("type", f"expected a name and a mail address, found {describe(value)}", help=_MAINTAINER_HINT)
     person = re.fullmatch(MAINTAINER, value)
     if person is None or not one_line(person[1]):
-        raise fault("type", f"expected a name and a mail address in `<>`, found {found(value)}", help=_MAINTAINER_HINT)
+        raise fault("type", f"expected a name and a mail address in `<>`, found {describe(value)}", help=_MAINTAINER_HINT)
     return value
 
 
 def _license(value: Any) -> str:
     if not isinstance(value, str) or not one_line(value):
-        raise fault("type", f"expected a license in one line, found {found(value)}", help="write, for example, `Apache-2.0`")
+        raise fault("type", f"expected a license in one line, found {describe(value)}", help="write, for example, `Apache-2.0`")
     return value
 
 
 def _version(value: Any) -> str:
     if not isinstance(value, str) or re.fullmatch(VERSION, value) is None:
-        raise fault("type", f"expected three whole numbers separated by dots, found {found(value)}", help='write, for example, `"1.0.0"`')
+        raise fault(
+            "type", f"expected three whole numbers separated by dots, found {describe(value)}", help='write, for example, `"1.0.0"`',
+        )
     return value
 
 
 def _memory(value: Any) -> str:
     if not isinstance(value, str) or re.fullmatch(MEMORY, value) is None:
-        raise fault("type", f"expected an amount of memory, found {found(value)}", help="write, for example, `4 GB`")
+        raise fault("type", f"expected an amount of memory, found {describe(value)}", help="write, for example, `4 GB`")
     return value
 
 

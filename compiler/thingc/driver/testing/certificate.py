@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.units import LENGTH
 from thingc.documents.checks.no_collision import CollisionCheck
 from thingc.driver.testing.collisions import Collisions, NearPair, names_of
-from thingc.driver.testing.outcomes import TestCase, shown
+from thingc.driver.testing.outcomes import TestCase, format_si
 from thingc.driver.testing.poses import joints_text
 from thingc.model.solids.clearance import ComparedPair
 
@@ -27,17 +27,17 @@ class Certificate:
 
     def __init__(self, case: TestCase, check: CollisionCheck, collisions: Collisions) -> None:
         self._case, self._check, self._assembly = case, check, collisions.assembly
-        self._pairs, self.missing = collisions.certified(case.robot, case.frames[0], check)
+        self._pairs, self.missing = collisions.certify(case.robot, case.frames[0], check)
 
-    def _found(self, verdict: str) -> list[ComparedPair]:
+    def _pairs_with(self, verdict: str) -> list[ComparedPair]:
         return [pair for pair in self._pairs if pair.verdict == verdict]
 
     def _method(self, method: str) -> list[ComparedPair]:
-        return [pair for pair in self._found("clear") if pair.method == method]
+        return [pair for pair in self._pairs_with("clear") if pair.method == method]
 
     def touching(self, allowed: Mapping[tuple[int, int], int]) -> Iterator[NearPair]:
         """Yield the pairs of components that collide, at the worst position that was found."""
-        for pair in self._found("touches"):
+        for pair in self._pairs_with("touches"):
             yield NearPair(
                 one=pair.one, other=pair.other, gap=pair.gap, depth=pair.depth, volume=pair.volume,
                 allowance=allowed.get((pair.one, pair.other)), where=replace(self._case.frames[0], q=dict(pair.q)),
@@ -45,7 +45,7 @@ class Certificate:
 
     def warn(self, allowed: Mapping[tuple[int, int], int]) -> set[int]:
         """Report the undecided pairs as one warning. Return the indices of the `allow` entries for such pairs."""
-        undecided = self._found("undecided")
+        undecided = self._pairs_with("undecided")
         needed = {allowed[pair.one, pair.other] for pair in undecided if (pair.one, pair.other) in allowed}
         rest = sorted((pair for pair in undecided if (pair.one, pair.other) not in allowed), key=lambda pair: pair.gap)
         if rest:
@@ -59,16 +59,16 @@ class Certificate:
 
     def _how(self, pair: ComparedPair) -> str:
         at = joints_text(self._assembly, {one.joint: pair.q[one.joint] for one in self._check.ranges}) if pair.q else ""
-        gap = f" (the gap of the meshes is {shown(pair.gap, LENGTH)} at {at})" if pair.q else ""
+        gap = f" (the gap of the meshes is {format_si(pair.gap, LENGTH)} at {at})" if pair.q else ""
         return f"{names_of(self._assembly, pair.one, pair.other, '`')} touch{gap}"
 
     @property
     def said(self) -> str:
         """A description of the results."""
-        counts = [f"{counted(len(pairs), 'pair')} {word}" for method, word in WORDS.items() if (pairs := self._method(method))]
+        counts = [f"{format_count(len(pairs), 'pair')} {word}" for method, word in WORDS.items() if (pairs := self._method(method))]
         others = [
-            f"{counted(len(pairs), 'pair')} {word}"
-            for verdict, word in (("contact", "in contact"), ("undecided", "undecided")) if (pairs := self._found(verdict))
+            f"{format_count(len(pairs), 'pair')} {word}"
+            for verdict, word in (("contact", "in contact"), ("undecided", "undecided")) if (pairs := self._pairs_with(verdict))
         ]
         return ", ".join([f"clear over the ranges: {', '.join(counts)}"] * bool(counts) + others) or "no pair moves"
 
@@ -76,5 +76,5 @@ class Certificate:
     def measured(self) -> dict[str, list[str]]:
         """The names of the pairs by method, for pairs that are clear, and by result, for other pairs."""
         groups = {method: self._method(method) for method in WORDS}
-        groups |= {verdict: self._found(verdict) for verdict in ("contact", "undecided", "touches")}
+        groups |= {verdict: self._pairs_with(verdict) for verdict in ("contact", "undecided", "touches")}
         return {name: [names_of(self._assembly, pair.one, pair.other) for pair in pairs] for name, pairs in groups.items()}

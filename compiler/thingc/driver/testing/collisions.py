@@ -64,14 +64,14 @@ class Collisions:
         self._report, shapes = request.report, Solids(request.store)
         self._solids = {one.index: solid for one in self.assembly.occurrences if (solid := shapes.solid(one)) is not None}
         self._bodies: dict[str, BoundedSolid] = {}
-        near, link_of = {_ordered(*pair) for pair in joined_links(self.assembly)}, self.assembly.link_of
+        near, link_of = {_sort_pair(*pair) for pair in joined_links(self.assembly)}, self.assembly.link_of
         indices = sorted(self._solids)
         self.pairs: list[tuple[int, int]] = []
         self.close: set[tuple[int, int]] = set()
         self.skipped: dict[str, dict[str, None]] = {}
         for pair in ((a, b) for k, a in enumerate(indices) for b in indices[k + 1 :]):
             one, other = (link_of[index] for index in pair)
-            if one != other and _ordered(one, other) not in near:
+            if one != other and _sort_pair(one, other) not in near:
                 self.pairs.append(pair)
             elif reason := reason_to_skip(*(self.assembly.occurrences[index] for index in pair)):
                 self._skip(pair, reason)
@@ -97,15 +97,15 @@ class Collisions:
                 continue
             if seen is not None:
                 seen.add(cell)
-            if (shared := self.overlaps.shared(pair, keep=seen is None)) is None:
+            if (shared := self.overlaps.intersection(pair, keep=seen is None)) is None:
                 continue
-            if (reason := self._intended(pair.one, pair.other)) is None:
+            if (reason := self._allowed_reason(pair.one, pair.other)) is None:
                 volume, depth = shared
                 yield NearPair(one=one, other=other, gap=0.0, depth=depth, volume=volume, allowance=allowed.get(indices), where=frame)
             else:
                 self._skip(indices, f"allowed: {reason}")
 
-    def _intended(self, one: Occurrence, other: Occurrence) -> str | None:
+    def _allowed_reason(self, one: Occurrence, other: Occurrence) -> str | None:
         """Return the reason for which the document allows an overlap of two parts on one link, or on links that a joint connects."""
         places = [*other.origin, *(note.span for note in contact_places(self.assembly, one, other) if note.span)]
         return next((allowance.reason for allowance in self._report.allowances if allowance.covers(Code.OVERLAP, places)), None)
@@ -116,7 +116,7 @@ class Collisions:
         """Return the robot with moving joints, and the pairs of components that may collide and that move relative to each other."""
         parts, deep = self.assembly.occurrences, self.overlaps.deep
         sweep = Sweep(robot, start, ranges)
-        close = [(one, other) for one, other in sorted(self.close) if not self._intended(parts[one], parts[other])]
+        close = [(one, other) for one, other in sorted(self.close) if not self._allowed_reason(parts[one], parts[other])]
         moving = [pair for pair in (*self.pairs, *close) if sweep.moving(*pair)[0]]
         for index in (index for pair in moving for index in pair):
             if parts[index].definition.text not in self._bodies:
@@ -127,7 +127,7 @@ class Collisions:
             for one, other in moving for joined in ((one, other) in self.close,)
         ]
 
-    def certified(self, robot: Robot, start: Keyframe, check: CollisionCheck) -> tuple[list[ComparedPair], int]:
+    def certify(self, robot: Robot, start: Keyframe, check: CollisionCheck) -> tuple[list[ComparedPair], int]:
         """Compare all pairs that move relative to each other in the ranges of a test, in all positions as far as possible.
 
         Pairs between which more than `PROVED` ranges move are compared in samples. Return the pairs, and the number of samples in which the
@@ -139,11 +139,11 @@ class Collisions:
         missing = sample(sweep, rest, quasi_random(check.samples, len(check.ranges)).tolist()) if rest else 0
         return pairs, missing
 
-    def wrong(self, near: NearPair, clearance: float) -> bool:
+    def violates(self, near: NearPair, clearance: float) -> bool:
         """Return whether the two components of a pair are closer to each other than the required clearance [m]."""
         return near.gap < clearance - TOUCH if clearance > 0.0 else near.depth > self.overlaps.deep
 
-    def near(
+    def near_pairs(
         self, poses: Sequence[Pose], frame: Keyframe, clearance: float, look: float, allowed: Mapping[tuple[int, int], int],
         needed: Collection[int] = (),
     ) -> Iterator[NearPair]:
@@ -194,7 +194,7 @@ def collisions_of(request: EmitRequest) -> Collisions:
     return made
 
 
-def _ordered(a: int, b: int) -> tuple[int, int]:
+def _sort_pair(a: int, b: int) -> tuple[int, int]:
     return (a, b) if a < b else (b, a)
 
 

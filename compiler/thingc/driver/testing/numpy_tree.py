@@ -99,7 +99,7 @@ class NumpyTree:
 
         Each loop has six errors in world axes: the translation [m], then the rotation [rad].
         """
-        error, columns = self._loops.linearized(SolverState(q=dict(q), base=self.base))
+        error, columns = self._loops.linearize(SolverState(q=dict(q), base=self.base))
         return np.array(error), np.array(columns, dtype=np.float64).reshape(len(self.paths), -1).T
 
 

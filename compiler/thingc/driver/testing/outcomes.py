@@ -47,7 +47,7 @@ class Outcome(FrozenStruct):
     needed: frozenset[int] = frozenset()
 
 
-def shown(value: float, dimension: Dimension) -> str:
+def format_si(value: float, dimension: Dimension) -> str:
     """Format a measured value [SI] with a unit and four digits, such as `533.2 g`. Values below about a nanometre are shown as 0."""
     value = value if abs(value) >= 1e-9 else 0.0
     number, space, unit = str(Quantity(value, dimension)).partition(" ")
@@ -62,7 +62,7 @@ def check_bounds(
     `name` is the name of the value in the results, and `what` describes the value in messages. `code` is the diagnostic code that is
     reported if the value is out of bounds.
     """
-    measured = shown(value, dimension)
+    measured = format_si(value, dimension)
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
     words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
     failure = None
@@ -73,12 +73,12 @@ def check_bounds(
         off = abs(value - bound)
         share = f" ({float(f'{100.0 * off / bound:.3g}'):g} %)" if bound else ""
         failure = Failure(
-            code=code, key=key, message=f"{what} is {measured}, {shown(off, dimension)}{share} {word} of {Quantity(bound, dimension)}",
+            code=code, key=key, message=f"{what} is {measured}, {format_si(off, dimension)}{share} {word} of {Quantity(bound, dimension)}",
         )
     return Outcome(measured={name: value}, expected=expected, said=f"{name} {measured} ({', '.join(words)})", failure=failure)
 
 
-def unclosed() -> Outcome:
+def open_loops_outcome() -> Outcome:
     """Return the outcome of a test in a pose in which the kinematic loops of the robot do not close: a failure."""
     return Outcome(said="the loops do not close", failure=Failure(
         code=Code.TEST_POSE, key="pose", message="the loops of the mode do not close in this pose",

@@ -15,7 +15,7 @@ from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Keyframe, Robot
 
 
-def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> Robot | None:
+def pose_robot(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> Robot | None:
     """Return the robot in a mode with a keyframe for each pose in which its loops close.
 
     Return None if the loops do not close in any of the poses.
@@ -36,7 +36,7 @@ def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
     return NamedPose(name=name, values={}, origins={}, origin=mode.origin)
 
 
-def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
+def sweep_poses(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
     """Return `samples` poses in which the given joints are spread over their ranges.
 
     All other joints have the same positions as in `pose`.
@@ -56,4 +56,4 @@ def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:
 def joints_text(assembly: Assembly, q: Mapping[str, float]) -> str:
     """Format joint positions [rad or m] for display, such as `shoulder -60 deg, elbow 120 deg`."""
     twists = {joint.path: joint.twist for joint in joints_of(assembly)}
-    return ", ".join(f"{path} {twists[path].shown(round(value, 6) + 0.0)}" for path, value in q.items())
+    return ", ".join(f"{path} {twists[path].format(round(value, 6) + 0.0)}" for path, value in q.items())

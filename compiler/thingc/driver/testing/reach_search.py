@@ -9,7 +9,7 @@ from thingc.base.pose import NO_POSE, Pose, rotate
 from thingc.base.source import Origin
 from thingc.documents.checks.point import PointCheck
 from thingc.driver.testing.numpy_tree import Array, NumpyTree, quasi_random
-from thingc.driver.testing.poses import posed, swept
+from thingc.driver.testing.poses import pose_robot, sweep_poses
 from thingc.model.assembly.kinematics import joints_of, on_loops
 from thingc.model.assembly.types import MountAt
 from thingc.model.resolve.types import JointRange, NamedPose
@@ -70,7 +70,7 @@ def _starts(chain: NumpyTree, origin: Origin) -> list[Array]:
         for path, low, high in zip(chain.paths, chain.lower.tolist(), chain.upper.tolist(), strict=True) if path in led
     )
     start = NamedPose(name="reach", values={}, origins={}, origin=origin)
-    robot = posed(assembly, chain.robot.mode, [*assembly.poses, *swept(start, ranges, LOOPED)])
+    robot = pose_robot(assembly, chain.robot.mode, [*assembly.poses, *sweep_poses(start, ranges, LOOPED)])
     return [] if robot is None else [chain.x(frame.q) for frame in robot.keyframes]
 
 
@@ -132,7 +132,7 @@ def nearest(
     best: tuple[float, float, Array] | None = None
     for start in _tries(chain, frame):
         x = search.approach(start)
-        distance, off, open_ = search.missed(x)
+        distance, off, open_ = search.errors_at(x)
         if open_ > 1e-5:
             continue
         if best is None or max(distance / check.within, off / check.angle) < max(best[0] / check.within, best[1] / check.angle):
@@ -205,7 +205,7 @@ class _PointSearch(FrozenStruct, kw_only=False):
         )
         return np.asarray(solution.x, dtype=np.float64)
 
-    def missed(self, x: Array) -> tuple[float, float, float]:
+    def errors_at(self, x: Array) -> tuple[float, float, float]:
         """Return the distance [m] from the goal, the angle [rad] from the required direction, and the largest closure error."""
         q, _, (place, axis), (goal, direction) = self.situation(x)
         off = 0.0

@@ -51,20 +51,20 @@ def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic])
     })
     if others:
         case = ElementTree.SubElement(suite, "testcase", {"name": "document", "classname": name, "time": "0.000"})
-        _said(ElementTree.SubElement(case, "error"), others)
+        _add_diagnostics(ElementTree.SubElement(case, "error"), others)
     for result in results:
         words = f"{result.name} [{result.where}]" if result.where else result.name
         case = ElementTree.SubElement(suite, "testcase", {
             "name": words, "classname": f"{name}.{result.kind}", "time": f"{result.seconds:.3f}",
         })
         if result.diagnostic is not None:
-            _said(ElementTree.SubElement(case, "failure"), [result.diagnostic])
+            _add_diagnostics(ElementTree.SubElement(case, "failure"), [result.diagnostic])
         ElementTree.SubElement(case, "system-out").text = escape_control(result.outcome.said)
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
 
-def _said(element: ElementTree.Element, diagnostics: Sequence[Diagnostic]) -> None:
+def _add_diagnostics(element: ElementTree.Element, diagnostics: Sequence[Diagnostic]) -> None:
     element.set("message", escape_control(diagnostics[0].message))
     element.set("type", diagnostics[0].code.code)
     element.text = as_text(diagnostics)

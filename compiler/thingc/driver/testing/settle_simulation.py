@@ -54,7 +54,7 @@ class SettleResult(FrozenStruct):
         return distances
 
 
-def simulated(
+def simulate(
     robot: Robot, frame: Keyframe, scene: str, files: Mapping[str, bytes], *, seconds: float, resting: float, floor: bool,
     separator: str = "/",
 ) -> SettleResult | float:
@@ -74,12 +74,12 @@ def simulated(
         path = np.empty((count + 1, sum(len(own) for _, own in points), 3))
         deepest, start = 0.0, resting - 0.5 * model.opt.timestep
         mujoco.mj_forward(model, data)
-        path[0] = _placed(points, data)
+        path[0] = _world_points(points, data)
         for step in range(1, count + 1):
             mujoco.mj_step(model, data)
             # After mj_step, poses still belong to the state before the step, so they are computed for the new state.
             mujoco.mj_kinematics(model, data)
-            path[step] = _placed(points, data)
+            path[step] = _world_points(points, data)
             if any(data.warning[kind].number for kind in BAD):
                 return float(step * model.opt.timestep)
             if data.time >= start and data.ncon:
@@ -124,5 +124,5 @@ def _corner(pose: Pose, box: tuple[Vector, Vector], which: tuple[int, ...]) -> V
     return pose.apply((box[which[0]][0], box[which[1]][1], box[which[2]][2]))
 
 
-def _placed(points: list[tuple[int, Array]], data: mujoco.MjData) -> Array:
+def _world_points(points: list[tuple[int, Array]], data: mujoco.MjData) -> Array:
     return np.concatenate([own @ data.xmat[body].reshape(3, 3).T + data.xpos[body] for body, own in points])

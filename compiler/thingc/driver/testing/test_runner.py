@@ -11,8 +11,8 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.driver.testing.kinds import measurement_of
-from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, unclosed
-from thingc.driver.testing.poses import keyframe, posed, starting_pose
+from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, open_loops_outcome
+from thingc.driver.testing.poses import keyframe, pose_robot, starting_pose
 from thingc.driver.testing.results import Result
 from thingc.model.assembly.types import Assembly, LinkedMode, LinkedTest
 from thingc.model.resolve.types import NamedPose
@@ -119,10 +119,10 @@ def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: N
     def run() -> Outcome:
         measurement, check = measurement_of(linked.test.kind), linked.test.check
         wanted = measurement.poses(check, pose)
-        robot = posed(request.assembly, mode, wanted)
+        robot = pose_robot(request.assembly, mode, wanted)
         frames = () if robot is None else tuple(frame for one in wanted if (frame := keyframe(robot, one)) is not None)
         if robot is None or not frames:
-            return unclosed()
+            return open_loops_outcome()
         return measurement.measure(
             TestCase(linked=linked, robot=robot, request=request, frames=frames, missing=len(wanted) - len(frames)), check,
         )

@@ -24,7 +24,7 @@ HOMES = ("HOME", "USERPROFILE")
 """Environment variables that are set to the scratch folder of each part (see `scratch`)."""
 
 
-def passed() -> dict[str, str]:
+def passed_variables() -> dict[str, str]:
     """Return the environment variables in `PASSED` that are set in this process, with their values."""
     return {name: os.environ[name] for name in PASSED if name in os.environ}
 
@@ -36,7 +36,7 @@ def environment(seed: int = 0) -> dict[str, str]:
     folder of the part.
     """
     variables = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
-    variables.update(passed())
+    variables.update(passed_variables())
     variables.update(FIXED)
     variables["PYTHONHASHSEED"] = str(seed)
     from thingc.geometry.key.modules import OWN_FOLDER, own_roots

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import os
 
-from thingc.base.filesystem import opened
+from thingc.base.filesystem import open_file
 
 
 def state_of(path: str, *, listed: bool = False) -> str:
@@ -20,7 +20,7 @@ def state_of(path: str, *, listed: bool = False) -> str:
     If `listed` is True, the state of a folder is the digest of the names in the folder.
     """
     try:
-        with opened(path) as stream:
+        with open_file(path) as stream:
             return "file:" + hashlib.file_digest(stream, "sha256").hexdigest()
     except IsADirectoryError:
         pass

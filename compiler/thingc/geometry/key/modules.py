@@ -139,7 +139,7 @@ class Finder:
             module = self._in_folders(name, name, self.parts, True)
         return module or Module(name=name, kind="absent")
 
-    def hidden(self, name: str) -> str | None:
+    def find_hidden(self, name: str) -> str | None:
         """Return the file in a part folder that would be the top-level module `name` if `PROTECTED` did not contain this name, or None."""
         module = self._in_folders(name, name, self.parts, True, plain_folders=False) if name in PROTECTED else None
         return module.file if module is not None else None

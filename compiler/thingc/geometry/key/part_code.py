@@ -14,7 +14,7 @@ from thingc.geometry.key.modules import OWN, Finder, Module, modules_in
 from thingc.geometry.key.result_cache import Results
 from thingc.geometry.key.versions import KERNEL, compiler_version, platform_versions, versions_of
 from thingc.geometry.record import PartDefinition, PartFailure
-from thingc.geometry.record_json import shortened
+from thingc.geometry.record_json import relative_path
 from thingc.geometry.store.local import Store
 
 FILES = (".step", ".stp", ".brep", ".brp", ".stl", ".3mf", ".obj")
@@ -85,7 +85,7 @@ class PartCode:
         allowed = module.workspace or top in self.workspace.packages
         if not allowed and (module.kind != "absent" or finder.find(top).kind == "installed"):
             message = f"`{module_name}` is neither in a part folder nor in an allowed package"
-            if hidden := finder.hidden(top):
+            if hidden := finder.find_hidden(top):
                 shown = os.path.relpath(hidden, self.workspace.root)
                 message = f"the module `{top}` of Python or of a dependency of thingc hides `{shown}`: rename the file"
             return PartFailure(subject=reference, kind="refused", message=message, candidates=tuple(self.workspace.packages))
@@ -142,7 +142,7 @@ class PartCode:
     def files(self) -> dict[str, str]:
         """Return the states of all code files that have been read so far, by path. Paths inside the workspace are relative."""
         code = [code for code in self._codes.values() if isinstance(code, CodeIngredients)]
-        return {shortened(file, self.workspace.root) or file: f"file:{sha256}" for one in code for file, sha256 in one.files.items()}
+        return {relative_path(file, self.workspace.root) or file: f"file:{sha256}" for one in code for file, sha256 in one.files.items()}
 
 
 def file_state(definition: PartDefinition, workspace: Workspace, results: Results) -> str | PartFailure:

@@ -49,9 +49,9 @@ class Results:
         the same form.
         """
         self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
-        return self._seen(path, like)
+        return self._state_of(path, like)
 
-    def _seen(self, path: str, like: str) -> str:
+    def _state_of(self, path: str, like: str) -> str:
         """Return the state of a path in the same way as `state`, but without adding the path to `consulted`.
 
         Use this method for a path on which no result depends.
@@ -92,7 +92,7 @@ class Results:
     def files_changed(self) -> bool:
         """Return whether a file that parts depended on in the last run has changed. If there was no last run, return True."""
         files = self.store.get_json("files", self.root)
-        return not isinstance(files, dict) or any(self._seen(path, state) != state for path, state in files.items())
+        return not isinstance(files, dict) or any(self._state_of(path, state) != state for path, state in files.items())
 
     # --- last builds, for `thingc why` -------------------------------------------------------------------------------
 

@@ -110,7 +110,7 @@ def _facts(tree: ast.Module, source: bytes) -> dict[str, Any]:
             docstrings.append(f"{len(syntax)} {node.value.value!r}")
             continue
         if isinstance(node, (ast.Import, ast.ImportFrom)):
-            imports.update(origin for _, origin in _imported(node) if len(origin) <= MAX_NAME)
+            imports.update(origin for _, origin in _imported_names(node) if len(origin) <= MAX_NAME)
         elif isinstance(node, (ast.Global, str)):
             words.add(node if isinstance(node, str) else "globals")
         word, inner = _word(node)
@@ -154,7 +154,7 @@ def _is_main_guard(statement: ast.stmt) -> bool:
     )
 
 
-def _imported(statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
+def _imported_names(statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
     """Return the names that an import binds, each with its origin: `module` or `module:name`, with the dots of a relative import."""
     if isinstance(statement, ast.Import):
         return [(alias.asname or alias.name.partition(".")[0], alias.name) for alias in statement.names]
@@ -176,7 +176,7 @@ def _names(tree: ast.Module) -> dict[str, tuple[str, int, str]]:
         elif isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
             names[node.name] = ("function", line, "")
         elif isinstance(node, (ast.Import, ast.ImportFrom)):
-            names.update({name: ("import", line, origin) for name, origin in _imported(node)})
+            names.update({name: ("import", line, origin) for name, origin in _imported_names(node)})
         else:
             bound = node.id if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) else None
             for name in (bound, getattr(node, "name", None), getattr(node, "rest", None)):  # including names that `except` and `match` bind

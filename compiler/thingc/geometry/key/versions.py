@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 
 from thingc.base.installed_packages import distribution_versions, import_path
-from thingc.geometry.key.environment_variables import passed
+from thingc.geometry.key.environment_variables import passed_variables
 from thingc.geometry.key.file_states import state_of
 from thingc.geometry.key.modules import OWN_FOLDER, is_installed
 from thingc.geometry.store.local import Store
@@ -35,8 +35,8 @@ def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], stor
     unknown: list[str] = []
     for name in sorted(set(names) - sys.stdlib_module_names):
         candidates = _DISTRIBUTIONS.get(name, (name.lower().replace("-", "_").replace(".", "_"),))
-        held = [one for one in candidates if one in _installed()]
-        versions = [f"{one} {_installed()[one]}" if len(candidates) > 1 else _installed()[one] for one in held]
+        held = [one for one in candidates if one in _installed_versions()]
+        versions = [f"{one} {_installed_versions()[one]}" if len(candidates) > 1 else _installed_versions()[one] for one in held]
         if versions:
             ingredients[f"version {name}"] = ", ".join(versions)
         else:
@@ -55,7 +55,7 @@ def _file_version(file: str | None) -> str:
 def platform_versions() -> dict[str, str]:
     """Return the versions of Python and of the machine, and the variables that workers get from the environment."""
     return {
-        **{f"variable {name}": value for name, value in passed().items()},
+        **{f"variable {name}": value for name, value in passed_variables().items()},
         "version Python": f"{platform.python_implementation()} {'.'.join(map(str, sys.version_info[:3]))}",
         "machine": f"{sys.platform} {platform.machine()}",
     }
@@ -77,7 +77,7 @@ def compiler_version() -> dict[str, str]:
 
 
 @cache
-def _installed() -> dict[str, str]:
+def _installed_versions() -> dict[str, str]:
     """Return the versions of all installed distributions by normalised name."""
     return distribution_versions(folder for folder in import_path() if is_installed(os.path.join(folder, "")))
 
@@ -87,7 +87,7 @@ def _by_import_name(store: Store | None) -> dict[str, str]:
 
     The store caches the result, because the search is slow.
     """
-    key = hashlib.sha256(repr(sorted(_installed().items())).encode()).hexdigest()
+    key = hashlib.sha256(repr(sorted(_installed_versions().items())).encode()).hexdigest()
     kept = store.get_json("packages", key) if store is not None else None
     if isinstance(kept, dict):
         return kept

@@ -96,10 +96,9 @@ def record_values(record: PartRecord) -> dict[str, Any]:
     The JSON contains only the values that checks of assemblies need. Meshes and locations in source files are omitted.
     """
     values: dict[str, Any] = {
-        "material": record.material, "color": record.color, "volume": _rounded(record.volume), "area": _rounded(record.area),
-        "centre": [_rounded(entry) for entry in record.centre],
-        "inertia": [_rounded(entry) for row in record.inertia for entry in row],
-        "box": None if record.box is None else [_rounded(entry) for corner in record.box for entry in corner],
+        "material": record.material, "color": record.color, "volume": _round(record.volume), "area": _round(record.area),
+        "centre": [_round(entry) for entry in record.centre], "inertia": [_round(entry) for row in record.inertia for entry in row],
+        "box": None if record.box is None else [_round(entry) for corner in record.box for entry in corner],
         "mounts": {name: _mount_values(mount) for name, mount in record.mounts.items()},
     }
     optional: dict[str, Any] = {
@@ -111,12 +110,12 @@ def record_values(record: PartRecord) -> dict[str, Any]:
         "slices": [_sliced_values(*one) for one in sorted(record.slices.items(), key=repr)],
         "bom": dict(sorted(record.bom.items())), "warnings": [warning.message for warning in record.warnings if warning.asked is None],
         "asks": [[warning.asked.value, warning.message] for warning in record.warnings if warning.asked is not None],
-        "apart": [_rounded(volume) for volume in record.apart], "own_image": record.own_image,
+        "apart": [_round(volume) for volume in record.apart], "own_image": record.own_image,
     }
     return {**values, **{key: value for key, value in optional.items() if value}}
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     """Round a number to twelve significant digits, so that locks from two builds of the CAD kernel are equal."""
     return 0.0 if abs(value) < _NOTHING else float(f"{value:.12g}")
 
@@ -125,12 +124,12 @@ def _sliced_values(slicing: Slicing, sliced: SliceResult | SliceFailure) -> dict
     how = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(slicing).items()}
     if isinstance(sliced, SliceFailure):
         return {**how, "unsliced": sliced.reason}
-    return {**how, **{key: [_rounded(entry) for entry in getattr(sliced, key).numbers] for key in _LAID}}
+    return {**how, **{key: [_round(entry) for entry in getattr(sliced, key).numbers] for key in _LAID}}
 
 
 def _mount_values(mount: MountRecord) -> dict[str, Any]:
     rotation = [entry for row in mount.pose.rotation for entry in row]
-    pose = [_rounded(entry) for entry in (*rotation, *mount.pose.translation)]
+    pose = [_round(entry) for entry in (*rotation, *mount.pose.translation)]
     return _present({
         "pose": pose, "interface": mount.interface, "tolerance": mount.tolerance, "features": decode(encode(mount.features)) or None,
         "contradictions": list(mount.contradictions) or None,
@@ -208,12 +207,12 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
         volume=table["volume"].least(), area=table["area"].least(), centre=table["centre"].vector(), inertia=table["inertia"].matrix(),
         box=table["box"].maybe(_box), mounts={name: _mount(one) for name, one in table.get("mounts", {}).entries()},
         references=tuple(table.get("references", []).texts()), expectations=tuple(map(_expectation, table.get("expectations", []).items())),
-        actuator=table["actuator"].maybe(_actuator), mass=_stated(table["mass"], LockValue.number),
-        com=_stated(table["com"], LockValue.vector), matrix=_stated(table["matrix"], LockValue.matrix),
-        density=_stated(table["density"], LockValue.number), bom=table.get("bom", {}).text_table(),
+        actuator=table["actuator"].maybe(_actuator), mass=_read_declared(table["mass"], LockValue.number),
+        com=_read_declared(table["com"], LockValue.vector), matrix=_read_declared(table["matrix"], LockValue.matrix),
+        density=_read_declared(table["density"], LockValue.number), bom=table.get("bom", {}).text_table(),
         warnings=(*(PartWarning(message=one) for one in table.get("warnings", []).texts()), *map(_question, table.get("asks", []).items())),
         code=code, apart=tuple(one.number() for one in table.get("apart", []).items()), own_image=table.get("own_image", False).flag(),
-        up=table["up"].maybe(_direction), slices=dict(map(_sliced, table.get("slices", []).items())),
+        up=table["up"].maybe(_direction), slices=dict(map(_read_slicing, table.get("slices", []).items())),
     )
 
 
@@ -222,7 +221,7 @@ def _box(value: LockValue) -> tuple[Vector, Vector]:
     return numbers[:3], numbers[3:]  # type: ignore[return-value]
 
 
-def _sliced(table: LockValue) -> tuple[Slicing, SliceResult | SliceFailure]:
+def _read_slicing(table: LockValue) -> tuple[Slicing, SliceResult | SliceFailure]:
     slicing = Slicing(
         up=_direction(table["up"]), walls=_whole(table["walls"]), top=_whole(table["top"]), bottom=_whole(table["bottom"]),
         **{key: table[key].least() for key in ("layer", "line_width", "overlap", "bridge_flow")},
@@ -301,7 +300,7 @@ def _actuator(table: LockValue) -> ActuatorRecord:
     return ActuatorRecord(kind=kind, sources=table.get("sources", {}).text_table(), **_present(numbers))
 
 
-def _stated(table: LockValue, read: Callable[[LockValue], Declared]) -> DeclaredValue[Declared] | None:
+def _read_declared(table: LockValue, read: Callable[[LockValue], Declared]) -> DeclaredValue[Declared] | None:
     return table.maybe(lambda table: DeclaredValue(source=table.one_of("source", SOURCES), value=read(table["value"])))
 
 

@@ -91,7 +91,7 @@ class LockAnswers:
         """
         if not self.current(reference):
             return None
-        schema = self._tried(self.lock.schema, reference)
+        schema = self._try_read(self.lock.schema, reference)
         place = self.place(reference)
         return replace(schema, file=place[0], line=place[1]) if schema is not None and place is not None else schema
 
@@ -106,7 +106,7 @@ class LockAnswers:
                 return None
         elif not self.current(definition.reference):
             return None
-        return self._tried(self.lock.record, definition, self.place(definition.reference))
+        return self._try_read(self.lock.record, definition, self.place(definition.reference))
 
     def relative(self, definition: PartDefinition) -> PartRecord | None:
         """Return a placeholder record for a part definition that is not in the lock file.
@@ -115,13 +115,13 @@ class LockAnswers:
         with other parameters. The placeholder has no mounts if counts, flags, choices or strings that differ from their defaults may affect
         the names of mounts.
         """
-        schema = self._tried(self.lock.schema, definition.reference)
+        schema = self._try_read(self.lock.schema, definition.reference)
         if schema is None:
             return None
         given = dict(definition.parameters)
         sizes = all(one.kind in CONTINUOUS or given.get(one.name) == one.default for one in schema.parameters)
         place = self.place(definition.reference)
-        relatives: list[PartRecord] | None = self._tried(list, self.lock.relatives(definition.reference, place)) if sizes else []
+        relatives: list[PartRecord] | None = self._try_read(list, self.lock.relatives(definition.reference, place)) if sizes else []
         if relatives is None:
             return None
         return PartRecord(
@@ -136,7 +136,7 @@ class LockAnswers:
         code = self._parts.code(reference) if ":" in reference else None
         return code.place if isinstance(code, CodeIngredients) else None
 
-    def _tried(self, read: Callable[..., _T], *arguments: Any) -> _T | None:
+    def _try_read(self, read: Callable[..., _T], *arguments: Any) -> _T | None:
         try:
             return read(*arguments)
         except BadLock as fault:
@@ -169,15 +169,15 @@ class LockFallback:
 
     def schema(self, reference: str) -> PartSchema | None:
         """Return the part schema of `module:Class`, or None if the lock file does not contain an up-to-date schema."""
-        answers = self._opened()
+        answers = self._open_lock()
         return answers.schema(reference) if answers is not None else None
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
         """Return the record of a part definition, or None if the lock file does not contain an up-to-date record."""
-        answers = self._opened()
+        answers = self._open_lock()
         return answers.record(definition) if answers is not None else None
 
-    def _opened(self) -> LockAnswers | None:
+    def _open_lock(self) -> LockAnswers | None:
         read, self._lock = self._lock, None
         lock = read() if read is not None else None
         if lock is not None:
@@ -225,10 +225,10 @@ class LockOnlyGeometry:
 
         Without a lock file, references without a failure are omitted.
         """
-        answers = {reference: self._described(reference) for reference in dict.fromkeys(references)}
+        answers = {reference: self._find_schema(reference) for reference in dict.fromkeys(references)}
         return {reference: answer for reference, answer in answers.items() if answer is not None}
 
-    def _described(self, reference: str) -> PartSchema | PartFailure | None:
+    def _find_schema(self, reference: str) -> PartSchema | PartFailure | None:
         code, answers = self._parts.code(reference), self._answers
         if isinstance(code, PartFailure):
             return code

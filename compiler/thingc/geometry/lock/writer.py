@@ -30,7 +30,7 @@ class LockResult:
     failures: list[PartFailure] = field(default_factory=list)
 
 
-def locked(
+def create_lock(
     geometry: GeometryService, references: Sequence[str], definitions: Sequence[PartDefinition],
     slicings: Mapping[str, Collection[Slicing]],
 ) -> LockResult:

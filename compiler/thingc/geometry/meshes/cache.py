@@ -23,7 +23,7 @@ VERSION = 3
 """Version of the format of mesh records. Increase this number when the format changes, so that older cached records are not used."""
 
 
-def measured(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | None:
+def mesh_record(file: MeshFile, store: Store, read: bool = True) -> MeshRecord | None:
     """Return the record of a mesh file, from the store or by reading the file.
 
     If `read` is False and the store does not contain the record, return None. Raises `BadMesh` if the file is not a valid mesh.
@@ -51,7 +51,7 @@ def mesh_records(listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, r
     records: dict[MeshFile, MeshRecord] = {}
     for file, (origin, read) in listed.items():
         try:
-            record = memo(("mesh record", file.path, file.scale, read), measured, file, store, read)
+            record = memo(("mesh record", file.path, file.scale, read), mesh_record, file, store, read)
         except BadMesh as fault:
             report.add(Code.PART_INVALID, f"`{file.path}` {fault}", origin, help="export the mesh again as STL, OBJ, COLLADA, PLY or glTF")
             continue

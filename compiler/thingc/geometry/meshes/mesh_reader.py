@@ -15,7 +15,7 @@ import trimesh
 
 from thingc.base.inertia import MassProperties, symmetric
 from thingc.base.primitives import FARTHEST
-from thingc.geometry.mesh_bounds import LARGEST, BadMesh, damaged, is_text, read_bounded, refuse_beyond
+from thingc.geometry.mesh_bounds import LARGEST, BadMesh, damaged_file_error, is_text, read_bounded, refuse_beyond
 from thingc.geometry.meshes.files import MeshFile, MeshPiece, MeshRecord
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
@@ -84,7 +84,7 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
     data = read_bounded(os.path.join(file.folder, os.path.basename(file.path)), file.suffix)
     if hashlib.sha256(data).hexdigest() != file.sha256:
         raise BadMesh("changed while it was read")
-    colored = [(color, _placed(file, data, corners)) for color, corners in _triangles(file, data)]
+    colored = [(color, _to_metres(file, data, corners)) for color, corners in _triangles(file, data)]
     count = sum(len(corners) for _, corners in colored)
     if count == 0:
         raise BadMesh("contains no triangles")
@@ -93,12 +93,12 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
         raise BadMesh("has a coordinate that is not finite")
     if float(np.abs(corners).max()) > FARTHEST:
         raise BadMesh(f"reaches {float(np.abs(corners).max()):.3g} m, but at most {FARTHEST:g} m is supported")
-    mesh, matter, turned = _kept(corners, store)
+    mesh, matter, turned = _store_mesh(corners, store)
     by_color: dict[str | None, list[Any]] = {}
     for color, some in colored:
         by_color.setdefault(color, []).append(some)
     pieces = tuple(
-        MeshPiece(mesh=mesh if len(by_color) == 1 else _kept(_in_order(some), store)[0], color=color)
+        MeshPiece(mesh=mesh if len(by_color) == 1 else _store_mesh(_in_order(some), store)[0], color=color)
         for color, some in sorted(by_color.items(), key=lambda entry: entry[0] or "")
     )
     low, high = (tuple(float(x) for x in side) for side in (corners.reshape(-1, 3).min(axis=0), corners.reshape(-1, 3).max(axis=0)))
@@ -145,7 +145,7 @@ def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
     """
     if file.suffix == ".dae" and isinstance(fault, AttributeError):
         return "is empty: it has no `<scene>`" if _COLLADA.search(data) else "is not COLLADA: it has no `<COLLADA xmlns=...>`"
-    return str(damaged(file.suffix, fault))
+    return str(damaged_file_error(file.suffix, fault))
 
 
 def _scene(file: MeshFile, data: bytes) -> Any:
@@ -155,17 +155,17 @@ def _scene(file: MeshFile, data: bytes) -> Any:
     again without images, which are not needed, and if this fails, without materials.
     """
 
-    def loaded(text: bytes, **options: Any) -> Any:
+    def load(text: bytes, **options: Any) -> Any:
         return trimesh.load_scene(io.BytesIO(text), file_type=file.suffix[1:], resolver=_Beside(file), process=False, **options)
 
     if file.suffix != ".dae":
-        return loaded(data)
+        return load(data)
     from collada.common import DaeError
 
     for text in _readings(data):
         with contextlib.suppress(DaeError):
-            return loaded(text, ignore_broken=False)
-    return loaded(_MATERIALS.sub(b"", data))
+            return load(text, ignore_broken=False)
+    return load(_MATERIALS.sub(b"", data))
 
 
 def _readings(dae: bytes) -> Iterator[bytes]:
@@ -190,7 +190,7 @@ def _color(geometry: Any, file: MeshFile) -> str | None:
     return f"#{red:02x}{green:02x}{blue:02x}" + (f"{alpha:02x}" if alpha < 255 else "")
 
 
-def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _to_metres(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Convert the corners of triangles from the unit and axes of the file to metres with the z axis up.
 
     The y axis of a glTF file points up. A COLLADA file specifies its up axis. Faces are flipped if an odd number of axes is mirrored.
@@ -214,7 +214,7 @@ def _placed(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDArra
     return corners[:, ::-1] if np.prod(file.scale) < 0.0 else corners
 
 
-def _kept(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassProperties | None, bool]:
+def _store_mesh(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassProperties | None, bool]:
     """Write triangles to the store as one mesh.
 
     Return the mesh, its mass properties (None for an open or flat mesh), and whether its faces were flipped because they pointed inwards.

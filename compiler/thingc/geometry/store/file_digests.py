@@ -7,7 +7,7 @@ import os
 import time
 from io import BufferedReader
 
-from thingc.base.filesystem import opened
+from thingc.base.filesystem import open_file
 from thingc.geometry.store.local import Store
 
 LARGE = 1 << 20
@@ -33,14 +33,14 @@ def digest_of(path: str, store: Store | None = None, known: Digests | None = Non
     The mapping `known` caches the digests of all files, for callers that read the same files several times.
     """
     known = {} if known is None else known
-    with opened(path) as stream:
+    with open_file(path) as stream:
         before = _signature(stream.fileno())
         if before not in known:
-            known[before] = _digest_stream(stream) if store is None or before[0] < LARGE else _kept(stream, before, store, path)
+            known[before] = _digest_stream(stream) if store is None or before[0] < LARGE else _digest(stream, before, store, path)
         return known[before]
 
 
-def _kept(stream: BufferedReader, before: FileSignature, store: Store, path: str) -> str:
+def _digest(stream: BufferedReader, before: FileSignature, store: Store, path: str) -> str:
     """Return the digest of a file from the store. If the store does not contain the digest, compute it.
 
     A new digest is stored unless the file has changed very recently.

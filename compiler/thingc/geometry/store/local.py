@@ -153,12 +153,12 @@ class Store:
 
     def put_json(self, kind: str, key: str, value: Any) -> None:
         """Store a JSON value under `kind` and `key`, replacing any previous value."""
-        self._write(self._document(kind, key), _sealed(kind, key, value))
+        self._write(self._document(kind, key), _seal(kind, key, value))
 
     def note_json(self, kind: str, key: str, value: Any) -> None:
         """Store a JSON value that is only used to save time. Write errors are ignored."""
         with contextlib.suppress(StoreUnusable):
-            self._write(self._document(kind, key), _sealed(kind, key, value))
+            self._write(self._document(kind, key), _seal(kind, key, value))
 
     # --- files ---------------------------------------------------------------------------------------------------
 
@@ -206,7 +206,7 @@ def _name(key: str) -> str:
     return hashlib.sha256(key.encode()).hexdigest()
 
 
-def _sealed(kind: str, key: str, value: Any) -> bytes:
+def _seal(kind: str, key: str, value: Any) -> bytes:
     """Encode a JSON document for the store: a line with the checksum, followed by the value."""
     payload = json.dumps(value, separators=(",", ":"), sort_keys=True, ensure_ascii=False).encode()
     return _checksum(kind, _name(key), payload) + b"\n" + payload

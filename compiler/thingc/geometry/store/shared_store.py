@@ -35,7 +35,7 @@ WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oss", "memo
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
-def opened(name: str | None) -> Store:
+def open_store(name: str | None) -> Store:
     """Open a store, which is a folder or a URL. `name` is the path of the folder or the URL. If `name` is None, the value of
     `$THINGC_STORE` is used, otherwise the user's cache.
 
@@ -72,14 +72,14 @@ class SharedStore(Store):
 
     def has(self, sha256: str, size: int | None = None) -> bool:
         """Return whether a valid blob is in the store. If a blob exists only at the URL, it is fetched."""
-        return super().has(sha256, size) or (self._fetched(sha256) and super().has(sha256, size))
+        return super().has(sha256, size) or (self._download(sha256) and super().has(sha256, size))
 
     def read(self, sha256: str) -> bytes:
         """Return the content of a blob from the folder or from the URL. Raises `BlobMissing` if there is no valid copy."""
         try:
             return super().read(sha256)
         except BlobMissing:
-            if not self._fetched(sha256):
+            if not self._download(sha256):
                 raise
             return super().read(sha256)
 
@@ -97,7 +97,7 @@ class SharedStore(Store):
                 value = super().get_json(kind, key)
         return value
 
-    def _fetched(self, sha256: str) -> bool:
+    def _download(self, sha256: str) -> bool:
         data = self._fetch(self.path(sha256)) if _SHA256.fullmatch(sha256) else None
         if data is None or hashlib.sha256(data).hexdigest() != sha256:
             if data is not None:
@@ -109,7 +109,7 @@ class SharedStore(Store):
     def _fetch(self, path: str) -> bytes | None:
         with self._words():
             try:
-                data: bytes = self._system.cat_file(self._there(path))
+                data: bytes = self._system.cat_file(self._url_of(path))
             except FileNotFoundError:
                 return None
             return data
@@ -143,7 +143,7 @@ class SharedStore(Store):
         path = self.path(sha256)
         with self._words():
             try:
-                known = self._system.info(self._there(path)).get("size")
+                known = self._system.info(self._url_of(path)).get("size")
             except FileNotFoundError:
                 known = None
         if known != len(data) or sha256 in self._damaged:
@@ -151,7 +151,7 @@ class SharedStore(Store):
         self._sent.add(sha256)
 
     def _send(self, path: str, data: bytes) -> None:
-        there = self._there(path)
+        there = self._url_of(path)
         folder = there.rpartition("/")[0]
         with self._words():
             self._make(folder)
@@ -185,7 +185,7 @@ class SharedStore(Store):
         named = self._system.protocol
         return {named} if isinstance(named, str) else set(named)
 
-    def _there(self, path: str) -> str:
+    def _url_of(self, path: str) -> str:
         """Return the path at the URL that corresponds to a file in the local folder."""
         return f"{self._base}/{os.path.relpath(path, self.root).replace(os.sep, '/')}"
 

@@ -49,7 +49,7 @@ class SliceCache:
         self._known: dict[tuple[str, Slicing], SliceResult | SliceFailure] = {}
         self._made: dict[str, tuple[PartRecord, frozenset[Slicing], PartRecord]] = {}
 
-    def added(self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> Records:
+    def add_slices(self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> Records:
         """Return part records with the slices that `wanted` lists, keyed by definition text.
 
         Slices that are not in the store are computed. Records without a mesh are unchanged.
@@ -60,13 +60,13 @@ class SliceCache:
         for text, slicings in texts.items():
             for slicing in slicings:
                 key = (_mesh(records[text]), slicing)
-                if key[0] and self._kept(*key) is None:
+                if key[0] and self._find_slice(*key) is None:
                     missing.setdefault(key, []).append(text)
         self._ask(missing, sliced)
         for text, slicings in texts.items():
             record = sliced[text]
             if isinstance(record, PartRecord) and _mesh(record):
-                sliced[text] = self._with(text, record, slicings)
+                sliced[text] = self._with_slices(text, record, slicings)
         return sliced
 
     def _ask(self, missing: Mapping[tuple[str, Slicing], list[str]], records: Records) -> None:
@@ -91,7 +91,7 @@ class SliceCache:
         self._work.store.put_json("slices", self._place(*key), value)
         self._note(key, value)
 
-    def _kept(self, mesh: str, slicing: Slicing) -> SliceResult | SliceFailure | None:
+    def _find_slice(self, mesh: str, slicing: Slicing) -> SliceResult | SliceFailure | None:
         key = (mesh, slicing)
         if key not in self._known:
             value = self._work.store.get_json("slices", self._place(mesh, slicing))
@@ -109,14 +109,14 @@ class SliceCache:
             del self._known[next(iter(self._known))]
         self._known[key] = convert(value, SliceResult | SliceFailure)
 
-    def _with(self, text: str, record: PartRecord, slicings: frozenset[Slicing]) -> PartRecord:
+    def _with_slices(self, text: str, record: PartRecord, slicings: frozenset[Slicing]) -> PartRecord:
         """Return a part record with the slices for the given slicing settings.
 
         If the slices have not changed, return the same object as in the last call.
         """
         last = self._made.get(text)
         if last is None or last[0] is not record or last[1] != slicings:
-            slices = {slicing: answer for slicing in slicings if (answer := self._kept(_mesh(record), slicing)) is not None}
+            slices = {slicing: answer for slicing in slicings if (answer := self._find_slice(_mesh(record), slicing)) is not None}
             last = self._made[text] = (record, slicings, replace(record, slices={**record.slices, **slices}))
         return last[2]
 

@@ -49,8 +49,8 @@ class Actuator:
         }
         for name, stated in numbers.items():
             if isinstance(stated, tuple):
-                stated, sources[name] = sourced(f"`{name}` of an Actuator", stated)
-            object.__setattr__(self, name, _checked(name, stated))
+                stated, sources[name] = check_sourced(f"`{name}` of an Actuator", stated)
+            object.__setattr__(self, name, _check_number(name, stated))
         object.__setattr__(self, "sources", MappingProxyType(sources))
 
     @property
@@ -61,7 +61,7 @@ class Actuator:
         return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
 
 
-def sourced(what: str, pair: tuple[object, ...]) -> tuple[float, str]:
+def check_sourced(what: str, pair: tuple[object, ...]) -> tuple[float, str]:
     """Check that a tuple is a pair of a number and its source, and return the pair. Raises `ValueError` for any other tuple."""
     if len(pair) != 2 or not isinstance(pair[1], str):
         raise ValueError(f"{what} must be a number or (number, source), found {pair!r}")
@@ -71,7 +71,7 @@ def sourced(what: str, pair: tuple[object, ...]) -> tuple[float, str]:
     return value, source  # type: ignore[return-value]
 
 
-def _checked(name: str, value: object) -> float | None:
+def _check_number(name: str, value: object) -> float | None:
     if value is None and name != "gear_ratio":
         return None
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):

@@ -16,7 +16,7 @@ Change = tuple[str, object]
 """An adjustment of a parameter: the operation (`set | add | mul`) and its operand."""
 
 
-def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
+def adjust_thing(thing: Thing, changes: Mapping[str, object]) -> Thing:
     """Return a Thing of the same class with changed parameters.
 
     The name of a parameter is first searched in the class itself, and then in its parent classes, nearest first. If the parameter belongs
@@ -35,7 +35,7 @@ def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
             raise CallError(message, owner=cls.__name__, parameter=parameter.name)
         changed.add(parameter.name)
         if family is cls:
-            own[parameter.name] = _applied(parameter, (operation, value), own[parameter.name], cls.__name__)
+            own[parameter.name] = _apply_change(parameter, (operation, value), own[parameter.name], cls.__name__)
         else:
             pinned.append((family, parameter, (operation, value)))
     adjustments = {family: dict(values) for family, values in construction.adjustments.items()}
@@ -47,7 +47,7 @@ def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
         if call is None:
             message = f"`{cls.__name__}` with these parameters does not call the `__init__` that accepts `{parameter.name}`"
             raise CallError(message, owner=cls.__name__, parameter=parameter.name)
-        value = _applied(parameter, change, call.values[parameter.name], cls.__name__)
+        value = _apply_change(parameter, change, call.values[parameter.name], cls.__name__)
         values = adjustments.setdefault(family, {})
         if value == call.given[parameter.name]:
             values.pop(parameter.name, None)
@@ -81,7 +81,7 @@ def _parents(thing: Thing) -> list[InitCall]:
     return thing._construction.calls[1:]
 
 
-def _applied(parameter: Parameter, change: Change, current: Value, owner: str) -> Value:
+def _apply_change(parameter: Parameter, change: Change, current: Value, owner: str) -> Value:
     """Apply a change to the current value of a parameter, and return the new value in canonical form.
 
     Raises `ParameterError` if the parameter does not accept the value.

@@ -112,7 +112,7 @@ class ThingType(ABCMeta):
         super().__init__(name, bases, namespace, **kwargs)
         init = namespace.get("__init__")
         if any(isinstance(base, ThingType) for base in bases) and inspect.isfunction(init):
-            cls.__init__ = _recorded(cls, init)  # type: ignore[misc]
+            cls.__init__ = _record_calls(cls, init)  # type: ignore[misc]
 
     if not TYPE_CHECKING:  # type checkers take the signature from `__init__`
 
@@ -134,17 +134,17 @@ def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments)
     if key in _made:
         return _made[key]
     if key in _making:
-        raise RecursionError(f"`{shown(cls, parameters)}` depends on itself")
+        raise RecursionError(f"`{format_thing(cls, parameters)}` depends on itself")
     _making.add(key)
     try:
-        thing = _constructed(cls, parameters, adjustments)
+        thing = _construct(cls, parameters, adjustments)
     finally:
         _making.discard(key)
     _made[key] = thing
     return thing
 
 
-def _constructed(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments) -> Thing:
+def _construct(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments) -> Thing:
     thing: Thing = cls.__new__(cls)  # type: ignore[call-overload]
     construction = Construction(parameters=parameters, adjustments=adjustments)
     object.__setattr__(thing, "_construction", construction)
@@ -159,7 +159,7 @@ def _constructed(cls: type[Any], parameters: dict[str, Value], adjustments: Adju
     return thing
 
 
-def wrapped(cls: type[Any], parameters: dict[str, Value], **attributes: object) -> Thing:
+def create_thing(cls: type[Any], parameters: dict[str, Value], **attributes: object) -> Thing:
     """Create a finished Thing of class `cls` with the given parameters and attributes. The Thing is not cached, and `__init__` does not
     run.
     """
@@ -185,7 +185,7 @@ def family_signature(cls: type[Any]) -> Signature:
     return signature
 
 
-def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
+def _record_calls(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
     """Wrap `init` of the class `cls`. The wrapper checks and records the arguments, and calls `init` with the adjusted values."""
 
     @functools.wraps(init)
@@ -221,6 +221,6 @@ def running_file() -> str | None:
     return _files[-1] if _files else None
 
 
-def shown(cls: type, parameters: Mapping[str, Value]) -> str:
+def format_thing(cls: type, parameters: Mapping[str, Value]) -> str:
     """Format a Thing as a call of its class, for example as `PenDummy(length=100.0, diameter=15.0)`."""
     return f"{cls.__name__}({', '.join(f'{name}={value!r}' for name, value in parameters.items())})"

@@ -20,8 +20,8 @@ from typing import Any, Literal, TypeAlias, Union, cast
 from build123d.build_enums import Select
 from build123d.topology import Compound, Shape
 
-from thingc.geometry.things.actuator import Actuator, sourced
-from thingc.geometry.things.construction import family_signature, make, wrapped
+from thingc.geometry.things.actuator import Actuator, check_sourced
+from thingc.geometry.things.construction import create_thing, family_signature, make
 from thingc.geometry.things.mounts import MountPoint
 from thingc.geometry.things.parameters import Parameter, SignatureError, Value
 from thingc.geometry.things.signature import Signature, annotation_of, signature_of
@@ -167,7 +167,7 @@ def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
     if not isinstance(shape, Shape):
         raise TypeError(f"`{part.__name__}` must return a build123d shape, but returned {shape!r}")
     bought = {"make": "buy"} if shape.__class__.__module__.split(".")[0] == "bd_warehouse" else {}
-    return wrapped(_ShapePart, values, _family=part.__name__, _shape=shape, bom=bought)
+    return create_thing(_ShapePart, values, _family=part.__name__, _shape=shape, bom=bought)
 
 
 def mounts_of(thing: Thing) -> dict[str, MountPoint]:
@@ -219,7 +219,7 @@ def statement_of(thing: Thing, method: Literal["mass", "centre", "matrix_of_iner
     if value is None:
         return None
     if isinstance(value, tuple) and len(value) == 2:
-        value, source = sourced(what, value)
+        value, source = check_sourced(what, value)
     return Statement(value=_CHECKS[method](what, value), source=source)
 
 

@@ -58,11 +58,11 @@ class MountPoint(Framed):
         if tolerance is not None and not 0 <= tolerance < float("inf"):
             raise ValueError(f"the tolerance of a MountPoint must be at least 0 mm and finite, found {tolerance!r}")
         if facing is not None or mate_x is not None:
-            location = _directed(location, facing, mate_x)
+            location = _direct(location, facing, mate_x)
         self._local = Location(location.wrapped)
         self._view = Location()
         self._declared = interface
-        self._interface, self._features = _declared(interface)
+        self._interface, self._features = _split_interface(interface)
         self._tolerance = None if tolerance is None else float(tolerance)
         self._owner: Thing | None = None
         self._name: str | None = None
@@ -139,7 +139,7 @@ class MountPoint(Framed):
         return moved
 
 
-def _declared(interface: Interface) -> tuple[str | None, tuple[MatingFeature, ...]]:
+def _split_interface(interface: Interface) -> tuple[str | None, tuple[MatingFeature, ...]]:
     """Split an interface into its name and its mating features. Raises `ValueError` if it is invalid."""
     listed = list(interface) if isinstance(interface, (list, tuple)) else [] if interface is None else [interface]
     names = [one for one in listed if isinstance(one, str)]
@@ -151,7 +151,7 @@ def _declared(interface: Interface) -> tuple[str | None, tuple[MatingFeature, ..
     return next(iter(names), None), features
 
 
-def _directed(location: Location, facing: VectorLike | None, mate_x: VectorLike | None) -> Location:
+def _direct(location: Location, facing: VectorLike | None, mate_x: VectorLike | None) -> Location:
     """Rotate `location` about its z axis. Afterwards, its x axis has the direction `facing`, or the x axis of a mated mount has the
     direction `mate_x`.
     """
@@ -177,7 +177,7 @@ def adopt(thing: Thing, name: str, value: Any) -> Any:
     is used. If the value contains no mounts that must be changed, the same object is returned. Raises `ValueError` if the name of a mount
     is forbidden.
     """
-    return _mapped(name, value, lambda own_name, mount: _owned(thing, own_name, mount))
+    return _map_mounts(name, value, lambda own_name, mount: _own(thing, own_name, mount))
 
 
 def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -> Any:
@@ -187,8 +187,8 @@ def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -
     forbidden or already in use.
     """
 
-    def named(own_name: str, mount: MountPoint) -> MountPoint:
-        mount = _owned(thing, own_name, mount)
+    def with_mount_name(own_name: str, mount: MountPoint) -> MountPoint:
+        mount = _own(thing, own_name, mount)
         if own_name in mounts:
             raise ValueError(f"two mounts of `{type(thing).__name__}` are named `{own_name}`")
         if any(mount is known for known in mounts.values()):
@@ -198,23 +198,23 @@ def settle(thing: Thing, name: str, value: Any, mounts: dict[str, MountPoint]) -
         mounts[own_name] = mount
         return mount
 
-    return _mapped(name, value, named)
+    return _map_mounts(name, value, with_mount_name)
 
 
-def _mapped(name: str, value: Any, change: Callable[[str, MountPoint], MountPoint]) -> Any:
+def _map_mounts(name: str, value: Any, change: Callable[[str, MountPoint], MountPoint]) -> Any:
     """Return `value` with each mount replaced by `change(name, mount)`. If no mount changes, return the same object as `value`."""
     if isinstance(value, MountPoint):
         return change(name, value)
     if type(value) in (list, tuple):
-        items = [_mapped(f"{name}_{index}", item, change) for index, item in enumerate(value)]
+        items = [_map_mounts(f"{name}_{index}", item, change) for index, item in enumerate(value)]
         return value if all(new is old for new, old in zip(items, value)) else type(value)(items)
     if type(value) is dict:
-        entries = {key: _mapped(f"{name}_{key}", item, change) for key, item in value.items()}
+        entries = {key: _map_mounts(f"{name}_{key}", item, change) for key, item in value.items()}
         return value if all(entries[key] is value[key] for key in value) else entries
     return value
 
 
-def _owned(thing: Thing, name: str, mount: MountPoint) -> MountPoint:
+def _own(thing: Thing, name: str, mount: MountPoint) -> MountPoint:
     plain = name.isascii() and name.isidentifier()
     if not plain or name in RESERVED:
         why = "the name is reserved" if plain else "use letters, digits and _"

@@ -119,23 +119,23 @@ class Parameter:
         Raises `ParameterError` for a wrong type, a number that is not finite or out of bounds, or an unknown choice. `owner` is the name of
         the part, which is used in the message.
         """
-        typed = self._typed(value)
+        typed = self._to_kind(value)
         if typed is None:
             raise self.error(f"must be {self.noun}, found {value!r}", owner)
         if isinstance(typed, (int, float)) and not isinstance(typed, bool) and self.kind != "choice":
             if not math.isfinite(typed):
                 raise self.error(f"must be finite, found {value!r}", owner)
             if self.minimum is not None and typed < self.minimum:
-                raise self.error(f"must be at least {self._shown(self.minimum)}, found {self._shown(typed)}", owner)
+                raise self.error(f"must be at least {self._format_number(self.minimum)}, found {self._format_number(typed)}", owner)
             if self.maximum is not None and typed > self.maximum:
-                raise self.error(f"must be at most {self._shown(self.maximum)}, found {self._shown(typed)}", owner)
+                raise self.error(f"must be at most {self._format_number(self.maximum)}, found {self._format_number(typed)}", owner)
         return typed
 
     def error(self, problem: str, owner: str) -> ParameterError:
         """Create a `ParameterError` whose message names the parameter, its owner, and the problem."""
         return ParameterError(f"`{self.name}` of `{owner}` {problem}", owner=owner, parameter=self.name)
 
-    def _typed(self, value: object) -> Value | None:
+    def _to_kind(self, value: object) -> Value | None:
         """Convert a value to the Python type of the parameter kind. Return None if the value has another type."""
         if self.kind == "choice":
             return next((choice for choice in self.choices if _same(choice, value)), None)
@@ -155,7 +155,7 @@ class Parameter:
         except OverflowError:
             return math.inf
 
-    def _shown(self, value: float) -> str:
+    def _format_number(self, value: float) -> str:
         """Format a number with its unit for display."""
         text = repr(value)
         return text.removesuffix(".0") + UNITS.get(self.kind, "")

@@ -34,8 +34,8 @@ class TransformResolver(Framed):
     methods.
 
     `thing.move(location)` and `mount.align(other)` return such views. In `TransformResolver(thing, location)`, the frame of `thing` is at
-    `location` [mm]. A view is only used while geometry is constructed. Views do not add components to an assembly. The function `placed`
-    transforms the values of attributes. A method runs in the Thing's own frame, and `placed` then transforms its return value. The
+    `location` [mm]. A view is only used while geometry is constructed. Views do not add components to an assembly. The function `place`
+    transforms the values of attributes. A method runs in the Thing's own frame, and `place` then transforms its return value. The
     attributes of a view are read-only.
     """
 
@@ -55,7 +55,7 @@ class TransformResolver(Framed):
         """
         if name.startswith("__"):
             raise AttributeError(name)
-        return placed(getattr(self.__target, name), self.__location)
+        return place(getattr(self.__target, name), self.__location)
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a moved view of {self.__target!r} is read-only: `{name}` cannot be assigned")
@@ -73,7 +73,7 @@ class TransformResolver(Framed):
         return TransformResolver(self.__target, view * self.__location)
 
 
-def placed(value: Any, location: Location) -> Any:
+def place(value: Any, location: Location) -> Any:
     """Transform a value from a frame at `location` [mm] to the enclosing frame.
 
     Shapes, planes and axes are moved. Sketches, edges and vertices count as shapes. A location is composed with `location`. A vector is
@@ -83,7 +83,7 @@ def placed(value: Any, location: Location) -> Any:
     unchanged. Raises `TypeError` for a matrix, an oriented bounding box or a joint.
     """
     if isinstance(value, Shape):
-        return _moved(value, location)
+        return _move_shape(value, location)
     if isinstance(value, Location):
         return location * value
     if isinstance(value, Framed):
@@ -102,13 +102,13 @@ def placed(value: Any, location: Location) -> Any:
     if isinstance(value, LocationList):
         return [location * item for item in value.locations]
     if isinstance(value, ShapeList):
-        return ShapeList(placed(item, location) for item in value)
+        return ShapeList(place(item, location) for item in value)
     if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return type(value)(*(placed(item, location) for item in value))
+        return type(value)(*(place(item, location) for item in value))
     if isinstance(value, (list, tuple, set, frozenset)):
-        return type(value)(placed(item, location) for item in value)
+        return type(value)(place(item, location) for item in value)
     if isinstance(value, dict):
-        return {key: placed(item, location) for key, item in value.items()}
+        return {key: place(item, location) for key, item in value.items()}
     if isinstance(value, type):
         return _calling(value, location) if issubclass(value, (Framed, Shape)) else value
     if isinstance(value, (Matrix, OrientedBoundBox, Joint)):
@@ -123,11 +123,11 @@ def placed(value: Any, location: Location) -> Any:
 
 
 def _calling(function: Callable[..., Any], location: Location) -> Callable[..., Any]:
-    """Wrap a method, so that it runs in the frame of the Thing and `placed` transforms its return value."""
+    """Wrap a method, so that it runs in the frame of the Thing and `place` transforms its return value."""
 
     @functools.wraps(function, updated=())
     def call(*args: Any, **kwargs: Any) -> Any:
-        return placed(function(*args, **kwargs), location)
+        return place(function(*args, **kwargs), location)
 
     return call
 
@@ -141,7 +141,7 @@ def _location(location: object) -> Location:
     return location
 
 
-def _moved(shape: Shape[Any], location: Location) -> Shape[Any]:
+def _move_shape(shape: Shape[Any], location: Location) -> Shape[Any]:
     """Return a moved shape that shares its geometry with `shape`. Only the location is copied.
 
     build123d's `moved` copies the whole topology, which takes some milliseconds for a servo. The method `moved` is only called for shapes

@@ -30,14 +30,14 @@ def argument_docs(docstring: str | None) -> dict[str, str]:
     texts: dict[str, list[str]] = {}
     for start, line in enumerate(lines):
         if line.strip() in ("Args:", "Arguments:", "Parameters:"):
-            _indented(lines[start + 1:], texts)
+            _parse_indented(lines[start + 1:], texts)
         elif line.strip() == "Parameters" and start + 1 < len(lines) and re.fullmatch(r"-{3,}", lines[start + 1].strip()):
             _numpy(lines[start + 2:], texts)
     _fields(lines, texts)
     return {name: " ".join(" ".join(words).split()) for name, words in texts.items()}
 
 
-def _indented(lines: list[str], texts: dict[str, list[str]]) -> None:
+def _parse_indented(lines: list[str], texts: dict[str, list[str]]) -> None:
     """Parse an `Args:` section in Google style. The entries have the same indentation, and continuation lines are indented more deeply.
 
     The section ends at the first line with less indentation.

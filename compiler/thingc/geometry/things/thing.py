@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 from build123d import Location
 from build123d.topology import Shape
 
-from thingc.geometry.things.adjust import adjusted
-from thingc.geometry.things.construction import Construction, Parameters, ThingType, shown
+from thingc.geometry.things.adjust import adjust_thing
+from thingc.geometry.things.construction import Construction, Parameters, ThingType, format_thing
 from thingc.geometry.things.mounts import MountPoint, adopt, origin_of
 from thingc.geometry.things.resolver import Framed, TransformResolver
 
@@ -81,7 +81,7 @@ class Thing(Framed, metaclass=ThingType):
         an invalid value, and `CallError` for an unknown name.
         """
         self._must_be_finished("adjust")
-        return cast("Self", adjusted(self, changes))
+        return cast("Self", adjust_thing(self, changes))
 
     def result(self) -> Geometry:
         """Return the solid geometry of the part in the Thing's frame [mm], or None for a part without geometry."""
@@ -125,7 +125,7 @@ class Thing(Framed, metaclass=ThingType):
     def __repr__(self) -> str:
         family, adjustments = type(self), self._construction.adjustments
         changed = [f"{name}={value!r}" for parent in family.__mro__ for name, value in sorted(adjustments.get(parent, {}).items())]
-        return shown(family, self._construction.parameters) + (f" adjusted to {', '.join(changed)}" if changed else "")
+        return format_thing(family, self._construction.parameters) + (f" adjusted to {', '.join(changed)}" if changed else "")
 
     def __copy__(self) -> Self:
         return self

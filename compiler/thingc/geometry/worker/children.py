@@ -103,7 +103,7 @@ class Child:
         self._kill(signal.SIGSTOP)
         return not process_tree.descendants(self.process)
 
-    def over(self, now: float) -> str | None:
+    def end_reason(self, now: float) -> str | None:
         """Return the reason why a child process without an answer must be ended, or None.
 
         The reason is `hung`, `swarmed` (too many processes), `starved` (too much memory) or `crashed`.
@@ -115,14 +115,14 @@ class Child:
             return "swarmed"
         if process_tree.exceeds((self.process, *started), self.request.get("memory", DEFAULT_MEMORY)):
             return "starved"
-        return "crashed" if self._ended() else None
+        return "crashed" if self._has_ended() else None
 
     def wait(self) -> dict[str, Any]:
         """Wait until the child answers or must be ended. After that, end the child, and return the same answer as `end`."""
         over = None
         while not self.answered and over is None:
             if not select.select([self.pipe], [], [], WATCH)[0]:
-                over = self.over(time.monotonic())
+                over = self.end_reason(time.monotonic())
             elif not self.read() or len(self.received) > ANSWER:
                 over = "crashed"
         return self.end(over, ())
@@ -185,7 +185,7 @@ class Child:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.process, number)
 
-    def _ended(self) -> bool:
+    def _has_ended(self) -> bool:
         if self.status is None:
             with contextlib.suppress(ChildProcessError):
                 process, status = os.waitpid(self.process, os.WNOHANG)
@@ -195,7 +195,7 @@ class Child:
     def _wait(self) -> None:
         """Wait until the child exits, for at most `LAST_WORDS` seconds."""
         last = time.monotonic() + LAST_WORDS
-        while not self._ended() and time.monotonic() < last:
+        while not self._has_ended() and time.monotonic() < last:
             time.sleep(process_tree.PAUSE)
 
 

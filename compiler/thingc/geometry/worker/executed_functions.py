@@ -34,7 +34,7 @@ def install() -> None:
     signature.install(_look_at)
 
 
-def compiled(source: bytes, file: str, sha256: str) -> types.CodeType:
+def compile_marked(source: bytes, file: str, sha256: str) -> types.CodeType:
     """Compile a source file with the content hash `sha256`, and return the code with marks in its functions.
 
     Functions in code that may inspect functions, or that is nested too deeply, do not get marks. Raises the same exceptions as the built-in

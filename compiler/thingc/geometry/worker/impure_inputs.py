@@ -63,7 +63,7 @@ class ImpureInputRecorder:
             _current = None
 
     @contextlib.contextmanager
-    def paused(self) -> Iterator[None]:
+    def pause(self) -> Iterator[None]:
         """Return a context manager that stops the recording of impure inputs while it is active."""
         self.stop()
         try:
@@ -325,7 +325,7 @@ def _wrap_numpy(module: types.ModuleType) -> None:
     def new(cls: Any, seed: Any = None) -> Any:
         if cls is not stand_in:
             return real.__new__(cls)
-        with contextlib.nullcontext() if _current is None or seed is None else _current.paused():
+        with contextlib.nullcontext() if _current is None or seed is None else _current.pause():
             return real(seed)
 
     def look_up(self: Any, name: str) -> Any:

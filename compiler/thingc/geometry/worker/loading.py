@@ -36,7 +36,7 @@ def compile_ahead(file: str, sha256: str | None) -> bool:
             source = stream.read()
         digest = hashlib.sha256(source).hexdigest()
         if sha256 in (digest, None) and (file, digest) not in _compiled:
-            _compiled[file, digest] = executed_functions.compiled(source, file, digest)
+            _compiled[file, digest] = executed_functions.compile_marked(source, file, digest)
             builtins_for(_compiled[file, digest])  # the next import uses this cached result
             return True
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):

@@ -29,7 +29,7 @@ class Scratch:
     def __init__(self) -> None:
         base = tempfile.gettempdir()
         _sweep(base)
-        self.folder, lock = _made(base)
+        self.folder, lock = _make_folder(base)
         self.descriptors = () if lock is None else (lock,)
         self._count = 0
 
@@ -63,7 +63,7 @@ def settle(folder: str) -> None:
     tempfile.tempdir = None
 
 
-def _made(base: str) -> tuple[str, int | None]:
+def _make_folder(base: str) -> tuple[str, int | None]:
     """Create a new scratch folder. Return the path of the folder and the file descriptor of its lock. The descriptor is None on systems
     without locks.
     """

@@ -68,7 +68,7 @@ def main(arguments: list[str]) -> None:
                 folder = scratch.make()
                 settle(folder)
                 request = json.loads(line)
-                _answer(answers, _settled(_safely({**request, "scratch": folder}), request["store"], folder))
+                _answer(answers, _move_results(_safely({**request, "scratch": folder}), request["store"], folder))
     finally:
         scratch.close()
         os._exit(0)
@@ -145,7 +145,7 @@ def _answer(descriptor: int, value: Mapping[str, Any]) -> None:
 
 def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
     try:
-        return {"id": request["id"], **answered(request)}
+        return {"id": request["id"], **answer_request(request)}
     except BaseException as fault:
         import traceback
 
@@ -153,7 +153,7 @@ def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
         return {"id": request["id"], "failed": "crashed", "words": words, "detail": traceback.format_exc()}
 
 
-def answered(request: Mapping[str, Any]) -> dict[str, Any]:
+def answer_request(request: Mapping[str, Any]) -> dict[str, Any]:
     """Run a request, and measure its time.
 
     Return the `answer` and the `span` of the request. Return a failure if the store is unusable. `span` contains the start and the end time
@@ -169,7 +169,7 @@ def answered(request: Mapping[str, Any]) -> dict[str, Any]:
         return {"failed": "unusable", "words": fault.reason}
 
 
-def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
+def _move_results(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
     """Move the results of a request from its `folder` to the store and remove the folder.
 
     Return the answer with the lines that the part `printed`.
@@ -232,7 +232,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
     until = time.monotonic() + request["timeout"] / 2
     answer = build_part(request["definition"], convert(request["tessellations"], Tessellations), around, store)
-    return {**answer, "slices": _sliced(answer, request["slicings"], store) if time.monotonic() < until else []}
+    return {**answer, "slices": _slice_likely(answer, request["slicings"], store) if time.monotonic() < until else []}
 
 
 def _function(request: Mapping[str, Any]) -> Callable[..., Any]:
@@ -242,7 +242,7 @@ def _function(request: Mapping[str, Any]) -> Callable[..., Any]:
     return function
 
 
-def _sliced(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
+def _slice_likely(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
     """Slice a part that was just built, with the settings that documents will probably use (`LikelySlicing`).
 
     Return a list of pairs. Each pair contains the settings and the result as JSON values. If slicing fails, the pair is omitted.
@@ -302,7 +302,7 @@ class _Server:
                         if not child.read() or child.answered:
                             self.finish(child)
                 for child in list(self.running.values()):
-                    over = child.over(time.monotonic())
+                    over = child.end_reason(time.monotonic())
                     if over is not None:
                         self.finish(child, over)
         except BrokenPipeError:
@@ -368,7 +368,7 @@ class _Server:
         from thingc.geometry.worker.children import start
 
         descriptors = [0, self.answers, *self.scratch.descriptors, *self.running]
-        return start(answered, self.usual, self.scratch.make(), descriptors)
+        return start(answer_request, self.usual, self.scratch.make(), descriptors)
 
     def children(self) -> list[Child]:
         """Return all child processes that are running, including the spare child."""
@@ -382,7 +382,7 @@ class _Server:
         """
         alone = over is None and child.answered and child.stop()
         ended = child.answer if alone else self.end(child, over)
-        _answer(self.answers, _settled(ended, child.request["store"], child.scratch))
+        _answer(self.answers, _move_results(ended, child.request["store"], child.scratch))
         if alone:
             self.end(child, over)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, noted
+from thingc.base.diagnostics import Code, make_notes
 from thingc.base.joints.twist import Twist, dimensions_of
 from thingc.base.numeric import sum_of
 from thingc.base.suggestions import did_you_mean
@@ -24,12 +24,12 @@ _INLINE = {True: "`drive: {kind: position, kp: 20 N*m/rad}`", False: "`drive: {k
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
     """Create the joint edge of a joint from the values that the document specifies. Values of the drive of the joint are not included."""
-    mimic = None if joint.mimic is None else replace(joint.mimic, joint=_named(instance, joint.mimic.joint))
-    fields = instance.fields_of(joint, Coordinate) | {"name": _named(instance, joint.name), "mimic": mimic}
+    mimic = None if joint.mimic is None else replace(joint.mimic, joint=_top_name(instance, joint.mimic.joint))
+    fields = instance.fields_of(joint, Coordinate) | {"name": _top_name(instance, joint.name), "mimic": mimic}
     return JointEdge(**fields, twist=twist, actuator=None)
 
 
-def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
+def _top_name(instance: Instance, name: CoordinateName) -> CoordinateName:
     """Convert the name of a coordinate in the document of `instance` to its name in the top document."""
     return CoordinateName(f"{instance.path.replace('/', '.')}.{name}") if instance.path else name
 
@@ -46,14 +46,14 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist) -> Jo
     drive = None
     if joint.drive is not None:
         stated = replace(joint.drive, origin=joint.drive.origin or joint.origin)
-        drive = filled(tree, instance, f"joint `{joint.name}`", joint.path, stated, turns=twist.turns)
+        drive = fill_drive(tree, instance, f"joint `{joint.name}`", joint.path, stated, turns=twist.turns)
     if drive is not None:
         if limit.effort is not None and drive.effort is not None and limit.effort > drive.effort:
             unit = "N*m" if twist.turns else "N"
             tree.findings.warn(
                 Code.EFFORT, f"joint `{joint.name}` has an effort limit of {limit.effort:.6g} {unit}, "
                 f"but its actuator provides at most {drive.effort:.6g} {unit}", joint.origin_of("limit.effort", origin), path=path,
-                help="lower `limit.effort`, or use a stronger actuator", notes=noted("the actuator is set here", drive.origin),
+                help="lower `limit.effort`, or use a stronger actuator", notes=make_notes("the actuator is set here", drive.origin),
             )
         limit = replace(limit, effort=first(limit.effort, drive.effort), velocity=first(limit.velocity, drive.velocity))
         if dynamics.armature is None:
@@ -93,7 +93,7 @@ def actuator_of(instance: Instance, owner: str, drive: Drive, limit: Limit, find
     return model if gear is None else replace(model, transmission=instance.within(gear.name), ratio=gear.ratio, backlash=gear.backlash)
 
 
-def filled(tree: Tree, instance: Instance, owner: str, path: str, drive: Drive, *, turns: bool) -> Drive | None:
+def fill_drive(tree: Tree, instance: Instance, owner: str, path: str, drive: Drive, *, turns: bool) -> Drive | None:
     """Fill in missing values of a drive from the actuator of a Thing, and convert all values to the joint side of a transmission.
 
     Values that the document specifies take precedence. `owner` is the driven element for messages, such as "joint `knee`", with its `path`
@@ -111,7 +111,7 @@ def filled(tree: Tree, instance: Instance, owner: str, path: str, drive: Drive, 
             return None
         if not part.exact:
             return None
-        complete = _over(drive, part.record.actuator)
+        complete = _override(drive, part.record.actuator)
         lacking = _lacking_gain(drive, complete, turns=turns)
         if lacking is not None:
             tree.findings.error(
@@ -160,7 +160,7 @@ def first(said: float | None, else_: float | None) -> float | None:
     return said if said is not None else else_
 
 
-def _over(drive: Drive, actuator: ActuatorRecord) -> Drive:
+def _override(drive: Drive, actuator: ActuatorRecord) -> Drive:
     kind = drive.kind or actuator.kind
     return replace(
         drive, kind=kind, kp=first(drive.kp, actuator.kp) if kind in ("position", actuator.kind) else None, kv=first(drive.kv, actuator.kv),

@@ -82,14 +82,14 @@ class _Field(FrozenStruct, kw_only=False):
     def _of_names(self, first: Mapping[str, Any], second: Mapping[str, Any]) -> RecordDifference | None:
         names = [name for name in dict.fromkeys((*first, *second)) if first.get(name) != second.get(name)]
         if names:
-            return RecordDifference(self.name, f"its {self.name} differ: {_listed(names)}")
+            return RecordDifference(self.name, f"its {self.name} differ: {_join_names(names)}")
         if list(first) != list(second):
-            orders = f"{_listed(first)} in the first build and {_listed(second)} in the second"
+            orders = f"{_join_names(first)} in the first build and {_join_names(second)} in the second"
             return RecordDifference(self.name, f"the order of its {self.name} differs: {orders}")
         return None
 
 
-def _listed(names: Iterable[str]) -> str:
+def _join_names(names: Iterable[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 

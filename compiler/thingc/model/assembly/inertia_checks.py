@@ -8,7 +8,7 @@ from thingc.base import numeric
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, moments_fault, physical_fault, principal_moments
 from thingc.base.joints.kinds import stays
-from thingc.base.safe_text import quoted
+from thingc.base.safe_text import quote_names
 from thingc.base.source import Span
 from thingc.model.assembly.links import rigid_groups
 from thingc.model.assembly.mass import stated_inertia
@@ -41,7 +41,7 @@ def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
             help = "remove `inertia`: the inertia is then computed from the geometry, and a frame is a point mass"
         findings.error(
             Code.NOT_PHYSICAL, f"the inertia of `{one.component.name}` is not physical: {fault}",
-            one.component.located(stated.origin, one.origin), path=one.path, help=help,
+            one.component.add_location(stated.origin, one.origin), path=one.path, help=help,
         )
     return faulty
 
@@ -83,7 +83,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
             help = "add a mass to a component with geometry, or add `inertia:` to a component of the link"
         elif mass > 0.0:
             main = max(members, key=lambda one: one.properties.mass)
-            code, what, help = Code.TOO_LIGHT, f"is too light for MuJoCo: {light} ({_measured(main)})", _cause(main)
+            code, what, help = Code.TOO_LIGHT, f"is too light for MuJoCo: {light} ({_describe_size(main)})", _cause(main)
         else:
             code, what = Code.MASSLESS, f"has no mass ({named})"
             help = (
@@ -105,7 +105,7 @@ def _light(mass: float, least: float) -> str | None:
     return None
 
 
-def _measured(one: Occurrence) -> str:
+def _describe_size(one: Occurrence) -> str:
     """Describe the size and mass of an occurrence: `arm`, `foot.stl`, measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
     size = f" measures {measures(one.box)} and" if one.box is not None else ""
     return f"`{one.path}`, `{one.definition.label}`,{size} weighs {mass_words(one.properties.mass)}"
@@ -126,4 +126,4 @@ def _cause(one: Occurrence) -> str:
 
 def _format_members(members: Sequence[Occurrence]) -> str:
     """Format the names of components for a message: `components a, b and 3 more`."""
-    return f"component{'' if len(members) == 1 else 's'} {quoted([one.path for one in members], 6)}"
+    return f"component{'' if len(members) == 1 else 's'} {quote_names([one.path for one in members], 6)}"

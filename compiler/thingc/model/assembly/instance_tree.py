@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from thingc.base.diagnostics import Code, Note, noted
+from thingc.base.diagnostics import Code, Note, make_notes
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Mirror, Pose
 from thingc.base.source import Origin
@@ -88,7 +88,7 @@ class _Fault(FrozenStruct):
 _SILENT = _Fault(silent=True)
 
 
-def unplaced(definition: AssemblyDefinition) -> list[str]:
+def unplaced_components(definition: AssemblyDefinition) -> list[str]:
     """Return the names of an assembly's components that are not placed.
 
     A valid assembly has exactly one such component, which is its base.
@@ -146,7 +146,7 @@ class Tree:
 
     def _find_bases(self) -> None:
         for instance, definition in reversed(self.assemblies):  # children first, because the base may itself be an assembly
-            bases = unplaced(definition)
+            bases = unplaced_components(definition)
             if len(bases) != 1:
                 self.findings.leave_out()
             if bases:
@@ -162,7 +162,7 @@ class Tree:
                 if name in definition.mounts or name in instance.children:
                     self.findings.error(
                         Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`",
-                        component.located(extra.origin, instance.origin), path=instance.path,
+                        component.add_location(extra.origin, instance.origin), path=instance.path,
                         help="rename the mount that is added here", notes=_shown_by(definition),
                     )
                 elif instance.index is not None:
@@ -181,7 +181,7 @@ class Tree:
         self._say(place, reference, instance)
         return None
 
-    def shown(self, instance: Instance, name: str) -> FoundMount | None:
+    def find_mount(self, instance: Instance, name: str) -> FoundMount | None:
         """Return the mount `name` of a part, or the mount that an assembly exports as `name`. Return None if the mount does not exist."""
         mount = self._mount(instance, name, "", self.top)
         return mount if isinstance(mount, FoundMount) else None
@@ -215,7 +215,7 @@ class Tree:
         if not fault.silent and place not in self._said:
             self._said.add(place)
             self.findings.error(
-                fault.code, fault.message, reference.origin + instance.origin, help=fault.help, notes=fault.notes + _counted(reference),
+                fault.code, fault.message, reference.origin + instance.origin, help=fault.help, notes=fault.notes + _repeat_note(reference),
                 path=instance.within(reference.text.replace(".", "/")),
             )
 
@@ -316,10 +316,10 @@ def _may_be_there(name: str, mounts: Collection[str]) -> bool:
     return not mounts or index.isdigit() and f"{stem}_0" in mounts
 
 
-def _counted(reference: Reference) -> tuple[Note, ...]:
+def _repeat_note(reference: Reference) -> tuple[Note, ...]:
     """Return a note with the location of the `repeat` whose index a reference uses. If both are on the same line, return no notes."""
     here, there = reference.repeat_origin[:1], reference.origin[:1]
-    return noted(COUNTED, here) if here and there and here[0].line != there[0].line else ()
+    return make_notes(COUNTED, here) if here and there and here[0].line != there[0].line else ()
 
 
 def _owner(instance: Instance, shown: str) -> str:

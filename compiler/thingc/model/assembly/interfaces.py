@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
-from thingc.base.diagnostics import Code, Note, Report, noted
+from thingc.base.diagnostics import Code, Note, Report, make_notes
 from thingc.base.interfaces import SAME, SAME_PLACE, Bolts, MountPair, Shank, compare, mm, nominal
 from thingc.base.numeric import hypot, minimum
 from thingc.base.pose import NO_POSE, Pose
@@ -47,7 +47,7 @@ def check_interfaces(robot: Connected, laid: Collection[int], findings: LinkRepo
             words = "; ".join(f"{mine} on `{here}`, {theirs} on `{there}`" + (f" ({why})" if why else "") for mine, theirs, why in found)
             findings.error(
                 Code.INTERFACE, f"`{there}` does not fit `{here}`: {words}", mate.origin, path=child.path, help=_HELP,
-                notes=(*_declared(parent, mate.parent_mount), *_declared(child, mate.child_mount)),
+                notes=(*_declaration_note(parent, mate.parent_mount), *_declaration_note(child, mate.child_mount)),
             )
 
 
@@ -70,7 +70,7 @@ def check_screws(robot: Connected, findings: LinkReport) -> None:
             for shank in (one for one in screw.mounts[mount].features if isinstance(one, Shank)):
                 seat = (rigid[below][index] @ screw.mounts[mount].pose).inverse()
                 others = [(robot.occurrences[other], pose) for other, pose in rigid[below].items() if other != index]
-                holes = sorted(hole for part, pose in others for hole in _threaded(part, seat @ pose))
+                holes = sorted(hole for part, pose in others for hole in _threaded_holes(part, seat @ pose))
                 words = _screw_fault(shank, *holes[0]) if holes else None
                 if words is not None and _place(mate.origin, screw) not in said:
                     said.add(_place(mate.origin, screw))
@@ -79,7 +79,7 @@ def check_screws(robot: Connected, findings: LinkReport) -> None:
                     findings.warn(Code.SCREW, f"{what} {words}", mate.origin, path=screw.path, help=help, allow=True)
 
 
-def _threaded(part: Occurrence, pose: Pose) -> Iterator[tuple[float, float, str, str]]:
+def _threaded_holes(part: Occurrence, pose: Pose) -> Iterator[tuple[float, float, str, str]]:
     """Yield the distance, the depth, the thread and the mount of each threaded hole that faces a screw.
 
     `pose` is the pose of the part in the frame of the screw's head, with z along the shank.
@@ -115,7 +115,7 @@ def check_declared(robot: Connected, findings: LinkReport) -> None:
             message = f"the mount `{name}` of `{one.definition.label}` declares {words}"
             help = "correct the `interface` of the mount, or the geometry of the part"
             if findings.warn(
-                Code.INTERFACE_GEOMETRY, message, one.origin, path=one.path, notes=_declared(one, name), help=help, allow=True,
+                Code.INTERFACE_GEOMETRY, message, one.origin, path=one.path, notes=_declaration_note(one, name), help=help, allow=True,
             ):
                 said.add(one.definition.text)
 
@@ -149,11 +149,11 @@ def _place(origin: Origin, *occurrences: Occurrence) -> tuple[Origin, str]:
     return origin[:1], re.sub(r"\d+", "#", " ".join(one.component.name for one in occurrences))
 
 
-def _declared(occurrence: Occurrence, mount: str) -> tuple[Note, ...]:
+def _declaration_note(occurrence: Occurrence, mount: str) -> tuple[Note, ...]:
     """Return a note with the location at which the interface of a mount is declared."""
     added = occurrence.component.mounts.get(mount)
     if added is not None:
-        return noted(f"`{mount_name(occurrence, mount)}` is defined here", added.origin)
+        return make_notes(f"`{mount_name(occurrence, mount)}` is defined here", added.origin)
     return occurrence.written
 
 
@@ -192,10 +192,10 @@ def _is_expected(other: Occurrence, expected: MountExpectation, owner: Occurrenc
     """
     plain = other.definition.plain if owner.definition.mirror is not None else None
     texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)
-    return other.record is not None and _rounded(expected.text) in map(_rounded, texts)
+    return other.record is not None and _round_definition(expected.text) in map(_round_definition, texts)
 
 
-def _rounded(definition: str) -> str:
+def _round_definition(definition: str) -> str:
     """Round the numbers in the text of a definition to 12 digits, because the conversion to millimetres can change the last digits."""
     return _NUMBER.sub(lambda number: f"{float(number[0]):.12g}", definition)
 
@@ -215,5 +215,5 @@ def _warn_unexpected(owner: Occurrence, one: MountExpectation, others: Sequence[
         message = f"{cut} with its mount `{one.child_mount}`, but `{other.component.name}` is attached with its mount `{mount}`"
     else:
         message = f"{cut}, but `{other.component.name}` (`{found}`) is attached to it"
-    notes = noted(f"`{name}` is defined here", owner.origin)
+    notes = make_notes(f"`{name}` is defined here", owner.origin)
     findings.warn(Code.EXPECTATION, message, other.origin, path=other.path, help=help, notes=notes, allow=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
-from thingc.base.joints.twist import moved, within_turn
+from thingc.base.joints.twist import pose_after, within_turn
 from thingc.base.numeric import hypot
 from thingc.base.pose import Pose
 from thingc.model.assembly.types import Assembly, JointEdge, Mate
@@ -82,7 +82,7 @@ def across(mate: Mate, q: Mapping[str, float]) -> Pose:
     if not mate.joints:
         return mate.X_PJ @ mate.X_JC
     values = tuple(q.get(joint.path, 0.0) + joint.offset for joint in mate.joints)
-    return mate.X_PJ @ moved(tuple(joint.twist for joint in mate.joints), values, at_once=mate.joints[0].kind.at_once) @ mate.X_JC
+    return mate.X_PJ @ pose_after(tuple(joint.twist for joint in mate.joints), values, at_once=mate.joints[0].kind.at_once) @ mate.X_JC
 
 
 def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:

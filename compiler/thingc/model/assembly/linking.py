@@ -25,7 +25,7 @@ from thingc.model.assembly.part_instances import PartInstances
 from thingc.model.assembly.plausibility import check_plausible
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.shape_links import Meshes
-from thingc.model.assembly.tendons import rested, tendons_of
+from thingc.model.assembly.tendons import set_rest_length, tendons_of
 from thingc.model.assembly.types import Assembly, Connected, Mate, Occurrence
 from thingc.model.resolve.types import AssemblyDefinition
 
@@ -72,7 +72,7 @@ def link(
     instances.report_failures()
     instances.report_materials()
     mates, laid = mates_of(tree, memo)
-    robot = _connected(tree, mates, memo)
+    robot = _connect(tree, mates, memo)
     names = names_of(tree, robot)
     joints = tuple(joint for mate in mates for joint in mate.joints)
     driven = (one for one in robot.tendons if one.actuator is not None)
@@ -86,7 +86,7 @@ def link(
         if not instances.unknown and not unmodelled:
             _say_apart(tree, at)
         return None
-    robot = replace(robot, tendons=tuple(rested(tendon, robot.occurrences, at, findings) for tendon in robot.tendons))
+    robot = replace(robot, tendons=tuple(set_rest_length(tendon, robot.occurrences, at, findings) for tendon in robot.tendons))
     if findings.failed:
         return None
     assembly = Assembly(
@@ -97,7 +97,7 @@ def link(
     return assembly
 
 
-def _connected(tree: Tree, mates: tuple[Mate, ...], memo: Memo) -> Connected:
+def _connect(tree: Tree, mates: tuple[Mate, ...], memo: Memo) -> Connected:
     """Return the linked robot with its occurrences, links, modes, sensors, tendons and magnets."""
     exported = exported_of(tree)
     occurrences = tuple(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
-from thingc.base.diagnostics import Code, noted
+from thingc.base.diagnostics import Code, make_notes
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.graphs import DisjointSets
 from thingc.base.inertia import ZERO, MassProperties, total
@@ -69,7 +69,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
         poses = memo(("poses", name), lie, rigid, frame, tuple(inside))
         link = memo.same(("link", name), Link(
             name=name, index=index, frame=frame, members=tuple(inside), poses=poses,
-            properties=memo(("weight", name), _summed, tuple(occurrences[k].properties for k in inside), poses),
+            properties=memo(("weight", name), _sum_masses, tuple(occurrences[k].properties for k in inside), poses),
             origin=naming.origin if naming is not None else first.origin,
         ))
         other = taken.setdefault(link.name, link)
@@ -79,7 +79,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
     return tuple(links)
 
 
-def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
+def _sum_masses(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
     """Compute the total mass, the common centre of mass and the total inertia of several bodies.
 
     The mass properties of each body are in the frame of the body, and `poses` contains the poses of these frames.
@@ -111,7 +111,7 @@ def _namings(tree: Tree, link_of: Sequence[int]) -> dict[int, _Naming]:
                 tree.findings.error(
                     Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name the same link: no joint separates their components",
                     naming.origin, path=naming.name, help="remove one of the two names",
-                    notes=noted(f"`{before}` is written here", other.origin),
+                    notes=make_notes(f"`{before}` is written here", other.origin),
                 )
             elif other is None or naming.depth < other.depth:
                 chosen[link] = naming
@@ -128,7 +128,7 @@ def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurr
     findings.error(
         Code.DUPLICATE_LINK, f"`{link.name}` names two links: this link and the link of component `{first.path}`", written.origin,
         path=link.name, help=f"choose another name, or give the link of `{first.path}` another name under `links:`",
-        notes=noted(f"`{first.path}` is defined here", called.origin),
+        notes=make_notes(f"`{first.path}` is defined here", called.origin),
     )
 
 

@@ -34,7 +34,7 @@ class MassResult(FrozenStruct):
     estimate: str | None = None
 
 
-def merged(over: Process | None, under: Process | None) -> Process | None:
+def merge_processes(over: Process | None, under: Process | None) -> Process | None:
     """Merge the settings of two manufacturing processes. If both contain a setting, the value in `over` is used."""
     if over is None or under is None:
         return over if over is not None else under
@@ -183,7 +183,7 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
     slicing = slicing_of(process, overrides, record)
     sliced = record.slices.get(slicing) if slicing is not None else None
     if isinstance(sliced, SliceResult):
-        return sliced.printed(process.infill), "layers"
+        return sliced.mass_properties(process.infill), "layers"
     skin = numeric.minimum(record.volume, record.area * float(process.walls or 0) * (process.line_width or 0.0))
     return exact.with_mass(record.volume * ((skin + process.infill * (record.volume - skin)) / record.volume)), "skin"
 
@@ -212,7 +212,7 @@ def material_of(component: Component, record: PartRecord | None, scope: Assembly
 
 def process_of(component: Component, material: Material | None) -> Process | None:
     """Return the manufacturing process of a component. Settings of the component take precedence over settings of its material."""
-    return merged(component.overrides.process, material.process if material is not None else None)
+    return merge_processes(component.overrides.process, material.process if material is not None else None)
 
 
 def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:

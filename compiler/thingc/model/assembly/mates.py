@@ -12,14 +12,14 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from thingc.base.diagnostics import Code, noted
+from thingc.base.diagnostics import Code, make_notes
 from thingc.base.graphs import MAX_CIRCLE, find_cycles
 from thingc.base.joints.twist import Twist
 from thingc.base.memo import Memo
-from thingc.base.pose import IDENTITY, MATE, NO_POSE, Pose, shifted, turned_x
+from thingc.base.pose import IDENTITY, MATE, NO_POSE, Pose, make_translation, turned_x
 from thingc.base.source import Origin
 from thingc.model.assembly.drives import joint_edge, stated_edge
-from thingc.model.assembly.instance_tree import FoundMount, Instance, Tree, unplaced
+from thingc.model.assembly.instance_tree import FoundMount, Instance, Tree, unplaced_components
 from thingc.model.assembly.kinematics import on_loops
 from thingc.model.assembly.links import rigid_groups
 from thingc.model.assembly.report import LinkReport
@@ -53,24 +53,24 @@ def mates_of(tree: Tree, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
             tree.find(instance, reference)  # resolve both ends, so that both invalid references are reported
         for component in definition.components:
             if isinstance(component.placement, Attach):
-                mates.extend(_attached(tree, instance, component.placement, memo))
+                mates.extend(_attach_mates(tree, instance, component.placement, memo))
             elif isinstance(component.placement, At):
                 before = len(mates)
-                mates.extend(_laid(tree, instance, component, component.placement, memo))
+                mates.extend(_placement_mates(tree, instance, component, component.placement, memo))
                 laid.update(range(before, len(mates)))
         for _, coordinates in groupby(definition.joints, key=lambda joint: joint.name.joint):
-            mates.extend(_jointed(tree, instance, tuple(coordinates), memo))
+            mates.extend(_joint_mates(tree, instance, tuple(coordinates), memo))
     return tuple(mates), frozenset(laid)
 
 
-def _attached(tree: Tree, instance: Instance, attach: Attach, memo: Memo) -> Iterator[Mate]:
+def _attach_mates(tree: Tree, instance: Instance, attach: Attach, memo: Memo) -> Iterator[Mate]:
     child, parent = tree.find(instance, attach.mount), tree.find(instance, attach.to)
     if child is not None and parent is not None:
         place, path = ("mate", instance.within(attach.mount.text)), instance.within(f"{attach.mount.path[0]}{FIXED}")
-        yield memo(place, _mated, parent, child, attach, (), attach.origin + instance.origin, path)
+        yield memo(place, _mate, parent, child, attach, (), attach.origin + instance.origin, path)
 
 
-def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Memo) -> Iterator[Mate]:
+def _placement_mates(tree: Tree, instance: Instance, component: Component, at: At, memo: Memo) -> Iterator[Mate]:
     mine = Reference(path=(component.name,), mount="origin", origin=component.origin)
     child, parent = tree.find(instance, mine), tree.find(instance, at.to)
     if child is not None and parent is not None:
@@ -79,7 +79,7 @@ def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Me
         yield memo(place, _laid_on, parent, child, at.pose, at.origin + instance.origin, path)
 
 
-def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], memo: Memo) -> Iterator[Mate]:
+def _joint_mates(tree: Tree, instance: Instance, coordinates: Sequence[Joint], memo: Memo) -> Iterator[Mate]:
     """Yield the mate of a joint, which contains a `JointEdge` for each coordinate of the joint.
 
     The mate of a `fixed` joint does not contain joint edges.
@@ -94,13 +94,13 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], memo:
             Code.PLACED_ON_ITSELF,
             f"joint `{joint.name.joint}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
             f"`{joint.child.text}`", joint.parent.origin + instance.origin, path=instance.within(joint.path),
-            help="use mounts of two different components", notes=noted("the child", joint.child.origin),
+            help="use mounts of two different components", notes=make_notes("the child", joint.child.origin),
         )
         return
     edges = tuple(joint_edge(tree, instance, one, one.twist) for one in coordinates if one.twist is not None)
     path = instance.within(joint.name.joint.replace(".", "/"))
     origin = joint.origin + instance.origin
-    yield memo(("joint", path), _mated, parent, child, joint, edges, origin, path)
+    yield memo(("joint", path), _mate, parent, child, joint, edges, origin, path)
 
 
 def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
@@ -138,11 +138,11 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
             findings.error(
                 Code.LOOP, f"joint `{mate.loop}` does not close a loop: {where}", mate.origin, path=mate.loop,
                 help="use mounts of two links that move relative to each other, or remove the joint",
-                notes=noted(f"link `{name}` is defined here", links[one].origin),
+                notes=make_notes(f"link `{name}` is defined here", links[one].origin),
             )
 
 
-def _mated(parent: FoundMount, child: FoundMount, said: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
+def _mate(parent: FoundMount, child: FoundMount, said: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
     axis = said.axis if isinstance(said, Joint) else None
     before, after = parent.pose, child.pose.inverse() if axis is not None else MATE @ child.pose.inverse()
     if isinstance(said, Joint) and said.pose != NO_POSE:
@@ -150,7 +150,7 @@ def _mated(parent: FoundMount, child: FoundMount, said: Attach | Joint, joints: 
     if said.turn != 0.0:
         before = before @ Twist(angular=axis or IDENTITY[2]).exponential(said.turn)
     if said.gap != 0.0:
-        before = before @ (shifted(0.0, 0.0, said.gap) if axis is None else Twist(linear=axis).exponential(said.gap))
+        before = before @ (make_translation(0.0, 0.0, said.gap) if axis is None else Twist(linear=axis).exponential(said.gap))
     if isinstance(said, Joint) and said.mirrored:
         before, after = before @ UPSIDE_DOWN, UPSIDE_DOWN @ after
     return Mate(
@@ -186,7 +186,7 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
 
     If an earlier pass has reported that the assembly has no base, the cycle is not reported.
     """
-    if findings.earlier and not unplaced(definition):
+    if findings.earlier and not unplaced_components(definition):
         findings.leave_out()
         return
     stands = _stands_on(definition)
@@ -203,7 +203,7 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
             Code.PLACEMENT_CIRCLE, f"components are placed in a cycle: {hops}", stands[circle[0]][1] + instance.origin,
             path=instance.within(circle[0]), help="place one of these components on a component outside the cycle" + (
                 "; if one of the joints closes a loop, add `loop: true` to the joint" if jointed & set(circle) else ""
-            ), notes=[note for member in circle[1:MAX_CIRCLE] for note in noted(f"`{member}` is placed here", stands[member][1])],
+            ), notes=[note for member in circle[1:MAX_CIRCLE] for note in make_notes(f"`{member}` is placed here", stands[member][1])],
         )
 
 
@@ -212,11 +212,11 @@ def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: L
 
     For most documents, the pass `resolve` has already reported such components.
     """
-    bases = unplaced(definition)
+    bases = unplaced_components(definition)
     if len(bases) < 2 or findings.earlier:
         return
     first, second = (instance.children[name] for name in bases[:2])
     findings.error(
         Code.TWO_BASES, f"neither `{bases[0]}` nor `{bases[1]}` is placed: an assembly has only one base", second.origin, path=second.path,
-        help=f"add `attach`, `at` or a joint that places `{bases[1]}`", notes=noted(f"`{bases[0]}` is defined here", first.origin),
+        help=f"add `attach`, `at` or a joint that places `{bases[1]}`", notes=make_notes(f"`{bases[0]}` is defined here", first.origin),
     )

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, noted
+from thingc.base.diagnostics import Code, make_notes
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot, isfinite, maximum
 from thingc.base.sensor_kinds import Measurement
@@ -102,7 +102,7 @@ def _holds(tree: Tree, mode: Mode) -> Iterator[LinkedHold]:
         if other is not linked:
             tree.findings.error(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
-                help="remove one of the two holds", notes=noted("the other hold is here", other.origin),
+                help="remove one of the two holds", notes=make_notes("the other hold is here", other.origin),
             )
             continue
         yield linked
@@ -124,7 +124,7 @@ def _feet(tree: Tree, mode: Mode) -> Iterator[Foot]:
             tree.findings.error(
                 Code.STANDING, f"`{choice.path}` is in both `hold` and `standing_on` of mode `{mode.name}`", reference.origin,
                 path=choice.path, help="remove the mount from `hold` or from `standing_on`",
-                notes=noted("the mount is held here", hold.origin),
+                notes=make_notes("the mount is held here", hold.origin),
             )
             continue
         part = tree.occurrences[choice.occurrence].part
@@ -259,9 +259,9 @@ def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkRepo
     if cone is not None and angle > cone * (1.0 + _ROUNDING):
         name = joint.name.joint
         findings.error(
-            Code.POSE_LIMITS, f"pose `{pose.name}` turns `{name}` by {joint.twist.shown(angle)}, outside its cone of "
-            f"{joint.twist.shown(cone)}", pose.origins.get(joint.path, pose.origin), path=pose.name,
-            help="write a smaller turn, or widen the cone", notes=noted(f"`{name}` is defined here", joint.origin),
+            Code.POSE_LIMITS, f"pose `{pose.name}` turns `{name}` by {joint.twist.format(angle)}, outside its cone of "
+            f"{joint.twist.format(cone)}", pose.origins.get(joint.path, pose.origin), path=pose.name,
+            help="write a smaller turn, or widen the cone", notes=make_notes(f"`{name}` is defined here", joint.origin),
         )
 
 
@@ -270,7 +270,7 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     if not isfinite(q):
         findings.error(
             Code.POSE_LIMITS, f"pose `{pose.name}` moves `{joint.name}` to a value that is not finite", pose.origin, path=pose.name,
-            help="write a smaller value", notes=noted(f"`{joint.name}` mimics another joint here", joint.origin),
+            help="write a smaller value", notes=make_notes(f"`{joint.name}` mimics another joint here", joint.origin),
         )
         return
     below = lower is not None and q < lower - _ROUNDING * maximum(1.0, abs(lower))
@@ -278,22 +278,22 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     if not below and not above:
         return
     if lower is not None and upper is not None:
-        limits = f"its limits {twist.shown(lower)} to {twist.shown(upper)}"
+        limits = f"its limits {twist.format(lower)} to {twist.format(upper)}"
     else:
-        limits = f"its lower limit {twist.shown(lower)}" if lower is not None else f"its upper limit {twist.shown(upper or 0.0)}"
+        limits = f"its lower limit {twist.format(lower)}" if lower is not None else f"its upper limit {twist.format(upper or 0.0)}"
     origin = pose.origin
     if joint.path in pose.values:
         origin = pose.origins.get(joint.path, origin)
-        what, help = f"puts `{joint.name}` at {twist.shown(q)}, outside {limits}", "write a value within the limits, or widen the limits"
+        what, help = f"puts `{joint.name}` at {twist.format(q)}, outside {limits}", "write a value within the limits, or widen the limits"
     elif joint.mimic is not None:
         origin = pose.origins.get(joint.mimic.joint.path, origin)
-        what = f"puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.shown(q)}, outside {limits}"
+        what = f"puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.format(q)}, outside {limits}"
         help = f"set `{joint.mimic.joint}` so that both are within their limits, or widen the limits"
     else:
         what, help = f"does not set `{joint.name}`, and its default 0 is outside {limits}", f"set `{joint.name}` in the pose"
     findings.error(
         Code.POSE_LIMITS, f"pose `{pose.name}` {what}", origin, path=pose.name, help=help,
-        notes=noted(f"`{joint.name}` is defined here", joint.origin),
+        notes=make_notes(f"`{joint.name}` is defined here", joint.origin),
     )
 
 
@@ -367,7 +367,7 @@ def _pairs(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: S
                 names = " and ".join(f"`{occurrences[index].path.replace('/', '.')}`" for index in (a, b))
                 tree.findings.error(
                     Code.CONTACTS, f"the contact pair of {names} is listed twice", pair.origin, help="remove one of the two entries",
-                    notes=noted("the other entry is here", other.origin),
+                    notes=make_notes("the other entry is here", other.origin),
                 )
     return tuple(found.values())
 

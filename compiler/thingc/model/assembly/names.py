@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from thingc.base.diagnostics import Code, noted
+from thingc.base.diagnostics import Code, make_notes
 from thingc.base.export_names import TAKEN
 from thingc.base.source import Origin
 from thingc.model.assembly.instance_tree import Tree
@@ -75,5 +75,5 @@ def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, 
             findings.error(
                 Code.SAME_NAME, f"`{other}` and `{path}` would both be named `{name}` in files", where if mine else place, path=path,
                 help="rename one of the two elements",
-                notes=noted(f"`{other if mine else path}` is defined here", place if mine else where),
+                notes=make_notes(f"`{other if mine else path}` is defined here", place if mine else where),
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from thingc.base.diagnostics import Code, Note, first_notes, noted
+from thingc.base.diagnostics import Code, Note, first_notes, make_notes
 from thingc.base.inertia import physical_fault
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE
@@ -27,7 +27,7 @@ from thingc.model.assembly.mass import (
     unsaid_keys,
 )
 from thingc.model.assembly.report import LinkReport, written_at
-from thingc.model.assembly.shape_links import Meshes, MissingDensity, listed, warn_far, weigh_shapes
+from thingc.model.assembly.shape_links import Meshes, MissingDensity, list_shapes, warn_far, weigh_shapes
 from thingc.model.assembly.types import PartInstance
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.model.resolve.plausibility import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
@@ -124,10 +124,10 @@ class PartInstances:
         """
         key = id(component)
         if key not in self._known:
-            self._known[key] = self._remembered(_Use(component, scope, path, origin, self._findings))
+            self._known[key] = self._get_or_create(_Use(component, scope, path, origin, self._findings))
         return self._known[key]
 
-    def _remembered(self, use: _Use) -> PartInstance | None:
+    def _get_or_create(self, use: _Use) -> PartInstance | None:
         """Return the cached instance, or create it.
 
         An instance is not cached if diagnostics, including suppressed diagnostics, were reported for it.
@@ -159,10 +159,10 @@ class PartInstances:
             if near is None:
                 hint = f"{hint}; list a document that defines it under `materials:` (`thingc_stock.materials` defines common ones)"
                 hint = f"{hint}, or set `material:` here"
-            notes = list(noted(f"`{near}` is defined here", materials[near].origin)) if near is not None else []
+            notes = list(make_notes(f"`{near}` is defined here", materials[near].origin)) if near is not None else []
             notes += first.written
             places = {use.origin: use for use in reversed(others) if use.origin[:1] != first.origin[:1]}
-            notes += _also(reversed(places.values()), "material")
+            notes += _further_uses(reversed(places.values()), "material")
             message = (
                 f"`{first.component.name}` ({first.label}) is made of `{name}` by default, "
                 f"which is not among the materials of `{first.scope.name}`"
@@ -183,7 +183,7 @@ class PartInstances:
                 continue
             help: Hint
             code, what, help = _FAILED[failure.kind]
-            notes = _also(others, "part")
+            notes = _further_uses(others, "part")
             if part.parameters:
                 given = zip(part.parameters, part.words)
                 notes.append(Note(message=f"parameters of the part: {', '.join(f'{name}={words}' for (name, _), words in given)}"))
@@ -229,8 +229,9 @@ class PartInstances:
             color=(record.color if record is not None else None) or (material.color if material is not None else None),
             bom=bom_of(component, record, use.scope), properties=weighed.properties if weighed is not None else NOTHING,
             mass_source=weighed.source if weighed is not None else "derived", estimate=weighed.estimate if weighed is not None else None,
-            mounts=self._mounts(use), sound=sound, listed=listed(own, material, self._meshes) if isinstance(own, LinkDefinition) else None,
-            contacts={name: listed(several, material, self._meshes).touching for name, several in shapes.items()},
+            mounts=self._mounts(use), sound=sound,
+            listed=list_shapes(own, material, self._meshes) if isinstance(own, LinkDefinition) else None,
+            contacts={name: list_shapes(several, material, self._meshes).touching for name, several in shapes.items()},
         )
 
     def _warn(self, use: _Use, record: PartRecord) -> None:
@@ -308,7 +309,7 @@ class PartInstances:
             use.error(
                 Code.NO_MATERIAL, f"`{component.name}` is made of `{material.name}`, which has no density",
                 help=f"add `density:` to `{material.name}`, or `mass:` to `{component.name}`",
-                notes=noted(f"`{material.name}` is defined here", material.origin),
+                notes=make_notes(f"`{material.name}` is defined here", material.origin),
             )
         needs_density = record is not None and record.volume > 0.0 and record.mass is None and component.overrides.mass is None
         if needs_density and weighed is not None and missing_keys(process):
@@ -322,7 +323,7 @@ class PartInstances:
                 self._high_layers(use, process)
                 return None
             if weighed.estimate == "skin":
-                self._unsliced(use, process)
+                self._report_unsliced(use, process)
         return weighed
 
     def _weigh_link(self, use: _Use, definition: LinkDefinition) -> MassResult | None:
@@ -346,14 +347,14 @@ class PartInstances:
             doubt = mass_doubt(weighed.properties.mass, record.volume)
             if doubt is not None:
                 help = None if doubt.meant is None else f"probably `{mass_words(doubt.meant)}` was meant"
-                place = component.located(stated.origin, use.origin)
+                place = component.add_location(stated.origin, use.origin)
                 use.warn(Code.DENSITY, f"`{component.name}` {doubt.words}", origin=place, help=help)
         elif record.mass is not None or record.density is not None:
             self._doubt_thing(use, record)
         elif material is not None and material.density is not None:
             doubt = density_doubt(material.density)
             if doubt is not None:
-                notes = noted(f"`{component.name}` is made of this material", use.origin)
+                notes = make_notes(f"`{component.name}` is made of this material", use.origin)
                 message = f"`{material.name}` {doubt.words}"
                 use.warn(Code.DENSITY, message, origin=material.density_origin, notes=notes, help=density_cure(doubt))
 
@@ -382,7 +383,7 @@ class PartInstances:
         help = "write, for example, `layer: 0.2 mm, line_width: 0.45 mm`"
         _report_process(use, Code.HIGH_LAYERS, message, help, of_material=of_material)
 
-    def _unsliced(self, use: _Use, process: Process) -> None:
+    def _report_unsliced(self, use: _Use, process: Process) -> None:
         """Report the reason why the mass of a part cannot be estimated from its layers. Each part is reported once."""
         record = use.record
         slicing = slicing_of(process, use.component.overrides, record) if record is not None else None
@@ -429,29 +430,29 @@ class PartInstances:
         component, own = use.component, use.record.mounts if use.record is not None else {}
         axis = component.mounts_mirrored
         mounts = {"origin": MountRecord(pose=NO_POSE)}
-        mounts |= {name: mount if axis is None else mount.mirrored(axis) for name, mount in own.items()}
+        mounts |= {name: mount if axis is None else mount.mirror_image(axis) for name, mount in own.items()}
         for name, extra in component.mounts.items():
             if mounts.setdefault(name, extra) is not extra:
                 use.error(
                     Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", help="rename the mount that is added here",
-                    origin=component.located(extra.origin, use.origin), notes=use.written if name in own else (),
+                    origin=component.add_location(extra.origin, use.origin), notes=use.written if name in own else (),
                 )
         return mounts
 
 
-def _also(others: Iterable[_Use], what: str) -> list[Note]:
+def _further_uses(others: Iterable[_Use], what: str) -> list[Note]:
     """Return notes with the locations of further components that use a material or a part."""
-    notes = [note for use in others for note in noted(f"`{use.component.name}` also uses this {what}", use.origin)]
+    notes = [note for use in others for note in make_notes(f"`{use.component.name}` also uses this {what}", use.origin)]
     return first_notes(notes, _SHOWN_PLACES - 1, "more component")
 
 
 def _report_process(use: _Use, code: Code, message: str, help: str, *, of_material: bool) -> None:
     """Report an error in the process of a material or, if the material is not the cause, of the component."""
-    material, origin, notes = use.material, use.origin, noted(f"`{use.component.name}` is made of this material", use.origin)
+    material, origin, notes = use.material, use.origin, make_notes(f"`{use.component.name}` is made of this material", use.origin)
     if material is not None and of_material:
         origin = material.process_origin
     else:
-        notes = noted(f"the process of `{material.name}` is defined here", material.process_origin) if material is not None else ()
+        notes = make_notes(f"the process of `{material.name}` is defined here", material.process_origin) if material is not None else ()
     use.error(code, message, origin=origin, help=help, notes=notes)
 
 
@@ -464,7 +465,7 @@ def bom_of(component: Component, record: PartRecord | None, scope: AssemblyDefin
     number, supplier, cost, make, link = map(stated.get, ("number", "supplier", "cost", "make", "link"))
     thing = BomEntry(number=number, supplier=supplier, cost=cost, make=make, link=link)
     number = component.bom.number or thing.number
-    return component.bom.over(scope.catalog.get(number, BomEntry()) if number is not None else BomEntry()).over(thing)
+    return component.bom.merge_over(scope.catalog.get(number, BomEntry()) if number is not None else BomEntry()).merge_over(thing)
 
 
 def _line(warning: PartWarning) -> str:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Collection, Iterator, Sequence
 from itertools import combinations
 
-from thingc.base.diagnostics import Code, Note, noted
+from thingc.base.diagnostics import Code, Note, make_notes
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
 from thingc.base.numeric import dist, hypot, maximum, minimum, pi, radians, sqrt, sum_of, tau
@@ -51,7 +51,7 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
             if turn and findings.warn(
                 Code.MIRRORED_TURN,
                 f"`{part}` is rotated by {abs(turn)} deg relative to the mirror image of `{opposite}`, on the other side of `{parent}`",
-                other.origin, path=part, notes=noted(f"`{opposite}` is placed here", one.origin),
+                other.origin, path=part, notes=make_notes(f"`{opposite}` is placed here", one.origin),
                 help=f"add {turn} deg to its `turn`, or use `facing` or `mate_x` for the mounts", allow=True,
             ):
                 break
@@ -162,7 +162,7 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
         if doubt is None:
             continue
         stated, what, help = doubt
-        where = one.component.located(stated.origin, one.origin) if stated is not None else one.origin
+        where = one.component.add_location(stated.origin, one.origin) if stated is not None else one.origin
         notes = () if stated is not None else one.written
         if where not in said and findings.warn(Code.STATED, what, where, path=one.path, help=help, allow=True, notes=notes):
             said.add(where)
@@ -208,7 +208,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
                 tree.findings.warn(
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin + instance.origin,
                     path=instance.within(material.name),
-                    notes=noted(f"no part of `{definition.name}` uses this material for its mass", definition.origin),
+                    notes=make_notes(f"no part of `{definition.name}` uses this material for its mass", definition.origin),
                     help=density_cure(doubt), allow=True,
                 )
 
@@ -238,7 +238,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "the value has a digit too many"
         findings.warn(
             Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)",
-            joint.origin_of(f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
+            joint.origin_of(f"limit.{key}", here), path=path, notes=_joint_note(joint, f"limit.{key}"),
             help=f"probably {cause}; use `type: continuous` for a joint without limits", allow=True,
         )
     if wide or len(ends) < 2 or not all(ends.values()):
@@ -250,8 +250,8 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         findings.warn(
             Code.LIMIT_UNITS,
             f"joint `{joint.name}` has a lower limit in {low_unit} (`{lower}`) and an upper limit in {high_unit} (`{upper}`)",
-            joint.origin_of(f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
-            help=f"use the same unit for both limits: `{value}` is `{twist.shown(ends[key])}`", allow=True,
+            joint.origin_of(f"limit.{key}", here), path=path, notes=_joint_note(joint, f"limit.{key}"),
+            help=f"use the same unit for both limits: `{value}` is `{twist.format(ends[key])}`", allow=True,
         )
 
 
@@ -265,10 +265,12 @@ def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
     return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
 
 
-def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
+def _joint_note(joint: Joint, key: str) -> tuple[Note, ...]:
     """Return a note with the location of the joint, or no notes if the reported value is on the same line as the joint."""
     span = joint.spans.get(key)
-    return noted(f"joint `{joint.name}` is defined here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
+    return make_notes(
+        f"joint `{joint.name}` is defined here", joint.origin,
+    ) if span is not None and span.line != joint.origin[0].line else ()
 
 
 def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findings: LinkReport) -> None:
@@ -293,7 +295,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
         return
     findings.warn(
         Code.STUCK, f"joint `{joint.name}` has {said}", joint.origin_of(key, joint.origin + instance.origin), path=edge.path,
-        notes=_elsewhere(joint, key), help=f"check the unit (`m{force}`, `{force}`)", allow=True,
+        notes=_joint_note(joint, key), help=f"check the unit (`m{force}`, `{force}`)", allow=True,
     )
 
 
@@ -319,7 +321,7 @@ def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Seque
                     tree.findings.error(
                         Code.TRANSMISSION, f"actuator `{named.path}` is used twice: it drives `{user}` and `{path}`",
                         drive.origin + instance.origin, path=path, help="remove the actuator from one of the two",
-                        notes=noted(f"`{user}` uses it, too", other.origin),
+                        notes=make_notes(f"`{user}` uses it, too", other.origin),
                     )
             else:
                 inline.add(path)
@@ -339,7 +341,9 @@ def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Seque
             Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, but does not drive a joint", one.origin,
             path=one.path, help=help, allow=True, notes=[
                 note for edge in nearby
-                for note in noted(f"joint `{edge.path}` is attached to this part and has {'no' if still else 'another'} drive", edge.origin)
+                for note in make_notes(
+                    f"joint `{edge.path}` is attached to this part and has {'no' if still else 'another'} drive", edge.origin,
+                )
             ],
         )
 
@@ -350,7 +354,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate]) -> None:
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
             on = tree.component(instance, reference)
-            namesake = tree.shown(on, name) if on is not None else None
+            namesake = tree.find_mount(on, name) if on is not None else None
             mount = tree.find(instance, reference)
             if namesake is None or mount is None or (namesake.occurrence, namesake.mount) in used:
                 continue
@@ -422,7 +426,7 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
         if value is not None
     }
     for key, length in ends.items():
-        of, place, notes = f"`{key}` of joint `{joint.name}`", joint.origin_of(key, joint.origin), _elsewhere(joint, key)
+        of, place, notes = f"`{key}` of joint `{joint.name}`", joint.origin_of(key, joint.origin), _joint_note(joint, key)
         if turns and key != "lead":
             yield _Offset(
                 words=f"{of} corresponds to a travel of", length=length, path=joint.name, origin=place, notes=notes,
@@ -464,7 +468,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
             if mass > BURDEN * rest > 0.0:
                 findings.warn(
                     Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {times_words(mass / rest)} times the rest "
-                    f"of the robot ({mass_words(rest)})", one.component.located(stated.origin, one.origin),
+                    f"of the robot ({mass_words(rest)})", one.component.add_location(stated.origin, one.origin),
                     path=one.path, help="check the unit (`g`, `kg`)", allow=True,
                 )
             elif boxes and not findings.has_said(Code.FAR):
@@ -480,7 +484,7 @@ def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector
     size = maximum(high - low for low, high in sides)
     if away > size:
         placement = one.component.placement
-        place = one.component.located(placement.origin, one.origin) if isinstance(placement, At) else one.origin
+        place = one.component.add_location(placement.origin, one.origin) if isinstance(placement, At) else one.origin
         findings.warn(
             Code.BARE_MASS, f"the mass of `{one.component.name}` is {length_words(away, 3)} away from the parts of its link, "
             f"which are {length_words(size, 3)} across", place, path=one.path,

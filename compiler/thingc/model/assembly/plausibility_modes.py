@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from thingc.base.diagnostics import Code, noted
+from thingc.base.diagnostics import Code, make_notes
 from thingc.base.units import FORCE, Quantity
 from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.report import LinkReport
@@ -94,7 +94,7 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
             findings.warn(
                 Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} the weight of the robot "
                 f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,
-                notes=noted(f"mode `{mode.name}` is defined here", mode.origin),
+                notes=make_notes(f"mode `{mode.name}` is defined here", mode.origin),
                 help="check the unit (`mN`, `N`, `kN`)", allow=True,
             )
 
@@ -112,7 +112,9 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
         shown, other = (path.replace("/", ".") for path in (off, on[0]))
         findings.warn(
             Code.HELD_OFF, f"mode `{mode.name}` is held at `{shown}`, whose magnet is off, while the magnet of `{other}` is on",
-            mode.origin, path=mode.name, notes=noted(f"the magnet of `{other}` is switched on here", written[mode.name].get(other, ())),
+            mode.origin, path=mode.name, notes=make_notes(
+                f"the magnet of `{other}` is switched on here", written[mode.name].get(other, ()),
+            ),
             help=f"write `root: {other}`, or switch on the magnet at `{shown}` too", allow=True,
         )
 
@@ -125,7 +127,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
         if first is not mode:
             findings.warn(
                 Code.ALIKE, f"mode `{mode.name}` is identical to mode `{first.name}`", mode.origin, path=mode.name,
-                notes=noted(f"mode `{first.name}` is defined here", first.origin),
+                notes=make_notes(f"mode `{first.name}` is defined here", first.origin),
                 help="change or remove one of the two modes, and check the key `extends`", allow=True,
             )
 

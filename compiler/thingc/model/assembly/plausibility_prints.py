@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
-from thingc.base.diagnostics import Code, Note, noted
+from thingc.base.diagnostics import Code, Note, make_notes
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span
 from thingc.model.assembly.instance_tree import Tree
-from thingc.model.assembly.mass import merged
+from thingc.model.assembly.mass import merge_processes
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Occurrence
 from thingc.model.resolve.plausibility import length_words
@@ -53,16 +53,16 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
         if under is not None and material is not None:
             used.add(material.process_origin)
             for doubt in doubts(under):
-                _warn(doubt, under, (), one.path, noted(f"`{one.component.name}` is made of this material", one.origin), tree.findings)
+                _warn(doubt, under, (), one.path, make_notes(f"`{one.component.name}` is made of this material", one.origin), tree.findings)
         if own is not None:
-            for doubt in _doubts(merged(own, under) or own, own.origins):
-                notes = noted(f"`{one.component.name}` is printed with this process", one.component.origin)
+            for doubt in _doubts(merge_processes(own, under) or own, own.origins):
+                notes = make_notes(f"`{one.component.name}` is printed with this process", one.component.origin)
                 beside = own.origins[doubt.key][0].line == one.component.origin[0].line
-                _warn(doubt, own, one.component.located((), one.origin), one.path, () if beside else notes, tree.findings)
+                _warn(doubt, own, one.component.add_location((), one.origin), one.path, () if beside else notes, tree.findings)
     for instance, definition in tree.assemblies:
         for material in definition.materials.values():
             if material.process is not None and material.process_origin not in used:
-                notes = noted(f"no part of `{definition.name}` is made of this material", definition.origin)
+                notes = make_notes(f"no part of `{definition.name}` is made of this material", definition.origin)
                 for doubt in doubts(material.process):
                     _warn(doubt, material.process, instance.origin, instance.within(material.name), notes, tree.findings)
 

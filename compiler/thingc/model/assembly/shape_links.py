@@ -29,14 +29,14 @@ Decompose = Callable[[Collection[tuple[str, int]]], Mapping[tuple[str, int], tup
 """Decomposes meshes into convex pieces: `PartSource.decompose`."""
 
 
-def listed(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> Listed:
+def list_shapes(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> Listed:
     """Return the shapes of a link for display, collision and mass.
 
     `meshes` contains the records of mesh files. A shape whose mesh file has no record is omitted.
     """
     boxes = [_box(shape, meshes) for shape in definition.shapes if isinstance(shape.solid, MeshFile) or shape.solid.shape != "plane"]
     return Listed(
-        drawn=tuple(surface for shape in definition.shapes if shape.drawn for surface in _drawn(shape, material, meshes)),
+        drawn=tuple(surface for shape in definition.shapes if shape.drawn for surface in _surfaces(shape, material, meshes)),
         touching=tuple(surface for shape in definition.shapes if shape.touches for surface in _touching(shape, material, meshes)),
         solids=tuple(surface for shape in solid_shapes(definition) for surface in _solid(shape, material, meshes)),
         box=_around([box for box in boxes if box is not None]) if None not in boxes else None,
@@ -54,7 +54,7 @@ def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
     return None if record is None else shape.pose.around(record.box)
 
 
-def _drawn(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
+def _surfaces(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
     """Yield the surfaces of a shape with their colours. A shape is a primitive, or a mesh file with one or several pieces."""
     own, solid = shape.material or material, shape.solid
     otherwise = own.color if own is not None else None

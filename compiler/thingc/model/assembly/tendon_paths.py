@@ -99,7 +99,7 @@ def _around(step: TendonStep, at: Mapping[str, Pose], start: Vector, end: Vector
     def flat(v: Vector) -> Point:
         return dot(v, x), dot(v, y)
 
-    touching = _circle(flat(p), flat(q), None if side is None else _scaled(flat(side), radius), radius)
+    touching = _circle(flat(p), flat(q), None if side is None else _scale_to(flat(side), radius), radius)
     if touching is None:
         return None
     curve, a, b = touching
@@ -143,7 +143,7 @@ def _circle(p: Point, q: Point, side: Point | None, radius: float) -> tuple[floa
         a = ((p[0] * square + s * p[1]) / pp, (p[1] * square - s * p[0]) / pp)
         b = ((q[0] * square - t * q[1]) / qq, (q[1] * square + t * q[0]) / qq)
         if side is not None:
-            middle = _scaled((a[0] + b[0], a[1] + b[1]), 1.0)
+            middle = _scale_to((a[0] + b[0], a[1] + b[1]), 1.0)
             good = middle[0] * side[0] + middle[1] * side[1]
         else:
             good = -((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2)
@@ -172,7 +172,7 @@ def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
     return 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0
 
 
-def _scaled(v: Point, length: float) -> Point:
+def _scale_to(v: Point, length: float) -> Point:
     size = hypot(*v)
     return v if size < TINY else (v[0] * length / size, v[1] * length / size)
 

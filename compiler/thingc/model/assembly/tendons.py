@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code
 from thingc.base.pose import Pose
-from thingc.model.assembly.drives import actuator_of, filled
+from thingc.model.assembly.drives import actuator_of, fill_drive
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.modes import mount_of
 from thingc.model.assembly.report import LinkReport
@@ -24,11 +24,11 @@ def tendons_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedTendon, ...]:
         for one in definition.tendons:
             steps = [_step(tree, instance, step) for step in one.path]
             whole = tuple(step for step in steps if step is not None)
-            if len(whole) < len(steps) or not all(_beside(step, link_of, tree.findings) for step in whole):
+            if len(whole) < len(steps) or not all(_is_side_on_link(step, link_of, tree.findings) for step in whole):
                 continue
             limit, dynamics, gear = one.limit, one.dynamics, None if one.drive is None else one.drive.gear
             owner = f"tendon `{one.name}`" if gear is None else f"transmission `{gear.name}`"
-            drive = None if one.drive is None else filled(tree, instance, owner, one.name, one.drive, turns=one.turns)
+            drive = None if one.drive is None else fill_drive(tree, instance, owner, one.name, one.drive, turns=one.turns)
             if drive is not None and gear is not None:
                 limit = replace(limit, effort=drive.effort, velocity=drive.velocity)
                 dynamics = replace(dynamics, armature=drive.armature)
@@ -55,7 +55,7 @@ def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
     )
 
 
-def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> bool:
+def _is_side_on_link(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> bool:
     """Return whether the mount `side` of a shape around which a tendon wraps is on the same link as the shape.
 
     An error is reported if the links differ.
@@ -69,7 +69,9 @@ def _beside(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> b
     return False
 
 
-def rested(tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mapping[int, Pose], findings: LinkReport) -> LinkedTendon:
+def set_rest_length(
+    tendon: LinkedTendon, occurrences: Sequence[Occurrence], rest: Mapping[int, Pose], findings: LinkReport,
+) -> LinkedTendon:
     """Return a copy of the tendon in which the rest length of its spring is set.
 
     By default, the rest length is the length at q = 0. `rest` contains the poses of all occurrences at q = 0.

@@ -27,14 +27,14 @@ from thingc.model.resolve.modes import modes, place_in_modes, simulation, step_o
 from thingc.model.resolve.motions import motions
 from thingc.model.resolve.names import names
 from thingc.model.resolve.nested_assemblies import assemblies_of
-from thingc.model.resolve.parameters import canonical, check_bounds, declared, worked_out
+from thingc.model.resolve.parameters import canonical, check_bounds, declared_parameters, worked_out
 from thingc.model.resolve.placement import Places, check, own_placements
 from thingc.model.resolve.poses import poses
-from thingc.model.resolve.raw import added, raw
-from thingc.model.resolve.repeats import check_names, unrolled
+from thingc.model.resolve.raw import added_elements, raw
+from thingc.model.resolve.repeats import check_names, unroll
 from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.sensors import sensors
-from thingc.model.resolve.set_values import substituted
+from thingc.model.resolve.set_values import substitute
 from thingc.model.resolve.tendons import tendons
 from thingc.model.resolve.tests import tests
 from thingc.model.resolve.transmissions import names_of, transmissions
@@ -46,7 +46,7 @@ next document twice with other parameters, would be resolved 2^30 times.
 """
 
 
-def resolved(
+def resolve_assembly(
     context: ResolveRun, relative: str, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression],
     choices: chosen.Choices = (), *, top: bool = False,
 ) -> DocumentScope:
@@ -57,7 +57,7 @@ def resolved(
     Modes are only resolved for the `top` document, because a parent assembly does not use the modes of nested documents.
     """
     document = context.documents.by_path[relative]
-    own = declared(context, document, spec)
+    own = declared_parameters(context, document, spec)
     values, broken = (dict(own.values), set(own.broken)) if not given else worked_out(
         document, spec, given, context.report, context.doubts(document),
     )
@@ -67,7 +67,7 @@ def resolved(
     known = context.table(key)
     if known is not None:
         return known
-    document, spec = substituted(context, document, spec, chosen.values(choices))
+    document, spec = substitute(context, document, spec, chosen.values(choices))
     scope = context.scope(document, values, frozenset(broken))
     _check_count(context, scope)
     if given:
@@ -100,9 +100,9 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
     table.materials_unreadable = unreadable(context, scope, spec)
     if table.choices:
         spec = table.spec = chosen.with_default_material(context, table)
-    parts, table.unbuilt = unrolled(scope, "components", spec.components, spec.parameters)
-    moving, table.unbuilt_joints = unrolled(scope, "joints", spec.joints, spec.parameters)
-    geared, _ = unrolled(scope, "transmissions", spec.transmissions, spec.parameters)
+    parts, table.unbuilt = unroll(scope, "components", spec.components, spec.parameters)
+    moving, table.unbuilt_joints = unroll(scope, "joints", spec.joints, spec.parameters)
+    geared, _ = unroll(scope, "transmissions", spec.transmissions, spec.parameters)
     check_names(scope, chain(
         ((item.name, item.path, "a component") for item in parts),
         ((name, ("mounts", name), "an exported mount") for name in spec.mounts),
@@ -114,7 +114,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
         names_of(geared),
     ))
     check_names(scope, ((item.name, item.path, "a transmission") for item in geared), reserved=False)
-    nodes(context, table, parts, resolved)
+    nodes(context, table, parts, resolve_assembly)
     places: Places = {}
     placements = own_placements(context, table, places)
     unsure = joints(table, moving, places)
@@ -129,7 +129,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
         motions(context, table, scope)
     made = components(context, table, placements, unreadable=table.materials_unreadable)
     model = _definition(context, table, made, links, top)
-    table.definition = replace(model, omitted=_omitted(scope, spec.detail, model)) if top and spec.detail is not None else model
+    table.definition = replace(model, omitted=_omitted_details(scope, spec.detail, model)) if top and spec.detail is not None else model
 
 
 def _definition(
@@ -148,7 +148,7 @@ def _definition(
         links=links, mounts={name: one for name, one in table.exports.items() if one is not None},
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
         motions=tuple(motion for motion in table.motions.values() if motion is not None), simulation=simulation(scope, stepped),
-        step_origin=step_origin(scope, stepped), raw=raw(scope, spec.raw), added=added(scope, spec.raw), tendons=pulled,
+        step_origin=step_origin(scope, stepped), raw=raw(scope, spec.raw), added=added_elements(scope, spec.raw), tendons=pulled,
         sensors=tuple(sensors(table, scope, pulled)), names=tuple(names(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (), origin=scope.origin(("name",)),
         materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
@@ -189,7 +189,7 @@ def _links(table: DocumentScope, scope: Scope) -> Iterator[LinkName]:
             yield LinkName(name=name, component=component[0], origin=scope.origin(path, key=True))
 
 
-def _omitted(scope: Scope, detail: DetailSpec, model: AssemblyDefinition) -> dict[str, frozenset[str]]:
+def _omitted_details(scope: Scope, detail: DetailSpec, model: AssemblyDefinition) -> dict[str, frozenset[str]]:
     """Return the levels of detail that each simulation target omits.
 
     An error is reported for a level to which no component belongs, in this document or in a nested document.

@@ -31,7 +31,7 @@ def catalog(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, 
 
     Rows of the same number are prices of one part by quantity. Report two rows with the same quantity, or with other different values.
     """
-    document = context.documents.named(scope.document, spec.catalog) if spec.catalog is not None else None
+    document = context.documents.find_referenced(scope.document, spec.catalog) if spec.catalog is not None else None
     table = context.specs.get(document.relative) if document is not None else None
     if document is None or not isinstance(table, CatalogSpec):
         return {}

@@ -12,10 +12,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.base.source import ScalarNode, node_at
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import shortened
-from thingc.documents.load.paths import SUFFIXES_WITH_UNIT, named
+from thingc.base.units import shorten
+from thingc.documents.load.paths import SUFFIXES_WITH_UNIT, resolve_path
 from thingc.documents.spec.assembly import UNIT_OF_ITS_OWN, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
-from thingc.documents.spec.settable_values import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, nested, parse
+from thingc.documents.spec.settable_values import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, parse, split_nested
 from thingc.geometry.record import PartFailure
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
 from thingc.model.resolve.parts import missing_hint
@@ -30,7 +30,7 @@ def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choice
     sound: dict[str, str] = {}
     for path, text in choices.items():
         if parse(path) is None and not is_value(path):
-            context.say_of_option(path, f"`{shortened(path)}` cannot be set", f"write {VALUES}; {EXAMPLES}")
+            context.say_of_option(path, f"`{shorten(path)}` cannot be set", f"write {VALUES}; {EXAMPLES}")
         else:
             sound[path] = text
     return tuple(sorted(sound.items()))
@@ -38,10 +38,10 @@ def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choice
 
 def that_say_more(context: ResolveRun, relative: str, spec: AssemblySpec, choices: Choices) -> Choices:
     """Return the choices that differ from the document. Choices of the value that the document already contains are dropped."""
-    return tuple((path, text) for path, text in choices if not _written(context, relative, spec, path, text))
+    return tuple((path, text) for path, text in choices if not _is_written(context, relative, spec, path, text))
 
 
-def _written(context: ResolveRun, relative: str, spec: AssemblySpec, path: str, text: str) -> bool:
+def _is_written(context: ResolveRun, relative: str, spec: AssemblySpec, path: str, text: str) -> bool:
     choice = parse(path)
     if choice is None:
         node = node_at(context.documents.by_path[relative].tree, tuple(path.split(".")))
@@ -70,7 +70,7 @@ def below(choices: Choices, *names: str) -> Choices:
     `names` are the names by which choices can refer to the component. If several names have choices for the same path, the last name takes
     precedence.
     """
-    inside = [(through, text) for path, text in choices if (through := nested(path)) is not None]
+    inside = [(through, text) for path, text in choices if (through := split_nested(path)) is not None]
     by_path = {path: text for name in names for (component, path), text in inside if component == name}
     return tuple(sorted(by_path.items()))
 
@@ -80,7 +80,7 @@ def values(choices: Choices) -> dict[str, str]:
 
     Choices of parts, files, documents and materials are not included.
     """
-    return {path: text for path, text in choices if parse(path) is None and nested(path) is None}
+    return {path: text for path, text in choices if parse(path) is None and split_nested(path) is None}
 
 
 def own(choices: Choices, *names: str) -> dict[str, str]:
@@ -112,7 +112,7 @@ def check_names(context: ResolveRun, table: DocumentScope, items: Sequence[Unrol
     if table.doubts.lacks("components") or table.unbuilt:
         return
     for path, _ in table.choices:
-        choice, through = parse(path), nested(path)
+        choice, through = parse(path), split_nested(path)
         name = through[0] if through is not None else next(iter(choice.components), None) if choice is not None else None
         if name is not None and name not in names:
             context.say_of_option(
@@ -120,7 +120,7 @@ def check_names(context: ResolveRun, table: DocumentScope, items: Sequence[Unrol
             )
 
 
-def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
+def apply_choices(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
     """Apply the choices for a component to its model. Return the changed model and the chosen keys. Invalid choices are reported."""
     spec = item.spec
     if not table.choices:
@@ -149,7 +149,7 @@ def chosen(context: ResolveRun, table: DocumentScope, item: Unrolled[ComponentSp
             context.say_of_option(path, f"component `{label}` {said}", help)
             continue
         if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):
-            said = f"`{shortened(text)}` specifies its own unit, but component `{label}` has `unit: {spec.unit}`"
+            said = f"`{shorten(text)}` specifies its own unit, but component `{label}` has `unit: {spec.unit}`"
             context.say_of_option(path, said, UNIT_OF_ITS_OWN)
             continue
         taken[key] = text
@@ -167,14 +167,14 @@ def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> boo
         return True
     if isinstance(schema, PartFailure):
         help = missing_hint(context, reference, schema) if schema.kind == "missing" else None
-        context.say_of_option(f"components.{node.name}.part", f"part `{shortened(reference)}`: {schema.message}", help)
+        context.say_of_option(f"components.{node.name}.part", f"part `{shorten(reference)}`: {schema.message}", help)
     return False
 
 
 def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
     """Report an error for a chosen file that is not a part."""
     context.say_of_option(
-        f"components.{node.name}.file", f"`{shortened(text)}` is not a part file in this workspace",
+        f"components.{node.name}.file", f"`{shorten(text)}` is not a part file in this workspace",
         f"write a path relative to `{context.documents.root.relative}`, for example `parts/motor.step`",
     )
 
@@ -189,7 +189,7 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
         return True
     if not table.materials_unreadable:
         context.say_of_option(
-            path, f"there is no material `{shortened(name)}` in `{table.spec.name}` or its `materials`",
+            path, f"there is no material `{shorten(name)}` in `{table.spec.name}` or its `materials`",
             did_you_mean(name, table.materials, what="materials"),
         )
     return False
@@ -205,7 +205,7 @@ def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str
 
 def chosen_files(choices: Mapping[str, str], document: str) -> list[str]:
     """Return the absolute paths of part files that choices select. The file names in choices are relative to the top document."""
-    paths = [named(text, os.path.abspath(document)) for text in _choice_names(choices, "file")]
+    paths = [resolve_path(text, os.path.abspath(document)) for text in _choice_names(choices, "file")]
     return [path for path in paths if path is not None]
 
 

@@ -18,7 +18,7 @@ from thingc.model.resolve import overrides as said
 from thingc.model.resolve.bom import bom_entry
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun, names_in
 from thingc.model.resolve.link_definition import LinkDefinition
-from thingc.model.resolve.mirroring import mirrored, other_axis
+from thingc.model.resolve.mirroring import mirror_assembly, other_axis
 from thingc.model.resolve.parameters import fitting
 from thingc.model.resolve.parts import of_code, of_file
 from thingc.model.resolve.repeats import MAX_OCCURRENCES, Unrolled
@@ -44,7 +44,7 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
     for item in items:
         if context.overfull:  # the call only reports errors: its return value is not used
             return
-        spec, chosen = choose.chosen(context, table, item)
+        spec, chosen = choose.apply_choices(context, table, item)
         node = ComponentScope(name=item.name, spec=spec, path=item.path, scope=item.scope, chosen=chosen)
         table.nodes[item.name] = node
         node.doubtful = node.unsound = _in_doubt(table, node)
@@ -85,11 +85,11 @@ def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nes
         node.definition = of_link(context, table, node)
     elif spec.assembly is not None:
         said.refuse_on_assembly(node)
-        node.table = _nested(context, table, node, spec.assembly, nest)
+        node.table = _resolve_nested(context, table, node, spec.assembly, nest)
         node.definition = node.table.definition if node.table is not None else None
     node.shapes = of_collision(context, table, node)
     if spec.mirror is not None and isinstance(node.definition, PartDefinition | LinkDefinition):
-        node.definition = node.definition.mirrored(spec.mirror)
+        node.definition = node.definition.mirror_image(spec.mirror)
     elif spec.mirror is not None and node.table is not None and node.table.definition is not None:
         node.definition = _image(node, node.table, node.table.definition, spec.mirror)
 
@@ -112,18 +112,18 @@ def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefin
         )
         return None
     if axis not in table.images:
-        table.images[axis] = mirrored(definition, axis)
+        table.images[axis] = mirror_assembly(definition, axis)
     return table.images[axis]
 
 
-def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, text: str, nest: Nest) -> DocumentScope | None:
+def _resolve_nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, text: str, nest: Nest) -> DocumentScope | None:
     """Resolve the nested document of a component.
 
     If the document could not be read or contains itself, return None. The pass `load` has reported the error.
     """
     scope, path = node.scope, (*node.path, "assembly")
     chosen = "assembly" in node.chosen
-    document = context.documents.named(context.documents.root if chosen else scope.document, text)
+    document = context.documents.find_referenced(context.documents.root if chosen else scope.document, text)
     if document is None or document.relative in context.nesting:
         if document is not None and chosen:
             choose.refuse_circle(context, node, document.relative)
@@ -135,7 +135,7 @@ def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, tex
     if len(context.nesting) >= MAX_NESTING:
         scope.error(Code.TOO_MANY, f"assemblies are nested more than {MAX_NESTING} deep", path)
         return None
-    given = _given(context, node, relative, spec)
+    given = _given_values(context, node, relative, spec)
     context.nesting.append(relative)
     context.route.append(node.name)
     try:
@@ -145,7 +145,7 @@ def _nested(context: ResolveRun, table: DocumentScope, node: ComponentScope, tex
         context.route.pop()
 
 
-def _given(context: ResolveRun, node: ComponentScope, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
+def _given_values(context: ResolveRun, node: ComponentScope, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
     """Return the values that a component sets for the parameters of its nested document. Invalid values are reported and omitted."""
     scope, path = node.scope, (*node.path, "parameters")
     values: dict[str, ExpressionValue] = {}

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import chain, product
 
-from thingc.base.diagnostics import Code, noted
+from thingc.base.diagnostics import Code, make_notes
 from thingc.base.source import Origin, Path
 from thingc.base.units import FORCE, LENGTH
 from thingc.documents.spec.modes import PairSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.materials import friction
-from thingc.model.resolve.references import GLOB, suggested
+from thingc.model.resolve.references import GLOB, suggest
 from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import OTHERS, ContactGroup, ContactPair, Reference
 
@@ -22,7 +22,7 @@ MOST_GROUPS = 31
 MAX_EXCLUDED = 100_000
 
 
-def excluded(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, Reference], ...]:
+def excluded_pairs(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, Reference], ...]:
     """Return the pairs of components whose contacts are ignored."""
     said, path = contacts.pick("exclude")
     pairs: dict[frozenset[tuple[str, ...]], tuple[Reference, Reference]] = {}
@@ -49,7 +49,7 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
     else:
         paths = [tuple(name.split(".")) for name, _ in references.matching(table, text)]
         if not paths and not table.unbuilt:
-            scope.error(Code.NO_MATCH, f"pattern `{text}` matches no component", path, help=suggested(text, table.nodes, what="components"))
+            scope.error(Code.NO_MATCH, f"pattern `{text}` matches no component", path, help=suggest(text, table.nodes, what="components"))
     return [Reference(path=one, mount=None, origin=scope.origin(path) if origin is None else origin) for one in paths]
 
 
@@ -83,7 +83,7 @@ def pairs(
                 continue
             scope.error(
                 Code.CONTACTS, f"the contacts of `{pair.one.text}` and `{pair.other.text}` are excluded, and listed under `pairs`",
-                (*at, "between"), help="remove one of the two entries", notes=noted("the pair is excluded here", excluded_here),
+                (*at, "between"), help="remove one of the two entries", notes=make_notes("the pair is excluded here", excluded_here),
             )
     return tuple(found)
 
@@ -123,7 +123,7 @@ def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple
             if other not in said and other != OTHERS:
                 scope.error(
                     Code.CONTACTS, f"there is no contact group `{other}`", (*at, "collide", index),
-                    help=suggested(other, (*said, OTHERS), what="contact groups"),
+                    help=suggest(other, (*said, OTHERS), what="contact groups"),
                 )
         listed = (components_fitting(table, scope, text, (*at, "components", index)) for index, text in enumerate(spec.components))
         made.append(ContactGroup(name=name, members=tuple(chain.from_iterable(listed)), collides=tuple(spec.collide)))

@@ -89,7 +89,7 @@ class CoordinateName(str):
         name.path = path
         return name
 
-    def numbered(self, number: int) -> CoordinateName:
+    def with_number(self, number: int) -> CoordinateName:
         """Return the name of the coordinate with the index `number`, such as `wrist[1]` for the joint `wrist`."""
         return CoordinateName(f"{self.joint}[{number}]")
 

@@ -212,9 +212,9 @@ class ResolveRun:
             self.declared.update(declared)
             self.materials.update(materials)
         else:
-            self.recalled = self.of_any_text.last(("nested", self.documents.root.relative), self._nested()) or {}
+            self.recalled = self.of_any_text.last(("nested", self.documents.root.relative), self._nested_inputs()) or {}
 
-    def _nested(self) -> tuple[object, ...]:
+    def _nested_inputs(self) -> tuple[object, ...]:
         """Return the data that influence the resolution of nested documents.
 
         Cached results are only valid if these data are unchanged.
@@ -238,7 +238,7 @@ class ResolveRun:
         names = self.memo(("names", scope.document.relative, place), names_in, model)
         return tuple(scope.names.get(name) for name in names)
 
-    def there(self, table: DocumentScope) -> list[tuple[object, ...]]:
+    def component_inputs(self, table: DocumentScope) -> list[tuple[object, ...]]:
         """Return the properties of components that influence the resolution of references."""
         return [
             (node.name, node.spec, node.unsound, node.unplaced, node.definition if node.table is not None else node.definition is None)
@@ -248,7 +248,7 @@ class ResolveRun:
     def around(self, table: DocumentScope) -> tuple[object, ...]:
         """Return the elements of other sections that a section can refer to, without the numeric values of these elements."""
         return (
-            self.there(table),
+            self.component_inputs(table),
             [
                 (name, joint and (joint.kind.name, joint.drive is not None, joint.mimic is not None, joint.loop))
                 for name, joint in table.joints.items()
@@ -285,7 +285,7 @@ class ResolveRun:
         said = [diagnostic.span for diagnostic in self.report.diagnostics]
         own = self.documents.root.path
         if not (self.failed_parts or self.report.allowed) and all(span is not None and span.file == own for span in said):
-            self.of_any_text.keep(("nested", self.documents.root.relative), self._nested(), tables)
+            self.of_any_text.keep(("nested", self.documents.root.relative), self._nested_inputs(), tables)
         if said:
             return
         self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))

@@ -42,7 +42,7 @@ NO_LIMIT = Limit()
 NO_DYNAMICS = Dynamics()
 
 
-def _said(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> LayeredValue:
+def _setting(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> LayeredValue:
     """Return a setting of a joint.
 
     A default value for rotations is not used for translations, and vice versa.
@@ -67,7 +67,7 @@ def values(
     """
     of = dimensions_of(coordinate)
     return {
-        key: scope.number(*_said(scope, layers, key, coordinate), of[key], f"`{section}.{key}` of {owner}", least=0.0) for key in keys
+        key: scope.number(*_setting(scope, layers, key, coordinate), of[key], f"`{section}.{key}` of {owner}", least=0.0) for key in keys
     }
 
 
@@ -79,7 +79,7 @@ def _refuse(
     `key` is the key, or its path in the document. With `typed`, a note shows the location of the type.
     """
     scope, path = item.scope, (*item.path, key) if isinstance(key, str) else key
-    notes = scope.beside("the type of the joint is set here", (*item.path, "type"), path) if typed else ()
+    notes = scope.second_note("the type of the joint is set here", (*item.path, "type"), path) if typed else ()
     scope.error(code, f"joint `{item.name}` {words}", path, key=True, help=help, notes=notes)
 
 
@@ -101,7 +101,7 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
         child = references.mount(table, scope, spec.child, (*path, "child"))
         parent = references.mount(table, scope, spec.parent, (*path, "parent"))
         kind = KINDS[spec.type]
-        placed = None if spec.loop else child.path[0] if child is not None else _named(table, scope, spec.child)
+        placed = None if spec.loop else child.path[0] if child is not None else _component_of(table, scope, spec.child)
         if doubtful and table.doubts.touch((*path, "loop")):
             placed, unsure = None, True
         elif placed is None:
@@ -123,7 +123,7 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
     return unsure or lost or any(table.doubts.touch(("joints", name, "repeat")) for name in table.spec.joints)
 
 
-def _named(table: DocumentScope, scope: Scope, text: str) -> str | None:
+def _component_of(table: DocumentScope, scope: Scope, text: str) -> str | None:
     """Return the name of the component at the beginning of an invalid reference, or None if this component does not exist."""
     first = text.split(".")[0]
     if scope.index is not None:
@@ -137,9 +137,9 @@ def _coordinates(
     """Resolve a joint and return a tuple with one element per coordinate of the joint."""
     count = len(kind.twists)
     lead, axis = _lead(item, kind), _axis(item, kind)
-    twists = kind.about(axis, lead or 0.0) if axis is not None else kind.twists if lead is None else kind.with_lead(lead)
+    twists = kind.twists_about(axis, lead or 0.0) if axis is not None else kind.twists if lead is None else kind.with_lead(lead)
     if item.spec.reverse and kind.axial:
-        twists = tuple(twist.reversed() for twist in twists)
+        twists = tuple(twist.inverse() for twist in twists)
     elif item.spec.reverse:
         _refuse(item, "reverse", f"is {kind.name} and cannot have `reverse`", "remove `reverse`", typed=False)
     if item.spec.keep and (kind.moves or item.spec.loop):
@@ -174,7 +174,7 @@ def _free(
         if getattr(item.spec, key):
             _refuse(item, key, f"is free and cannot have `{key}`", f"remove `{key}`: a free joint does not constrain its child")
     one = _resolve_joint(table, item, kind, None, mounts, layers, None)
-    return tuple(replace(one, name=CoordinateName(item.name).numbered(k), twist=twist) for k, twist in enumerate(kind.twists))
+    return tuple(replace(one, name=CoordinateName(item.name).with_number(k), twist=twist) for k, twist in enumerate(kind.twists))
 
 
 def _ball(
@@ -199,7 +199,7 @@ def _ball(
         _refuse(item, rest.path, "is a ball: its `dynamics` cannot have a `rest`", help, typed=False)
     limit, drives = _cone(item, layers.sub("limit")), _drives_of_ball(table, item)
     return tuple(
-        replace(one, name=CoordinateName(name).numbered(k), twist=twist, limit=limit, dynamics=made, drive=drives.get(k))
+        replace(one, name=CoordinateName(name).with_number(k), twist=twist, limit=limit, dynamics=made, drive=drives.get(k))
         for k, twist in enumerate(kind.twists)
     )
 
@@ -253,7 +253,7 @@ def _resolve_joint(
     """Resolve a joint with one coordinate, or the coordinate `number` of a joint with several coordinates."""
     scope, spec, path, name = item.scope, item.spec, item.path, CoordinateName(item.name)
     if number is not None:
-        name = name.numbered(number)
+        name = name.with_number(number)
         item = replace(item, name=name)
     limit, made, drive, offset = NO_LIMIT, NO_DYNAMICS, None, None
     nodes = _nodes_of(table, layers, number)
@@ -358,7 +358,7 @@ def _lead(item: Unrolled[JointSpec], kind: JointKind) -> float | None:
 
 def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate: Dimension, layers: DefaultLayers) -> Limit:
     name, path = item.name, item.path
-    ends = {key: _said(scope, layers, key, coordinate) for key in ("lower", "upper")}
+    ends = {key: _setting(scope, layers, key, coordinate) for key in ("lower", "upper")}
     low = high = None
     cone = layers.pick("cone")
     if cone.own:
@@ -371,7 +371,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
             _refuse(item, first.path, words, "use `type: revolute` for a joint with limits", code=Code.LIMIT)
     else:
         low, high = (
-            scope.number(*said, coordinate, f"`limit.{key}` of joint `{name}`", notes=[] if not said else scope.beside(
+            scope.number(*said, coordinate, f"`limit.{key}` of joint `{name}`", notes=[] if not said else scope.second_note(
                 f"the type of `{name}` is set here", (*path, "type"), said.path)) for key, said in ends.items()
         )
         missing = [f"`limit.{key}`" for key, said in ends.items() if not said]
@@ -386,12 +386,12 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
         if low is not None and high is not None and not low < high:
             fault = "are reversed" if low > high else "are equal"
             lower, upper = ends.values()
-            shown = [scope.shown(Quantity(q, coordinate), said.path) for q, said in ((low, lower), (high, upper))]
+            shown = [scope.format_value(Quantity(q, coordinate), said.path) for q, said in ((low, lower), (high, upper))]
             scope.error(
                 Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, "
                 f"found {(', and ' if any(',' in one for one in shown) else ' and ').join(shown)}",
                 lower.path, help="swap the limits" if low > high else "widen the limits, or use `type: fixed`",
-                notes=scope.beside("the upper limit is set here", upper.path, lower.path),
+                notes=scope.second_note("the upper limit is set here", upper.path, lower.path),
             )
             low = high = None
     return Limit(lower=low, upper=high, **values(scope, f"joint `{name}`", coordinate, "limit", layers, ("effort", "velocity")))
@@ -411,7 +411,7 @@ def dynamics(scope: Scope, owner: str, coordinate: Dimension, layers: DefaultLay
     """Return the passive dynamics of `owner`, a joint or tendon. `least` is the smallest valid rest position of its spring."""
     if not layers:
         return NO_DYNAMICS
-    rest = _said(scope, layers, "rest", coordinate)
+    rest = _setting(scope, layers, "rest", coordinate)
     if rest.own and not layers.pick("stiffness") and not scope.doubts.touch(rest.path[:-1]):
         scope.error(
             Code.JOINT_FIELD, f"{owner} has a `dynamics.rest` but no `stiffness`: `rest` is the rest position of a spring",
@@ -466,7 +466,7 @@ def drive_values(
     """
     of, layers = dimensions_of(coordinate), DefaultLayers(((spec, path),))
     command = coordinate if spec.kind == "position" else of["velocity" if spec.kind == "velocity" else "effort"]
-    said = {key: _said(scope, layers, key, coordinate) for key in keys}
+    said = {key: _setting(scope, layers, key, coordinate) for key in keys}
     return {
         **{
             key: scope.number(*one, of.get(key, command), f"`{section}.{key}` of {owner}", **DRIVE_VALUES[key]) for key, one in said.items()
@@ -490,7 +490,7 @@ def _driving_part(table: DocumentScope, scope: Scope, owner: str, text: str, pat
             Code.DRIVE, f"{owner} must be driven by a part with an actuator; `{reference.text}` is {what}", path,
             help=f"use a part inside the assembly, for example `{reference.text}.servo`" if node.spec.assembly is not None
             else "use a component whose part has an actuator",
-            notes=references.declared(node),
+            notes=references.declaration_note(node),
         )
         return None
     if node.definition is not None and not isinstance(node.definition, PartDefinition):

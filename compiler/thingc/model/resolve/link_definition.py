@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr, counted
+from thingc.base.one_line_repr import OneLineRepr, format_count
 from thingc.base.pose import NO_POSE, Mirror, Pose
 from thingc.base.primitives import Primitive
 from thingc.base.source import Origin
@@ -59,7 +59,7 @@ class LinkShape(OneLineRepr):
         return (*shape, pose.rotation, pose.translation, self.drawn, self.touches, material, self.color, self.friction,
                 *([self.name] if self.name else []), *(["pieces", self.pieces] if self.pieces is not None else []))
 
-    def mirrored(self, mirror: Mirror) -> LinkShape:
+    def mirror_image(self, mirror: Mirror) -> LinkShape:
         """Return the mirror image of the shape.
 
         A primitive is symmetric, so only its pose changes. A mesh file is mirrored when it is read.
@@ -82,11 +82,11 @@ class LinkDefinition(OneLineRepr, FrozenStruct):
     mirror: str | None = None
     plain: LinkDefinition | None = None
 
-    def mirrored(self, axis: str) -> LinkDefinition:
+    def mirror_image(self, axis: str) -> LinkDefinition:
         """Return the mirror image of the link. The mirror plane contains the origin of the link and is normal to `axis` (`x | y | z`)."""
         mirror = Mirror(axis)
         return replace(
-            self, shapes=tuple(shape.mirrored(mirror) for shape in self.shapes), text=with_mirror(self.text, axis),
+            self, shapes=tuple(shape.mirror_image(mirror) for shape in self.shapes), text=with_mirror(self.text, axis),
             label=with_mirror(self.label, axis), mirror=axis, plain=self,
         )
 
@@ -102,5 +102,5 @@ def link_of(shapes: tuple[LinkShape, ...]) -> LinkDefinition:
     if not shapes:
         return LinkDefinition(shapes=(), text="link", label="link")
     digest = hashlib.sha256(repr([one.said for one in shapes]).encode()).hexdigest()[:12]
-    listed = ", ".join(one.word for one in shapes) if len(shapes) <= NAMED else counted(len(shapes), "shape")
+    listed = ", ".join(one.word for one in shapes) if len(shapes) <= NAMED else format_count(len(shapes), "shape")
     return LinkDefinition(shapes=shapes, text=f"link-{digest}", label=f"link ({listed})")

@@ -13,7 +13,7 @@ from thingc.base.diagnostics import Code, Note
 from thingc.base.inertia import DENSEST
 from thingc.base.source import Document, Path
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import ANGLE, DENSITY, LENGTH, NUMBER, shortened
+from thingc.base.units import ANGLE, DENSITY, LENGTH, NUMBER, shorten
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.materials import FrictionSpec, MaterialSpec, MaterialsSpec, ProcessSpec
 from thingc.model.resolve.document_scope import ResolveRun
@@ -40,7 +40,7 @@ def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str,
     materials: dict[str, Material | None] = {}
     seen: set[str] = set()
     for text in spec.materials:
-        document = context.documents.named(scope.document, text)
+        document = context.documents.find_referenced(scope.document, text)
         if document is None or document.relative in seen:
             continue
         seen.add(document.relative)
@@ -63,7 +63,7 @@ def unreadable(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> bool:
         return True
     if isinstance(spec.materials, Mapping):
         return False
-    named = [context.documents.named(scope.document, text) for text in spec.materials]
+    named = [context.documents.find_referenced(scope.document, text) for text in spec.materials]
     return any(
         document is None or not isinstance(context.specs.get(document.relative), MaterialsSpec)
         or context.doubts(document).lacks("materials") for document in named
@@ -144,7 +144,7 @@ def process(scope: Scope, layers: DefaultLayers) -> Process:
 def _share(scope: Scope, raw: Any, path: Path, key: str, least: float, most: float) -> float | None:
     value = scope.number(raw, path, NUMBER, f"`{key}`")
     if value is not None and not least <= value <= most:
-        text = scope.written(path) or f"{value:g}"
+        text = scope.source_text(path) or f"{value:g}"
         help = f"write `{text} %`" if most < value <= 100.0 * most and not text.startswith("=") and "%" not in text else None
         scope.error(
             Code.OUT_OF_RANGE, f"`{key}` must be between {100.0 * least:g} % and {100.0 * most:g} %, found `{text}`", path, help=help,
@@ -164,14 +164,14 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
     match = _BASE.fullmatch(text.strip())
     if match is None:
         scope.error(
-            Code.REFERENCE, f"a library material must be `bd_materials:NAME`, found `{shortened(text)}`", path,
-            help=f"write, for example, `bd_materials:{shortened(text.strip().rpartition(':')[2]) or 'abs'}`",
+            Code.REFERENCE, f"a library material must be `bd_materials:NAME`, found `{shorten(text)}`", path,
+            help=f"write, for example, `bd_materials:{shorten(text.strip().rpartition(':')[2]) or 'abs'}`",
         )
         return None
     try:
         import bd_materials
     except ImportError:
-        scope.error(Code.LIBRARY, f"`{shortened(text)}` needs the package `bd_materials`, which is not installed", path,
+        scope.error(Code.LIBRARY, f"`{shorten(text)}` needs the package `bd_materials`, which is not installed", path,
                     help="install the package, or use `density` and `color` instead of `base`")
         return None
     name = match.group(1).strip()
@@ -179,7 +179,7 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
         entry = bd_materials.resolve(name)
     except ValueError:
         scope.error(
-            Code.UNKNOWN_MATERIAL, f"the library `bd_materials` has no material `{shortened(name)}`", path,
+            Code.UNKNOWN_MATERIAL, f"the library `bd_materials` has no material `{shorten(name)}`", path,
             help=did_you_mean(name, bd_materials.material_names(), what="library materials"),
         )
         return None

@@ -44,13 +44,13 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
     if coordinate is None:
         scope.error(
             Code.MIMIC, f"joint `{item.name}` is {joint.kind.name} and does not move: it cannot mimic", path, key=True,
-            help="remove `mimic`", notes=scope.beside("the type of the joint is set here", (*item.path, "type"), path),
+            help="remove `mimic`", notes=scope.second_note("the type of the joint is set here", (*item.path, "type"), path),
         )
         return None
-    followed = _followed(table, item, spec, path)
+    followed = _resolve_leader(table, item, spec, path)
     if followed is None or followed.twist is None:
         return None
-    name, notes, other = followed.name, followed.defined(followed.name), followed.twist.coordinate
+    name, notes, other = followed.name, followed.definition_note(followed.name), followed.twist.coordinate
     if spec.polynomial is not None:
         return _polynomial(item, followed, (coordinate, other), spec.polynomial, path)
     ratio = coordinate / other
@@ -84,7 +84,7 @@ def _polynomial(
     dimension, other = of
     for k, raw in enumerate(written):
         what = f"the coefficient of q(`{followed.name}`)^{k} in the `polynomial` of joint `{item.name}`"
-        value = scope.number(raw, (*place, k), dimension, what, notes=followed.defined(followed.name))
+        value = scope.number(raw, (*place, k), dimension, what, notes=followed.definition_note(followed.name))
         if value is None:
             return None
         values.append(value)
@@ -99,7 +99,7 @@ def _polynomial(
     return Mimic(joint=followed.name, multiplier=multiplier, offset=offset, higher=tuple(higher), origin=scope.origin(path, key=True))
 
 
-def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> Joint | None:
+def _resolve_leader(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> Joint | None:
     """Resolve the reference `mimic.joint`, and return the joint that is mimicked. It moves, and has a single coordinate.
 
     If the referenced joint cannot be mimicked, report an error and return None.
@@ -111,10 +111,10 @@ def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, 
         return None
     name = CoordinateName(".".join(parts))
     if said.number is not None:
-        name = name.numbered(said.number)
+        name = name.with_number(said.number)
     if name not in table.joints:
         others = [one for one in table.joints if one != item.name]
-        hint = references.suggested(name, others, what="joints") if others else "there is no other joint in this document"
+        hint = references.suggest(name, others, what="joints") if others else "there is no other joint in this document"
         if len(parts) > 1:
             scope.error(Code.MIMIC, f"`mimic.joint` must be a joint of the same document, found `{name}`", place, help=hint)
         elif not any(f"{name}_".startswith(prefix) for prefix in table.unbuilt_joints):
@@ -131,7 +131,7 @@ def _followed(table: DocumentScope, item: Unrolled[JointSpec], spec: MimicSpec, 
     why, shown = f", which is {other.kind.name} and does not move", str(name)
     if other.kind.at_once:
         why, shown = f": `{name.joint}` is {other.kind.words}, whose rotation is not a single number", name.joint
-    scope.error(Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`{why}", place, notes=other.defined(shown))
+    scope.error(Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`{why}", place, notes=other.definition_note(shown))
     return None
 
 

@@ -29,14 +29,14 @@ AT_MOUNT = Mirror("y")
 """The reflection D in the frame of a mount."""
 
 
-def mirrored(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
+def mirror_assembly(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
     """Create the mirror image of an assembly, reflected along `axis` of the assembly's frame.
 
     If the assembly is already a mirror image along this axis, return the original.
 
     No component in the assembly may be mirrored along another axis (see `other_axis`).
     """
-    return _mirrored(definition, axis, {})
+    return _mirror_cached(definition, axis, {})
 
 
 def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | None:
@@ -53,7 +53,7 @@ def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | N
     return None
 
 
-def _mirrored(definition: AssemblyDefinition, axis: str, met: dict[int, AssemblyDefinition]) -> AssemblyDefinition:
+def _mirror_cached(definition: AssemblyDefinition, axis: str, met: dict[int, AssemblyDefinition]) -> AssemblyDefinition:
     """Create the mirror image of an assembly. `met` caches results, so that equal definitions remain the same object."""
     if definition.plain is not None:
         return definition.plain
@@ -71,31 +71,31 @@ def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) ->
     if isinstance(definition, PartDefinition):
         bom = replace(bom, number=None)  # the order number of the part does not apply to its mirror image
     if isinstance(definition, PartDefinition | LinkDefinition):
-        definition = definition.plain or definition.mirrored(axis)
+        definition = definition.plain or definition.mirror_image(axis)
     elif definition is not None:
-        definition = _mirrored(definition, axis, met)
+        definition = _mirror_cached(definition, axis, met)
     return replace(
         one, definition=definition, bom=bom, image_of=one, overrides=_overrides(one.overrides, axis),
         placement=_placement(one.placement) if one.placement is not None else None,
-        mounts={name: mount.mirrored(axis) for name, mount in one.mounts.items()},
+        mounts={name: mount.mirror_image(axis) for name, mount in one.mounts.items()},
     )
 
 
 def _overrides(said: Overrides, axis: str) -> Overrides:
     mirror = Mirror(axis)
     return replace(
-        said, shapes=_shapes(said.shapes, axis), com=_stated(said.com, mirror.signs),
+        said, shapes=_shapes(said.shapes, axis), com=_mirror_stated(said.com, mirror.signs),
         up=None if said.up is None else mirror.vector(said.up),
         targets={name: replace(choice, shapes=_shapes(choice.shapes, axis)) for name, choice in said.targets.items()},
-        inertia=_stated(said.inertia, (1.0, 1.0, 1.0, *(mirror.signs[i] * mirror.signs[j] for i, j in ((0, 1), (0, 2), (1, 2))))),
+        inertia=_mirror_stated(said.inertia, (1.0, 1.0, 1.0, *(mirror.signs[i] * mirror.signs[j] for i, j in ((0, 1), (0, 2), (1, 2))))),
     )
 
 
 def _shapes(shapes: LinkDefinition | None, axis: str) -> LinkDefinition | None:
-    return shapes and (shapes.plain or shapes.mirrored(axis))
+    return shapes and (shapes.plain or shapes.mirror_image(axis))
 
 
-def _stated(value: StatedValue | None, signs: tuple[float, ...]) -> StatedValue | None:
+def _mirror_stated(value: StatedValue | None, signs: tuple[float, ...]) -> StatedValue | None:
     if value is None:
         return None
     return replace(value, value=tuple(entry * sign + 0.0 for entry, sign in zip(value.value, signs, strict=True)))
@@ -111,15 +111,15 @@ def _mirror_joint(joint: Joint) -> Joint:
     """Return the mirror image of a joint, or of one of its coordinates."""
     twist = joint.twist
     if joint.axis is not None:
-        image = None if twist is None else replace(twist, angular=_turned(twist.angular), linear=AT_MOUNT.vector(twist.linear))
-        return replace(joint, axis=_turned(joint.axis), gap=-joint.gap, twist=image, pose=AT_MOUNT.frame(joint.pose))
+        image = None if twist is None else replace(twist, angular=_mirror_axis(twist.angular), linear=AT_MOUNT.vector(twist.linear))
+        return replace(joint, axis=_mirror_axis(joint.axis), gap=-joint.gap, twist=image, pose=AT_MOUNT.frame(joint.pose))
     if twist is not None and any(twist.linear):
         x, y, z = twist.linear
         twist = replace(twist, linear=(-x + 0.0, -y + 0.0, -z + 0.0))
     return replace(joint, turn=math.pi - joint.turn, twist=twist, mirrored=not joint.mirrored, pose=AT_MOUNT.frame(joint.pose))
 
 
-def _turned(axis: Vector) -> Vector:
+def _mirror_axis(axis: Vector) -> Vector:
     """Return `-D axis`, which is the rotation axis of the mirror image of a joint. The rotation angle is unchanged."""
     x, y, z = AT_MOUNT.vector(axis)
     return (-x + 0.0, -y + 0.0, -z + 0.0)

@@ -26,7 +26,7 @@ from thingc.model.resolve import contacts, references
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope
 from thingc.model.resolve.joints import NO_DYNAMICS, NO_LIMIT
-from thingc.model.resolve.references import GLOB, report_unmatched, suggested
+from thingc.model.resolve.references import GLOB, report_unmatched, suggest
 from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.transmissions import coupled_drives, undriven_reported
 from thingc.model.resolve.types import OTHERS, At, Attach, Cut, Hold, Joint, Mode, Reference, Standing
@@ -77,7 +77,7 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
         if known:
             fixed = "is a fixed joint" if pattern in joints else "matches only fixed joints"
             message = f"`{pattern}` {fixed}; a loop can only be cut at a joint that moves"
-            scope.error(Code.CUT, message, at, help=suggested(pattern, moving, what="joints"))
+            scope.error(Code.CUT, message, at, help=suggest(pattern, moving, what="joints"))
         elif not table.unsure_joints():
             report_unmatched(scope, pattern, moving, at, "joint")
     return tuple(Cut(joint=CoordinateName(name).path, origin=scope.origin(at)) for name, at in chosen.items())
@@ -123,7 +123,7 @@ def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) ->
     if not fitting and not table.unbuilt:
         scope.error(
             Code.NO_MATCH, f"pattern `{text}` matches no mount", path,
-            help=suggested(components, table.nodes, what="components") if components else "write, for example, `leg_*.sole`",
+            help=suggest(components, table.nodes, what="components") if components else "write, for example, `leg_*.sole`",
         )
     shown = (references.shown_mount(table, scope, one, path) for one in fitting)
     return [one for one in shown if one is not None]
@@ -198,7 +198,7 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
             last = items[-1][1]
             if len(items) == 1:
                 others = [one for one in specs if one != name]
-                scope.error(Code.UNKNOWN_MODE, f"there is no mode `{step}`", (*last, "extends"), help=suggested(step, others, what="modes"))
+                scope.error(Code.UNKNOWN_MODE, f"there is no mode `{step}`", (*last, "extends"), help=suggest(step, others, what="modes"))
             return None
         items.append((specs[step], ("modes", step)))
         step = specs[step].extends
@@ -244,7 +244,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
 
 def _contacts(table: DocumentScope, scope: Scope, name: str, said: DefaultLayers) -> dict[str, Any]:
     """Return the contact settings of a mode by field of `Mode`, with those of the modes of nested assemblies."""
-    exclude, adhesion = list(contacts.excluded(table, scope, said)), list(contacts.adhesions(table, scope, said))
+    exclude, adhesion = list(contacts.excluded_pairs(table, scope, said)), list(contacts.adhesions(table, scope, said))
     pairs, groups = list(contacts.pairs(table, scope, said, exclude)), list(contacts.groups(table, scope, said))
     for component, _, one in table.all_modes():
         exclude += ((_below(component, a), _below(component, b)) for a, b in one.exclude)
@@ -272,7 +272,7 @@ def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: Base
         place = (*path, name)
         pose = scope.pose(spec, place)
         if name not in table.poses:
-            scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", place, key=True, help=suggested(name, table.poses, what="poses"))
+            scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", place, key=True, help=suggest(name, table.poses, what="poses"))
         elif pose is not None:
             poses[name] = pose
     return poses
@@ -359,7 +359,7 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
     patterns, path = layers.pick("actuators")
     if patterns is None:
         return _actuators_of_nested(table)
-    return driven(table, scope, [(pattern, (*path, index)) for index, pattern in enumerate(patterns)])
+    return driven_joints(table, scope, [(pattern, (*path, index)) for index, pattern in enumerate(patterns)])
 
 
 def _actuators_of_nested(table: DocumentScope) -> tuple[str, ...] | None:
@@ -377,7 +377,7 @@ def _below(component: str, reference: Reference) -> Reference:
     return replace(reference, path=(*component.split("."), *reference.path))
 
 
-def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:
+def driven_joints(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:
     """Return the paths (with `/`) of driven joints that match names or patterns, in document order.
 
     `patterns` contains pairs of a name or pattern and its path in the document.
@@ -394,7 +394,7 @@ def driven(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[str, Pat
                 scope.error(
                     Code.DRIVE, f"joint `{pattern}` has no `drive`: it is not an actuator", at,
                     help=f"use the drives of its differential, such as `{coupled[0]}`" if joint.geared else "give the joint a `drive`",
-                    notes=joint.defined(pattern),
+                    notes=joint.definition_note(pattern),
                 )
             chosen.add(pattern)
             continue
@@ -451,7 +451,7 @@ def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | Non
         child = Reference(path=(node.name, *root.path), mount=root.mount or references.ORIGIN, origin=origin)
         name = CoordinateName(f"{node.name}.{ROOT}")
         for number, twist in enumerate(kind.twists or (None,)):
-            own = name.numbered(number) if len(kind.twists) > 1 else name
+            own = name.with_number(number) if len(kind.twists) > 1 else name
             table.joints[own] = Joint(
                 name=own, kind=kind, twist=twist, parent=at.to, child=child, limit=NO_LIMIT, dynamics=NO_DYNAMICS, turn=0.0, gap=0.0,
                 offset=0.0, drive=None, mimic=None, origin=at.origin, spans={}, keep=not kind.moves, base=True,
@@ -467,7 +467,7 @@ def _mode_of(node: ComponentScope, inner: DocumentScope, name: str) -> Mode | No
         if not inner.doubts.lacks("modes"):
             scope.error(
                 Code.UNKNOWN_MODE, f"`{node.name}` (`{inner.document.relative}`) has no mode `{name}`", path,
-                help=suggested(name, inner.spec.modes, what="modes"), notes=references.defined(inner),
+                help=suggest(name, inner.spec.modes, what="modes"), notes=references.definition_note(inner),
             )
         return None
     mode = _mode(inner, inner.scope, name, _layers(inner.scope, inner.spec.modes, name, _circular(inner.scope, inner.spec.modes)))

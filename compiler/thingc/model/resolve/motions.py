@@ -9,13 +9,13 @@ from thingc.base.diagnostics import Code
 from thingc.base.numeric import inf, isfinite
 from thingc.base.source import Path, Span
 from thingc.base.suggestions import Hint
-from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, UnitError, checked, parse_quantity, shortened
+from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, UnitError, check_dimension, parse_quantity, shorten
 from thingc.documents.load.csv_tree import cells_of
 from thingc.documents.load.text import Source
 from thingc.documents.spec.motions import MotionPoseSpec
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
-from thingc.model.resolve.references import report_unmatched, suggested
+from thingc.model.resolve.references import report_unmatched, suggest
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Joint, NamedMotion
 
@@ -34,7 +34,7 @@ def motions(context: ResolveRun, table: DocumentScope, scope: Scope) -> None:
         path: Path = ("motions", name)
         if isinstance(written, list):
             table.motions[name] = _through_poses(table, scope, name, written)
-        elif (document := context.documents.named(scope.document, written.file)) is None:
+        elif (document := context.documents.find_referenced(scope.document, written.file)) is None:
             table.motions[name] = None
         else:
             rows = cells_of(Source(document.path, document.text), context.report) or []
@@ -98,8 +98,8 @@ def _of_file(table: DocumentScope, rows: Sequence[Row], name: str, where: Span) 
             if column == TIME_COLUMN and len(own) > 1 and own[-1] <= own[-2]:
                 raise _WrongCell(f"the times of a motion must increase, found {own[-1]:.6g} s after {own[-2]:.6g} s", span)
             if column != TIME_COLUMN and joint is not None and joint.twist is not None and not joint.limit.contains(own[-1]):
-                ends = " to ".join("no limit" if end is None else joint.twist.shown(end) for end in (joint.limit.lower, joint.limit.upper))
-                found = f"joint `{column}` is at {joint.twist.shown(own[-1])}, outside its limits {ends}"
+                ends = " to ".join("no limit" if end is None else joint.twist.format(end) for end in (joint.limit.lower, joint.limit.upper))
+                found = f"joint `{column}` is at {joint.twist.format(own[-1])}, outside its limits {ends}"
                 raise _WrongCell(found, span, "change the number, or widen the limits")
     if len(rows) < 3:
         raise _WrongCell("a motion needs at least two rows with numbers", rows[0][0][1], "add rows below the names of the columns")
@@ -128,7 +128,7 @@ def _columns(joints: Mapping[CoordinateName, Joint], header: Row) -> dict[str, f
             why = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else f"is {joint.kind.words}"
             raise _WrongCell(f"joint `{name}` {why}: a file cannot set it", span, "remove the column")
         else:
-            raise _WrongCell(f"there is no joint `{shortened(name)}`", span, suggested(name, dimensions, what="columns"))
+            raise _WrongCell(f"there is no joint `{shorten(name)}`", span, suggest(name, dimensions, what="columns"))
     required = [TIME_COLUMN, *(name for name, joint in joints.items() if name in dimensions and (joint.drive is not None or joint.geared))]
     missing = [f"`{name} [{_UNITS[dimensions[name]]}]`" for name in required if name not in columns]
     if missing:
@@ -138,7 +138,7 @@ def _columns(joints: Mapping[CoordinateName, Joint], header: Row) -> dict[str, f
 
 def _factor(unit: str | None, dimension: Dimension, span: Span) -> float:
     try:
-        return 1.0 if unit is None else checked(parse_quantity(f"1 {unit}", (dimension,)), (dimension,), f"1 {unit}").value
+        return 1.0 if unit is None else check_dimension(parse_quantity(f"1 {unit}", (dimension,)), (dimension,), f"1 {unit}").value
     except UnitError as error:
         raise _WrongCell(f"wrong unit of a column: {error.message}", span, error.help) from None
 
@@ -150,5 +150,5 @@ def _number(text: str, span: Span, column: str) -> float:
         value = inf
     if isfinite(value):
         return value
-    found = f"found `{shortened(text)}`" if text else "found an empty cell"
+    found = f"found `{shorten(text)}`" if text else "found an empty cell"
     raise _WrongCell(f"expected a number in the column `{column}`, {found}", span)

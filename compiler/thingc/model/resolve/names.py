@@ -9,7 +9,7 @@ from thingc.base.export_names import TAKEN
 from thingc.base.source import Path
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope
-from thingc.model.resolve.references import suggested
+from thingc.model.resolve.references import suggest
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import NamedKind, NameInFiles
 
@@ -47,7 +47,7 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
             place: Path = ("names", kind, own)
             if (own.partition(":")[0] if kind == "sensors" else own) not in known:
                 if not unsure and not any(map(table.doubts.lacks, sections)):
-                    help = suggested(own, known, what=what.replace("joint or", "joints or") + "s")
+                    help = suggest(own, known, what=what.replace("joint or", "joints or") + "s")
                     scope.error(code, f"this document has no {what} `{own}`", place, key=True, help=help)
                 continue
             if name in TAKEN.get(kind, ()):
@@ -58,7 +58,7 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
                 scope.error(
                     Code.SAME_NAME, f"`{other}` and `{own}` would both be named `{name}` in files", place,
                     help="rename one of the two elements",
-                    notes=scope.beside(f"`{other}` is defined here", ("names", kind, other), place),
+                    notes=scope.second_note(f"`{other}` is defined here", ("names", kind, other), place),
                 )
                 continue
             path = CoordinateName(own).path if kind == "actuators" else own

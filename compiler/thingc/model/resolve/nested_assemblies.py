@@ -20,7 +20,7 @@ def assemblies_of(model: AssemblyDefinition) -> Iterator[AssemblyDefinition]:
                 waiting.append(inner)
 
 
-def decomposed(model: AssemblyDefinition) -> WantedPieces:
+def find_decompositions(model: AssemblyDefinition) -> WantedPieces:
     """Return the convex decompositions of the parts whose components set `collision: decompose`."""
     wanted: dict[str, set[int]] = {}
     for one in (one for definition in assemblies_of(model) for one in definition.components):

@@ -47,7 +47,7 @@ def refuse_on_assembly(node: ComponentScope) -> None:
             node.scope.error(
                 Code.OVERRIDE, f"`{key}` cannot be set on the nested assembly `{node.name}`", (*node.path, key), key=True,
                 help="add `as: one` to list the assembly as one bought part" if key == "bom" else help,
-                notes=node.scope.beside(f"`{node.name}` is defined as an assembly here", (*node.path, "assembly"), (*node.path, key)),
+                notes=node.scope.second_note(f"`{node.name}` is defined as an assembly here", (*node.path, "assembly"), (*node.path, key)),
             )
 
 

@@ -10,12 +10,12 @@ from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.graphs import MAX_CIRCLE, circle_words
 from thingc.base.source import Document, Path
 from thingc.base.suggestions import Hint, did_you_mean
-from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity, shortened
+from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity, shorten
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.documents import Documents
-from thingc.documents.load.text import forbidden
+from thingc.documents.load.text import find_forbidden
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.documents.spec.invalid_entries import InvalidEntries, Specs
 from thingc.documents.workspace import Workspace
@@ -27,7 +27,7 @@ Complain = Callable[..., None]
 """The function `complain(name, code, message, help=None, notes=())` reports an error at the location where a value is set."""
 
 
-def declared(context: ResolveRun, document: Document, spec: AssemblySpec) -> DeclaredParameters:
+def declared_parameters(context: ResolveRun, document: Document, spec: AssemblySpec) -> DeclaredParameters:
     """Return the values of parameters that the document itself specifies, without values from a parent assembly.
 
     Errors are reported. The result is cached for one run.
@@ -73,7 +73,7 @@ def worked_out(
             values[name] = value
 
     for first in spec.parameters:
-        open_: dict[str, Iterator[str]] = {first: _used(own(first)[0], spec)}  # use an explicit stack, because chains may be long
+        open_: dict[str, Iterator[str]] = {first: _used_names(own(first)[0], spec)}  # use an explicit stack, because chains may be long
         while open_:
             name, uses = next(reversed(open_.items()))
             use = next((use for use in uses if use not in values and use not in broken), None)
@@ -82,7 +82,7 @@ def worked_out(
                 _report_cycle(document, spec, chain, {step: own(step)[1] for step in chain}, report)
                 broken.update(chain)
             elif use is not None:
-                open_[use] = _used(own(use)[0], spec)
+                open_[use] = _used_names(own(use)[0], spec)
             else:
                 del open_[name]
                 if name not in values and name not in broken:
@@ -90,7 +90,7 @@ def worked_out(
     return {name: values[name] for name in spec.parameters if name in values}, broken
 
 
-def _used(raw: Any, spec: AssemblySpec) -> Iterator[str]:
+def _used_names(raw: Any, spec: AssemblySpec) -> Iterator[str]:
     """Yield the names of the parameters in the expression `raw`, which is the value of a parameter."""
     return iter([use.name for use in raw.names if use.name in spec.parameters] if isinstance(raw, Expression) else [])
 
@@ -128,7 +128,7 @@ def fitting(
 
     `names` contains the names that expressions in the values can use.
     """
-    table = declared(context, document, spec)
+    table = declared_parameters(context, document, spec)
     scope = context.scope(document, table.values, table.broken)
     sound: dict[str, ExpressionValue] = {}
     for name, value in given.items():
@@ -148,7 +148,7 @@ def fitting(
         if not _same_kind(own, value, scope, spec, name):
             _complain_kind(name, own, value, what, complain, note, names)
             continue
-        if _within(scope, spec, name, value, complain):
+        if _check_bounds(scope, spec, name, value, complain):
             sound[name] = value
     return sound
 
@@ -166,9 +166,9 @@ class AssemblyParameters:
         self._spec = spec
         self._context = ResolveRun(documents=documents, specs=specs, workspace=workspace, schemas={}, report=Report())
         self.name = spec.name
-        self.values = declared(self._context, documents.root, spec).values
+        self.values = declared_parameters(self._context, documents.root, spec).values
 
-    def given(self, texts: Mapping[str, str], quantities: Mapping[str, Quantity]) -> dict[str, ExpressionValue]:
+    def given_values(self, texts: Mapping[str, str], quantities: Mapping[str, Quantity]) -> dict[str, ExpressionValue]:
         """Return the values of all valid parameters.
 
         `texts` maps names of parameters to strings such as `120 mm`, as in the option `-p`. `quantities` contains parsed values, which
@@ -208,7 +208,7 @@ def _complain_kind(
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
         wanted = "`true` or `false`" if isinstance(own, bool) else "a string"
-        complain(name, Code.VALUE_KIND, f"{label} must be {wanted}, found {kind_of(value)} (`{shortened(words_of(value))}`)", notes=notes)
+        complain(name, Code.VALUE_KIND, f"{label} must be {wanted}, found {kind_of(value)} (`{shorten(words_of(value))}`)", notes=notes)
 
 
 def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
@@ -223,7 +223,7 @@ def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
     return bounds
 
 
-def _within(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue, complain: Complain) -> bool:
+def _check_bounds(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue, complain: Complain) -> bool:
     """Return whether a value is within the bounds `min` and `max` of its parameter. A value out of bounds is reported."""
     if not isinstance(value, Quantity):
         return True
@@ -264,14 +264,14 @@ def _own_within(scope: Scope, name: str, entry: ParameterSpec, bounds: dict[str,
     if own and (isinstance(value, str) or (isinstance(value, Quantity) and len(own) == 2)) and not any(
         isinstance(value, Quantity) and (bound.fits(value.dimension) or value.fits(bound.dimension)) for bound in own
     ) and own[0].fits(own[-1].dimension):
-        message, help = dimension_message(value, (own[0].dimension,), f"the value of parameter `{name}`", scope.written(at))
+        message, help = dimension_message(value, (own[0].dimension,), f"the value of parameter `{name}`", scope.source_text(at))
         note = Note(message="because its bound is", span=scope.span((*path, first)))
         scope.error(Code.DIMENSION, message, at, help=help, notes=[note])
         return
     if not isinstance(value, Quantity):
         scope.error(
             Code.VALUE_KIND, f"`{first}` can only bound a number; `{name}` is {kind_of(value)}", (*path, first),
-            help=f"remove `{first}`", key=True, notes=scope.beside(f"`{name}` is set here", at, (*path, first)),
+            help=f"remove `{first}`", key=True, notes=scope.second_note(f"`{name}` is set here", at, (*path, first)),
         )
         return
     for key, raw in (("min", entry.min), ("max", entry.max)):
@@ -281,8 +281,8 @@ def _own_within(scope: Scope, name: str, entry: ParameterSpec, bounds: dict[str,
             continue
         bounds.pop(key, None)
         code, what, place = Code.DIMENSION if number else Code.VALUE_KIND, f"`{key}` of parameter `{name}`", (*path, key)
-        message, help = dimension_message(bound, (value.dimension,), what, scope.written(place), scope.names if number else ())
-        scope.error(code, message, place, help=help, notes=scope.beside(f"`{name}` is set here", at, place))
+        message, help = dimension_message(bound, (value.dimension,), what, scope.source_text(place), scope.names if number else ())
+        scope.error(code, message, place, help=help, notes=scope.second_note(f"`{name}` is set here", at, place))
     if len(bounds) == 2 and bounds["min"].value > bounds["max"].value:
         scope.error(
             Code.OUT_OF_RANGE, f"`min` of parameter `{name}` is above its `max`: {bounds['min']} > {bounds['max']}", (*path, "min"),
@@ -293,7 +293,7 @@ def _own_within(scope: Scope, name: str, entry: ParameterSpec, bounds: dict[str,
         if _beyond(key, value, bound):
             rule = "at least" if key == "min" else "at most"
             scope.error(
-                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found {scope.shown(value, at)}", at,
+                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found {scope.format_value(value, at)}", at,
                 notes=[Note(message="the bound is set here", span=scope.span((*path, key)))],
             )
 
@@ -325,7 +325,7 @@ def from_command_line(
             if fault is None and context.doubts(document):
                 continue
             complain(
-                name, Code.PARAMETER_OPTION, fault.message if fault else f"`{shortened(expression.text)}` cannot be evaluated",
+                name, Code.PARAMETER_OPTION, fault.message if fault else f"`{shorten(expression.text)}` cannot be evaluated",
                 help=fault.help if fault else None,
             )
             continue
@@ -337,11 +337,11 @@ def _as_written(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
 ) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
     """Parse the values of parameters from the command line, which can be expressions. Invalid values are reported."""
-    table = declared(context, document, spec)
+    table = declared_parameters(context, document, spec)
     given: dict[str, ExpressionValue] = {}
     expressions: dict[str, Expression] = {}
     for name, text in texts.items():
-        if (bad := forbidden(text)) is not None:
+        if (bad := find_forbidden(text)) is not None:
             complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {bad[1]}", help="remove the character")
             continue
         try:
@@ -355,7 +355,7 @@ def _as_written(
                 continue
             if unknown is not None:
                 complain(
-                    name, Code.PARAMETER_OPTION, f"unknown name `{unknown}` in `{shortened(text)}`",
+                    name, Code.PARAMETER_OPTION, f"unknown name `{unknown}` in `{shorten(text)}`",
                     help=did_you_mean(unknown, spec.parameters, what="parameters"),
                 )
                 continue

@@ -7,13 +7,13 @@ import re
 from collections.abc import Collection, Mapping
 
 from thingc.base.diagnostics import MAX_FAULTS, Code, Note
-from thingc.base.one_line_repr import counted
-from thingc.base.safe_text import quoted
+from thingc.base.one_line_repr import format_count
+from thingc.base.safe_text import quote_names
 from thingc.base.source import Path, Span, line_of
 from thingc.base.suggestions import Hint, did_you_mean, near_hint, nearest
-from thingc.base.units import NUMBER, Quantity, shortened
+from thingc.base.units import NUMBER, Quantity, shorten
 from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, words_of
-from thingc.documents.load.paths import PART_SUFFIXES, named
+from thingc.documents.load.paths import PART_SUFFIXES, resolve_path
 from thingc.documents.workspace import DEFAULT_PARTS
 from thingc.geometry.record import (
     DIMENSIONS,
@@ -49,7 +49,7 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
     if isinstance(schema, PartFailure):
         _report_failure(context, node, reference, schema)
         return None
-    given = _given(node, schema)
+    given = _given_parameters(node, schema)
     if given is None:
         return None
     values = {**schema.defaults, **given}
@@ -61,7 +61,7 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
     return definition
 
 
-def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
+def _given_parameters(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
     """Return the parameters that the document sets for a part, in canonical form.
 
     If a parameter is unknown, invalid or missing, report an error and return None.
@@ -76,12 +76,12 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
             scope.error(
                 Code.UNKNOWN_PARAMETER, f"`{schema.reference}` has no parameter `{name}`", (*path, name), key=True,
                 help=did_you_mean(name, by_name, what="parameters"),
-                notes=[*scope.beside("the part is used here", (*node.path, "part"), (*path, name)), *_declared_at(schema)],
+                notes=[*scope.second_note("the part is used here", (*node.path, "part"), (*path, name)), *_declared_at(schema)],
             )
             sound = False
             continue
         value = scope.value(raw, (*path, name))
-        canonical = None if value is None else _checked(scope, schema, parameter, value, (*path, name))
+        canonical = None if value is None else _check_value(scope, schema, parameter, value, (*path, name))
         if canonical is None:
             sound = False
         else:
@@ -98,13 +98,13 @@ def _given(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
     return values if sound and not missing else None
 
 
-def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
+def _check_value(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
     """Check the value of a part parameter with the schema of the part class, and return the value in canonical form.
 
     If the value is invalid, report an error and return None.
     """
     what = f"parameter `{parameter.name}` of `{schema.reference}`"
-    written = scope.written(path)
+    written = scope.source_text(path)
     literal = written is not None and not written.lstrip().startswith("=")
     if parameter.kind == "choice":
         return _choice(scope, schema, parameter, given, what, path)
@@ -113,13 +113,13 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given
             return given
         if isinstance(given, Quantity) and literal and written is not None:
             return written.strip()
-        message = f"{what} must be a string, found {kind_of(given)} ({scope.shown(given, path)})"
+        message = f"{what} must be a string, found {kind_of(given)} ({scope.format_value(given, path)})"
         scope.error(Code.VALUE_KIND, message, path, help="put quotes around the value" if literal else None, notes=_declared_at(schema))
         return None
     if parameter.kind == "flag":
         if isinstance(given, bool):
             return given
-        message = f"{what} must be `true` or `false`, found {kind_of(given)} ({scope.shown(given, path)})"
+        message = f"{what} must be `true` or `false`, found {kind_of(given)} ({scope.format_value(given, path)})"
         scope.error(Code.VALUE_KIND, message, path, help="write `true` or `false`", notes=_declared_at(schema))
         return None
     dimension = DIMENSIONS[parameter.kind]
@@ -131,7 +131,7 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given
         return None
     value = given.value + 0.0
     if parameter.kind in WHOLE and value != int(value):
-        message = f"{what} must be a whole number, found {scope.shown(given, path)}"
+        message = f"{what} must be a whole number, found {scope.format_value(given, path)}"
         scope.error(Code.VALUE_KIND, message, path, notes=_declared_at(schema))
         return None
     for bound, broken, rule in (
@@ -140,7 +140,7 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given
     ):
         if broken and bound is not None:
             scope.error(
-                Code.OUT_OF_RANGE, f"{what} must be {rule} {parameter.shown(bound)}, found {scope.shown(given, path)}", path,
+                Code.OUT_OF_RANGE, f"{what} must be {rule} {parameter.format_value(bound)}, found {scope.format_value(given, path)}", path,
                 notes=_declared_at(schema),
             )
             return None
@@ -148,7 +148,7 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given
 
 
 def _choice(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, what: str, path: Path) -> Value | None:
-    written = (scope.written(path) or "").strip()
+    written = (scope.source_text(path) or "").strip()
     for choice in parameter.choices:
         if isinstance(choice, bool) or isinstance(given, bool):
             if choice is given:
@@ -159,9 +159,11 @@ def _choice(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given:
         elif isinstance(given, Quantity) and given.dimension == NUMBER and given.value == choice:
             return choice
     shown = [words_of(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
-    text = shortened(written or words_of(given))
+    text = shorten(written or words_of(given))
     help = did_you_mean(text, shown, what="choices") if nearest(text, shown) is not None else None
-    scope.error(Code.VALUE_KIND, f"{what} must be one of {quoted(shown, 12)}, found `{text}`", path, help=help, notes=_declared_at(schema))
+    scope.error(
+        Code.VALUE_KIND, f"{what} must be one of {quote_names(shown, 12)}, found `{text}`", path, help=help, notes=_declared_at(schema),
+    )
     return None
 
 
@@ -228,7 +230,7 @@ def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: 
             uses.setdefault(other, place)
     context.failed_parts.update(uses)
     more = len(uses) - 1
-    others = f" and {counted(more, 'other part')}" if more else ""
+    others = f" and {format_count(more, 'other part')}" if more else ""
     notes = [Note(message=f"`{used}` is used here", span=place) for used, place in list(uses.items())[:USES_SHOWN]]
     if len(uses) > USES_SHOWN:
         notes.append(Note(message="also used: " + ", ".join(f"`{used}`" for used in list(uses)[USES_SHOWN:])))
@@ -242,7 +244,7 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
     """Return a hint for a reference that does not have the form `module:Class`."""
     called = re.fullmatch(r"([\w.]+:[\w.]+)\((.*)\)", text, re.DOTALL)
     if called is not None:
-        return f"write `part: {shortened(called.group(1))}`, and set its parameters: `params: {{...}}`"
+        return f"write `part: {shorten(called.group(1))}`, and set its parameters: `params: {{...}}`"
     module, _, name = text.rpartition(":") if ":" in text else text.rpartition(".")
     for folder in context.workspace.parts:
         relative = context.workspace.relative(folder)
@@ -250,7 +252,7 @@ def _reference_hint(context: ResolveRun, text: str) -> str:
     module = module.removesuffix(".py").replace("/", ".")
     meant = f"{module}:{name}"
     if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", meant) and meant != text:
-        return f"did you mean `{shortened(meant)}`?"
+        return f"did you mean `{shorten(meant)}`?"
     return "write `module:Class`, for example `arm:BasePlate`"
 
 
@@ -279,7 +281,7 @@ def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) ->
     if not context.workspace.parts:
         hint += ", which does not exist yet"
     if "." not in module:
-        hint += f": add a class `{shortened(name)}` to `{folders[0]}/{shortened(module)}.py`"
+        hint += f": add a class `{shorten(name)}` to `{folders[0]}/{shorten(module)}.py`"
     modules = sorted(set(known) - set(context.workspace.packages))
     return f"{hint}; {did_you_mean('', modules, what='modules')}" if modules else hint
 
@@ -296,7 +298,7 @@ def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinit
     If the file cannot be used, return None. The pass `load` has reported such a file, unless a choice selects the file.
     """
     beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
-    absolute = named(text, beside)
+    absolute = resolve_path(text, beside)
     workspace = context.workspace
     if absolute is None or os.path.isabs(text) or not workspace.contains(absolute) or not absolute.lower().endswith(PART_SUFFIXES):
         return None

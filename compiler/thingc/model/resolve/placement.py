@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.safe_text import quoted
+from thingc.base.safe_text import quote_names
 from thingc.base.source import Span
 from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.spec.assembly import AttachSpec
@@ -23,7 +23,7 @@ def own_placements(context: ResolveRun, table: DocumentScope, places: Places) ->
     Invalid placements are reported, and their components remain unplaced.
     """
     placements: dict[str, Attach | At | None] = {}
-    there = context.there(table)
+    there = context.component_inputs(table)
     for node in table.nodes.values():
         if node.spec.attach is None and node.spec.at is None:
             continue
@@ -161,7 +161,7 @@ def _closes(way: str) -> str:
 
 
 def _report_bases(table: DocumentScope, free: list[str]) -> None:
-    message = f"{len(free)} components are not placed: {quoted(free, 6)}; only one, the base, may be left unplaced"
+    message = f"{len(free)} components are not placed: {quote_names(free, 6)}; only one, the base, may be left unplaced"
     if len(free) == 2:
         message = f"`{free[0]}` and `{free[1]}` are not placed; only one component, the base, may be left unplaced"
     second = table.nodes[free[1]]

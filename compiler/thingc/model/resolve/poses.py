@@ -9,7 +9,7 @@ from __future__ import annotations
 from fnmatch import fnmatchcase
 from typing import Any
 
-from thingc.base.diagnostics import Code, noted
+from thingc.base.diagnostics import Code, make_notes
 from thingc.base.pose import Pose, Quaternion, turn_of
 from thingc.base.source import Origin, Path
 from thingc.base.units import LENGTH, NUMBER
@@ -17,8 +17,8 @@ from thingc.documents.spec.assembly import TurnSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope
-from thingc.model.resolve.references import GLOB, suggested
-from thingc.model.resolve.scope import Scope, numbered
+from thingc.model.resolve.references import GLOB, suggest
+from thingc.model.resolve.scope import Scope, find_item
 from thingc.model.resolve.types import Joint, NamedPose
 
 Joints = dict[CoordinateName, Joint | None]
@@ -82,9 +82,9 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
     if ball is not None and ball.kind.at_once:
         _turn_ball(scope, key, names, ball, raw, path, into)
         return
-    if names and isinstance(raw, (list, dict)) and all(numbered(raw, k) is None for k in range(len(names), len(names) + len(raw))):
+    if names and isinstance(raw, (list, dict)) and all(find_item(raw, k) is None for k in range(len(names), len(names) + len(raw))):
         for number, name in enumerate(names):
-            own = numbered(raw, number)
+            own = find_item(raw, number)
             if own is not None:
                 _set(scope, known, [name], own[0], (*path, own[1]), into, exact=True)
         return
@@ -95,7 +95,7 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
     scope.error(
         Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value must be a list of {len(names)} items" if names
         else f"joint `{key}` has one coordinate: its value must not be a list", path, key=True,
-        help=f"write `[{shown}]`, or set only one: `{names[0]}`" if names else "write one value", notes=joint.defined(key),
+        help=f"write `[{shown}]`, or set only one: `{names[0]}`" if names else "write one value", notes=joint.definition_note(key),
     )
 
 
@@ -105,7 +105,7 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
     if not isinstance(raw, TurnSpec) or (raw.xyz is not None and not free):
         scope.error(
             Code.POSE, f"joint `{key}` is {ball.kind.words}: its value in a pose must be {'`xyz`, ' if free else ''}`rpy` or `quat`", path,
-            key=True, help=f"write, for example, `{key}: {_EXAMPLE[free]}`", notes=ball.defined(key),
+            key=True, help=f"write, for example, `{key}: {_EXAMPLE[free]}`", notes=ball.definition_note(key),
         )
         return
     place = scope.vector(raw.xyz, (*path, "xyz"), LENGTH, f"`xyz` of joint `{key}`") if raw.xyz is not None else (0.0, 0.0, 0.0)
@@ -152,17 +152,19 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
         joint = known[name]
         if joint is None:
             continue
-        coordinate, notes, key = joint.twist.coordinate if joint.twist is not None else None, joint.defined(name), True
+        coordinate, notes, key = joint.twist.coordinate if joint.twist is not None else None, joint.definition_note(name), True
         help: str | None
         if joint.kind.at_once:
-            message, notes = f"joint `{name.joint}` is {joint.kind.words}: a pose cannot set a single coordinate", joint.defined(name.joint)
+            message, notes = f"joint `{name.joint}` is {joint.kind.words}: a pose cannot set a single coordinate", joint.definition_note(
+                name.joint,
+            )
             help = f"write, for example, `{name.joint}: {_EXAMPLE[joint.kind.free]}`"
         elif coordinate is None:
             message, help = f"joint `{name}` is {joint.kind.name} and has no coordinate to set", "remove the joint from the pose"
         elif joint.mimic is not None:
             message = f"a pose cannot set joint `{name}`, because this joint mimics `{joint.mimic.joint}`"
             help = f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`"
-            notes = noted("`mimic` is set here", joint.mimic.origin)
+            notes = make_notes("`mimic` is set here", joint.mimic.origin)
         elif isinstance(raw, str):
             message = f"joint `{name}` must be {coordinate.words} (such as {coordinate.example}), found the string `{raw}`"
             help, key = f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, False
@@ -195,7 +197,7 @@ def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: A
     else:
         scope.error(
             Code.NO_MATCH, f"pattern `{key}` matches no joint", path, key=True,
-            help=suggested(key, _settable(known), what="joints"),
+            help=suggest(key, _settable(known), what="joints"),
         )
 
 
@@ -231,8 +233,8 @@ def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, in
         elif not GLOB.search(key):
             code, message = Code.UNKNOWN_JOINT, f"there is no joint or nested assembly `{key}`"
             known, what = [*_settable(dict(table.all_joints())), *nested], "joints and nested assemblies"
-        notes = references.declared(matched[0][1]) if matched else []
-        scope.error(code, message, path, key=True, help=suggested(key, known, what=what), notes=notes)
+        notes = references.declaration_note(matched[0][1]) if matched else []
+        scope.error(code, message, path, key=True, help=suggest(key, known, what=what), notes=notes)
         return
     lacking: list[str] = []
     for name, node in assemblies:
@@ -246,7 +248,7 @@ def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, in
             if len(lacking) == 1:
                 scope.error(
                     Code.UNKNOWN_POSE, f"`{name}` (`{inner.document.relative}`) has no pose `{pose}`", path,
-                    help=suggested(pose, inner.spec.poses, what="poses"), notes=references.defined(inner),
+                    help=suggest(pose, inner.spec.poses, what="poses"), notes=references.definition_note(inner),
                 )
             continue
         inner_pose = inner.poses.get(pose)
@@ -271,11 +273,11 @@ def _report_unknown(table: DocumentScope, scope: Scope, known: Joints, key: str,
     names: list[str] = [*_settable(known)]
     if node is not None and "." not in key:
         if node.table is not None:
-            message, help = f"`{key}` is a nested assembly: its value must be the name of one of its poses", suggested(
+            message, help = f"`{key}` is a nested assembly: its value must be the name of one of its poses", suggest(
                 "", node.table.spec.poses, what="poses")
         else:
-            message, help = f"`{key}` is a component, not a joint", suggested(key, names, what="joints")
-        scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declared(node))
+            message, help = f"`{key}` is a component, not a joint", suggest(key, names, what="joints")
+        scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declaration_note(node))
         return
     repeated = table.spec.joints.get(key)
     if repeated is not None and repeated.repeat is not None:
@@ -286,5 +288,5 @@ def _report_unknown(table: DocumentScope, scope: Scope, known: Joints, key: str,
         return
     names.extend(prefix[:-1] for prefix in table.unbuilt_joints if prefix)
     beside = [name for name in names if name.startswith(f"{first}.")] if "." in key else names
-    help = suggested(key, beside or names, what="joints")
+    help = suggest(key, beside or names, what="joints")
     scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True, help=help)

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Code
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean, near_hint
-from thingc.model.resolve.raw_protected import fixed, fixed_in_all
+from thingc.model.resolve.raw_protected import find_protected, fixed_in_all
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import RawAttribute, RawElement
 
@@ -43,7 +43,7 @@ KINDS = frozenset(_KINDS.values())
 _EXAMPLE = "`- fixed: {name: grip, in: [{joint: {joint: left, coef: 1}}]}`"
 
 
-def added(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
+def added_elements(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement, ...]:
     """Return the elements that `raw: {mjcf: {add: ...}}` adds to MuJoCo models, section by section. Invalid entries are reported."""
     under = written.get("mjcf")
     sections = under.get(ADD) if isinstance(under, Mapping) else None
@@ -142,14 +142,14 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
                 help=f"write, for example, `{target}: {{joint: {{yaw: {EXAMPLES[target]}}}}}`",
             )
             continue
-        laid = {key: one for key, one in attributes.items() if target != "mjcf" or key not in (ADD, ORDER)}  # see `added` for ADD
-        flattened.extend(_flattened(scope, target, laid, path, ()))
+        laid = {key: one for key, one in attributes.items() if target != "mjcf" or key not in (ADD, ORDER)}  # see `added_elements` for ADD
+        flattened.extend(_flatten(scope, target, laid, path, ()))
         if len(laid) < len(attributes):
-            flattened.extend(_ordered(scope, attributes.get(ORDER, {}), (*path, ORDER)))
+            flattened.extend(_order_attributes(scope, attributes.get(ORDER, {}), (*path, ORDER)))
     return tuple(flattened)
 
 
-def _ordered(scope: Scope, written: Any, path: Path) -> Iterator[RawAttribute]:
+def _order_attributes(scope: Scope, written: Any, path: Path) -> Iterator[RawAttribute]:
     """Yield an internal attribute with the position of each element that `raw: {mjcf: {order: ...}}` lists.
 
     All other entries are reported as errors.
@@ -165,19 +165,19 @@ def _ordered(scope: Scope, written: Any, path: Path) -> Iterator[RawAttribute]:
             yield RawAttribute(target="mjcf", path=(kind, text(name), IN_ORDER), value=str(number), origin=origin)
 
 
-def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str, ...]) -> Iterator[RawAttribute]:
+def _flatten(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str, ...]) -> Iterator[RawAttribute]:
     if isinstance(node, Mapping):
         for key, child in node.items():
-            yield from _flattened(scope, target, child, (*path, key), (*keys, key))
+            yield from _flatten(scope, target, child, (*path, key), (*keys, key))
     elif isinstance(node, list) and (target != "usd" or any(isinstance(one, (Mapping, list)) for one in node)):
         scope.error(
             Code.VALUE_KIND, f"`{keys[-1]}` must be a string, a number or a boolean in `{target}`, "
-            f"found a list of {counted(len(node), 'item')}", path,
+            f"found a list of {format_count(len(node), 'item')}", path,
             help=f"write `{' '.join(map(text, node))}`" if not any(isinstance(one, (Mapping, list)) for one in node)
             else "add elements under `raw: mjcf: add:`",
         )
     else:
-        refused = fixed(keys) if target == "mjcf" else fixed_in_all(target, keys)
+        refused = find_protected(keys) if target == "mjcf" else fixed_in_all(target, keys)
         if refused is not None:
             message, instead = refused
             scope.error(Code.RAW_FIXED, message, path, key=True, help=instead)

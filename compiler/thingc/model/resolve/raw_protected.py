@@ -104,7 +104,7 @@ def _instead_in_usd(name: str) -> str | None:
     return next((instead for beginning, instead in BEGINNINGS_IN_USD.items() if name.startswith(beginning)), None)
 
 
-def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
+def find_protected(path: tuple[str, ...]) -> tuple[str, str] | None:
     """Return the reason why `raw` cannot set an attribute of MJCF, and the key to use instead. Return None if `raw` can set the attribute.
 
     `path` contains the keys below `mjcf`, for example `("body", "arm", "name")`.

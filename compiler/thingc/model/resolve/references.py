@@ -27,7 +27,7 @@ MAX_SUGGESTED = 1000
 """Maximum number of names that are compared with a misspelled name."""
 
 
-def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | None:
+def replace_index(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | None:
     """Replace the index `$i` or `${i}` of the enclosing `repeat` in a string.
 
     If the string contains another index, report an error and return None.
@@ -56,17 +56,17 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
         help = "add `repeat: {count: ...}`, or write the number"
     else:
         message, help = f"unknown index `{unknown[0]}` in `{text}`", f"the index of this repeat is `${scope.index[0]}`"
-        notes = scope.beside("the `repeat` is defined here", (*path[:2], "repeat", "as"), path)
+        notes = scope.second_note("the `repeat` is defined here", (*path[:2], "repeat", "as"), path)
     scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
     return None
 
 
-def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
+def repeat_origin(scope: Scope, path: Path, *, key: bool = False) -> Origin:
     """Return the location of the enclosing `repeat`, if the string at `path` contains the index of this `repeat`.
 
     For the first item of the `repeat`, which always exists, return an empty origin.
     """
-    text = str(path[-1]) if key else scope.written(path) or ""
+    text = str(path[-1]) if key else scope.source_text(path) or ""
     if scope.index is None or scope.index[1] == "0" or "$" not in text:
         return ()
     return scope.origin((*path[:2], "repeat", "count"))
@@ -77,7 +77,7 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
 
     If the string is a pattern or not a valid reference, report an error and return None.
     """
-    filled = indexed(scope, text, path, key=key)
+    filled = replace_index(scope, text, path, key=key)
     if filled is None:
         return None
     parts = tuple(filled.split("."))
@@ -108,7 +108,9 @@ def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: boo
         return None
     if not _mount_below(table, scope, parts, path, key):
         return None
-    return Reference(path=parts[:-1], mount=parts[-1], origin=scope.origin(path, key=key), repeat_origin=counted(scope, path, key=key))
+    return Reference(
+        path=parts[:-1], mount=parts[-1], origin=scope.origin(path, key=key), repeat_origin=repeat_origin(scope, path, key=key),
+    )
 
 
 def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
@@ -142,7 +144,8 @@ def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key:
     if not _mount_of(node, scope, parts, (node.name, *parts), path, key):
         return None
     return Reference(
-        path=(node.name, *parts[:-1]), mount=parts[-1], origin=scope.origin(path, key=key), repeat_origin=counted(scope, path, key=key),
+        path=(node.name, *parts[:-1]), mount=parts[-1], origin=scope.origin(path, key=key),
+        repeat_origin=repeat_origin(scope, path, key=key),
     )
 
 
@@ -218,7 +221,7 @@ def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentSco
     return level
 
 
-def suggested(name: str, names: Iterable[str], *, what: str) -> Hint:
+def suggest(name: str, names: Iterable[str], *, what: str) -> Hint:
     """Return a hint with a known name that is similar to an unknown name.
 
     Only the first `MAX_SUGGESTED` names are compared, because comparing 100 000 names would take seconds per error.
@@ -242,7 +245,7 @@ def report_unmatched(
 
     `fits` describes the elements that are allowed, if patterns match only some of the elements.
     """
-    help = suggested(text, known, what=f"{fits or what}s")
+    help = suggest(text, known, what=f"{fits or what}s")
     if pattern or GLOB.search(text):
         scope.error(Code.NO_MATCH, f"pattern `{text}` matches no {fits or what}", path, help=help)
     else:
@@ -317,35 +320,35 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
         scope.error(
             Code.UNKNOWN_MOUNT, f"`{name}` is a component of {what}, not a mount", path,
             help=f"use a mount of the component, for example `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
-            notes=declared(node.table.nodes[name]),
+            notes=declaration_note(node.table.nodes[name]),
         )
         return False
     if _unbuilt(node.table.unbuilt, name) or node.table.doubts.lacks("mounts"):
         return False
     names = [*node.table.exports, ORIGIN, *node.mounts]
-    help = suggested(name, names, what="mounts that it exports")
+    help = suggest(name, names, what="mounts that it exports")
     if nearest(name, names) is None:
         help = f"{help}, or export the mount under `mounts:` of the nested document"
     scope.error(
         Code.UNKNOWN_MOUNT, f"{what} exports no mount `{name}`", path, help=help, key=key,
-        notes=[*defined(node.table), *_repeated(scope, path, key)],
+        notes=[*definition_note(node.table), *_repeat_notes(scope, path, key)],
     )
     return False
 
 
-def declared(node: ComponentScope) -> list[Note]:
+def declaration_note(node: ComponentScope) -> list[Note]:
     """Return a note with the location at which a component is declared."""
     return [Note(message=f"`{node.name}` is written here", span=node.scope.span(node.path, key=True))]
 
 
-def defined(table: DocumentScope) -> list[Note]:
+def definition_note(table: DocumentScope) -> list[Note]:
     """Return a note with the location of the assembly that a nested document defines."""
     return [Note(message=f"`{table.spec.name}` is defined here", span=table.document.span(("name",)))]
 
 
-def _repeated(scope: Scope, path: Path, key: bool) -> list[Note]:
+def _repeat_notes(scope: Scope, path: Path, key: bool) -> list[Note]:
     """Return a note with the count of the `repeat` whose index a reference uses. The count may be the cause of the error."""
-    return scope.beside(COUNTED, (*path[:2], "repeat", "count"), path) if counted(scope, path, key=key) else []
+    return scope.second_note(COUNTED, (*path[:2], "repeat", "count"), path) if repeat_origin(scope, path, key=key) else []
 
 
 def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, key: bool) -> None:
@@ -356,12 +359,12 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
     if name in table.nodes:
         message = f"`{name}` is a component, but a mount is required here"
         help = f"use a mount of the component, for example `{name}.{ORIGIN}`"
-        notes = declared(table.nodes[name])
+        notes = declaration_note(table.nodes[name])
     elif name in table.exports:
         notes = [Note(message=f"`{name}` is exported here", span=table.scope.span(("mounts", name), key=True))]
         message, help = f"`{name}` is an exported mount; use the mount of the component here", "write `component.mount`"
     else:
-        message, help = f"a mount must be `component.mount`, found `{name}`", suggested(name, table.nodes, what="components")
+        message, help = f"a mount must be `component.mount`, found `{name}`", suggest(name, table.nodes, what="components")
         having = [f"`{one.name}.{name}`" for one in table.nodes.values() if _shows(one, name)]
         if 0 < len(having) <= 3:
             help = f"did you mean {' or '.join(having)}?"
@@ -373,7 +376,8 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
 def _report_mount(scope: Scope, node: ComponentScope, name: str, path: Path, key: bool) -> None:
     scope.error(
         Code.UNKNOWN_MOUNT, f"{node.bare} `{node.name}` has no mount `{name}`", path,
-        help=suggested(name, [ORIGIN, *node.mounts], what="mounts"), key=key, notes=[*declared(node), *_repeated(scope, path, key)],
+        help=suggest(name, [ORIGIN, *node.mounts], what="mounts"), key=key,
+        notes=[*declaration_note(node), *_repeat_notes(scope, path, key)],
     )
 
 
@@ -400,11 +404,11 @@ def _report_component(
         notes = [Note(message=f"`{name}` is repeated here", span=inner.scope.span(("components", name, "repeat")))]
     else:
         known = [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)]
-        help = suggested(name, known, what="components")
+        help = suggest(name, known, what="components")
         if nearest(name, islice(known, MAX_SUGGESTED)) is None and len(parts) == depth + 2:
             having = [f"`{'.'.join((*parts[:depth], one.name, parts[-1]))}`" for one in inner.nodes.values() if _shows(one, parts[-1])]
             help = f"did you mean {' or '.join(having)}?" if 0 < len(having) <= 3 else help
-        notes = [*([] if inner is table and depth == 0 else defined(inner)), *_repeated(scope, path, key)]
+        notes = [*([] if inner is table and depth == 0 else definition_note(inner)), *_repeat_notes(scope, path, key)]
     scope.error(Code.UNKNOWN_COMPONENT, message, path, help=help, key=key, notes=notes)
 
 
@@ -422,5 +426,5 @@ def _report_leaf(node: ComponentScope, scope: Scope, parts: tuple[str, ...], dep
     kind = f"a {node.bare}" if node.bare is not None else "an assembly" if isinstance(node.definition, AssemblyDefinition) else "a part"
     scope.error(
         Code.UNKNOWN_COMPONENT, f"`{node.name}` is {kind} and has no components: `{'.'.join(parts)}` has too many parts", path,
-        help=f"write `{'.'.join(parts[:depth])}.mount`", key=key, notes=declared(node),
+        help=f"write `{'.'.join(parts[:depth])}.mount`", key=key, notes=declaration_note(node),
     )

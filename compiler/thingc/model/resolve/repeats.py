@@ -36,7 +36,7 @@ class Unrolled(FrozenStruct, Generic[Spec], kw_only=False):
     scope: Scope
 
 
-def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]], list[str]]:
+def unroll(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]], list[str]]:
     """Return the items of the section `components`, `joints` or `transmissions` in document order.
 
     Also return the prefixes of items that are invalid or exceed a limit. A prefix such as `leg_` means all items of a repeat. An empty
@@ -62,7 +62,7 @@ def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: 
             copies = [Unrolled(name, spec, path, scope)]
         else:
             as_ = spec.repeat.as_
-            copies = [Unrolled(f"{name}_{k}", spec, path, scope.repeated(as_, k)) for k in range(counts[name] or 0)]
+            copies = [Unrolled(f"{name}_{k}", spec, path, scope.repeat_scope(as_, k)) for k in range(counts[name] or 0)]
         for item in copies:
             first = taken.get(item.name)
             if first is None:

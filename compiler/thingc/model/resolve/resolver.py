@@ -59,7 +59,7 @@ def resolve(
     """
     from thingc.documents.spec.assembly import AssemblySpec
     from thingc.model.resolve import choices as choose
-    from thingc.model.resolve.assembly import resolved
+    from thingc.model.resolve.assembly import resolve_assembly
     from thingc.model.resolve.document_scope import ResolveRun
     from thingc.model.resolve.parameters import from_command_line
     from thingc.model.resolve.scope import TooManyErrors
@@ -78,7 +78,7 @@ def resolve(
     given = from_command_line(context, root, spec, settings.parameters)
     chosen = choose.from_command_line(context, settings.choices) if settings.choices else ()
     try:
-        table = resolved(context, root.relative, spec, given, chosen, top=True)
+        table = resolve_assembly(context, root.relative, spec, given, chosen, top=True)
     except TooManyErrors:
         report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; further errors are not shown", None)
         return None

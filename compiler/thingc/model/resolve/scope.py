@@ -12,11 +12,11 @@ from pydantic import BaseModel
 from thingc.base import numeric
 from thingc.base.diagnostics import MAX_FAULTS, Code, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.pose import Matrix, Pose, Vector, placed, rotation_of
+from thingc.base.pose import Matrix, Pose, Vector, make_pose, rotation_of
 from thingc.base.primitives import FARTHEST
-from thingc.base.source import Document, Origin, Path, ScalarNode, Span, dotted, node_at, walk
+from thingc.base.source import Document, Origin, Path, ScalarNode, Span, format_path, node_at, walk
 from thingc.base.suggestions import Hint
-from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shortened
+from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shorten
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, kind_of, words_of
 from thingc.documents.expressions.parsing import expression_hint
 from thingc.documents.expressions.terms import Expression, ExpressionError
@@ -52,7 +52,7 @@ class Scope(FrozenStruct):
     said: set[tuple[str, Code, Path, bool]] = set()
     doubts: InvalidEntries = NO_DOUBTS
 
-    def repeated(self, name: str, value: int) -> Scope:
+    def repeat_scope(self, name: str, value: int) -> Scope:
         """Create the scope of one item of a `repeat`, in which expressions can use the index of the item."""
         return replace(self, names={**self.names, name: Quantity(float(value))}, broken=self.broken - {name}, index=(name, str(value)))
 
@@ -66,7 +66,7 @@ class Scope(FrozenStruct):
         """Return the location of the value (or the key) at `path`, as the origin of an element of this document."""
         return (self.document.span(path, key=key),)
 
-    def written(self, path: Path) -> str | None:
+    def source_text(self, path: Path) -> str | None:
         """Return the source text of the scalar at `path`, or None if the value is not a scalar."""
         node = node_at(self.document.tree, path)
         return node.text if isinstance(node, ScalarNode) else None
@@ -92,9 +92,9 @@ class Scope(FrozenStruct):
         if len(self.said) >= MAX_FAULTS:
             raise TooManyErrors
         self.said.add(known)
-        self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=dotted(path))
+        self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=format_path(path))
 
-    def beside(self, message: str, path: Path, of: Path, *, key: bool = False) -> list[Note]:
+    def second_note(self, message: str, path: Path, of: Path, *, key: bool = False) -> list[Note]:
         """Return a note with `path` as a second location of an error at `of`. If both locations are on the same line, return no notes."""
         second, first = self.document.span(path, key=key), self.document.span(of)
         return [] if second.line == first.line else [Note(message=message, span=second)]
@@ -118,7 +118,7 @@ class Scope(FrozenStruct):
                     return None
                 self.error(
                     _EXPRESSION_CODES.get(error.kind, Code.EXPRESSION), error.message, path, help=error.help,
-                    span=self._narrowed(raw, path, error.offset, error.end),
+                    span=self._subspan(raw, path, error.offset, error.end),
                 )
                 return None
         if isinstance(raw, (int, float)) and not isinstance(raw, bool):
@@ -127,7 +127,7 @@ class Scope(FrozenStruct):
             return raw
         raise TypeError(f"not a value of a document: {raw!r}")
 
-    def _narrowed(self, expression: Expression, path: Path, offset: int, end: int) -> Span | None:
+    def _subspan(self, expression: Expression, path: Path, offset: int, end: int) -> Span | None:
         """Return the span of a part of an expression, given by a range of characters in a scalar on one line."""
         node = node_at(self.document.tree, path)
         if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line:
@@ -163,13 +163,13 @@ class Scope(FrozenStruct):
         if above is not None and not value > above:
             rule = f"above {Quantity(above, quantity.dimension)}" if above else "above 0"
         elif least is not None and most is not None and not least <= value <= most:
-            rule = f"between {_bound(least, quantity.dimension)} and {_bound(most, quantity.dimension)}"
+            rule = f"between {_format_bound(least, quantity.dimension)} and {_format_bound(most, quantity.dimension)}"
         elif least is not None and not value >= least:
-            rule = f"at least {_bound(least, quantity.dimension)}"
+            rule = f"at least {_format_bound(least, quantity.dimension)}"
         elif most is not None and not value <= most:
-            rule = f"at most {_bound(most, quantity.dimension)}"
+            rule = f"at most {_format_bound(most, quantity.dimension)}"
         if rule is not None:
-            self.error(Code.OUT_OF_RANGE, f"{what} must be {rule}, found {self.shown(quantity, path)}", path)
+            self.error(Code.OUT_OF_RANGE, f"{what} must be {rule}, found {self.format_value(quantity, path)}", path)
             return None
         return value
 
@@ -182,7 +182,7 @@ class Scope(FrozenStruct):
         if value is None:
             return None
         if value != int(value):
-            self.error(Code.VALUE_KIND, f"{what} must be a whole number, found {self.shown(Quantity(value), path)}", path)
+            self.error(Code.VALUE_KIND, f"{what} must be a whole number, found {self.format_value(Quantity(value), path)}", path)
             return None
         return int(value)
 
@@ -226,7 +226,7 @@ class Scope(FrozenStruct):
         """
         if isinstance(spec, TurnSpec) or spec.quat is None:
             angles = self.vector(spec.rpy, (*path, "rpy"), ANGLE, "`rpy`")
-            return None if angles is None else placed((0.0, 0.0, 0.0), angles).rotation
+            return None if angles is None else make_pose((0.0, 0.0, 0.0), angles).rotation
         place = (*path, "quat")
         w, x, y, z = (self.number(part, (*place, index), NUMBER, "`quat`") for index, part in enumerate(spec.quat))
         if w is None or x is None or y is None or z is None:
@@ -241,10 +241,10 @@ class Scope(FrozenStruct):
             return None
         return rotation_of((w, x, y, z))
 
-    def shown(self, value: ExpressionValue, path: Path) -> str:
+    def format_value(self, value: ExpressionValue, path: Path) -> str:
         """Format a value for messages: the source text in backticks and, for an expression, its result."""
-        text = (self.written(path) or words_of(value)).strip()
-        return f"`{shortened(text)}`, which is {words_of(value)}" if text.startswith("=") else f"`{shortened(text)}`"
+        text = (self.source_text(path) or words_of(value)).strip()
+        return f"`{shorten(text)}`, which is {words_of(value)}" if text.startswith("=") else f"`{shorten(text)}`"
 
     def wrong_dimension(
         self, value: ExpressionValue, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
@@ -253,7 +253,7 @@ class Scope(FrozenStruct):
 
         The message contains the expected physical dimension and the dimension of the value.
         """
-        message, help = dimension_message(value, expected, what, self.written(path), self.names)
+        message, help = dimension_message(value, expected, what, self.source_text(path), self.names)
         self.error(Code.DIMENSION, message, path, help=help, notes=notes)
 
 
@@ -265,19 +265,19 @@ def dimension_message(
     `names` contains the names that an expression can use.
     """
     wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
-    text = shortened((written if written is not None else words_of(value)).strip())
+    text = shorten((written if written is not None else words_of(value)).strip())
     help: Hint | None = expression_hint(value, names) if isinstance(value, str) else None
     if isinstance(value, str) and help is not None and text.startswith("="):
-        help = f"`{shortened(value)}` is a string here; an expression begins with `=`: `={shortened(value)}`"
+        help = f"`{shorten(value)}` is a string here; an expression begins with `=`: `={shorten(value)}`"
     if isinstance(value, Quantity) and value.dimension == NUMBER and not text.startswith("="):
         unit = expected[0].example.partition(" ")[2]
         help = f"write `{text} {unit}`" if unit else None
     elif isinstance(value, Quantity) and text == (written or "").strip() and not set(names).isdisjoint(re.findall(r"\w+", text)):
-        help = next(filter(None, (_converted(text, value.dimension, one) for one in expected)), None)
+        help = next(filter(None, (_conversion_help(text, value.dimension, one) for one in expected)), None)
     return f"{what} must be {wanted}, found {kind_of(value)} (`{text}`)", help
 
 
-def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:
+def _conversion_help(text: str, found: Dimension, wanted: Dimension) -> str | None:
     """Return the help text for an expression that must be multiplied or divided by one unit to have the expected physical dimension.
 
     Examples are `=pinion / 1 rad`, `=count * 1 mm` and `=width / 1 mm`.
@@ -291,11 +291,11 @@ def _converted(text: str, found: Dimension, wanted: Dimension) -> str | None:
     return f"write `={term} / 1 {found.example.partition(' ')[2]}`" if wanted == NUMBER else None
 
 
-def _bound(value: float, dimension: Dimension) -> str:
+def _format_bound(value: float, dimension: Dimension) -> str:
     return str(Quantity(value, dimension)) if value else "0"
 
 
-def numbered(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int | str] | None:
+def find_item(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int | str] | None:
     """Return the element `number` of a list, or of a mapping whose keys are indices. Also return the index or key of the element.
 
     Return None if the element does not exist.
@@ -330,26 +330,26 @@ class DefaultLayers(FrozenStruct, kw_only=False):
 
     def pick(self, key: str, number: int | None = None) -> LayeredValue:
         """Return a setting from the most specific layer that contains it."""
-        return next(self._written(key, number), LayeredValue())
+        return next(self._written_values(key, number), LayeredValue())
 
     def sub(self, key: str, number: int | None = None) -> DefaultLayers:
         """Return the layers of a setting that is a mapping, such as `limit`.
 
         The keys of this mapping can then be picked from all layers.
         """
-        return DefaultLayers(tuple((value, path) for value, path in self._written(key, number) if isinstance(value, BaseModel)))
+        return DefaultLayers(tuple((value, path) for value, path in self._written_values(key, number) if isinstance(value, BaseModel)))
 
     def entries(self, key: str) -> dict[str, LayeredValue]:
         """Return the entries of a setting that is a mapping, from all layers. Entries of more specific layers take precedence."""
         written = [(getattr(model, key, None) or {}, path) for model, path in reversed(self.items)]
         return {name: LayeredValue(value, (*path, key, name)) for mapping, path in written for name, value in mapping.items()}
 
-    def _written(self, key: str, number: int | None) -> Iterator[LayeredValue]:
+    def _written_values(self, key: str, number: int | None) -> Iterator[LayeredValue]:
         for model, path in self.items:
             value = getattr(model, key, None) if key in model.model_fields_set else None
             place: Path = (*path, key.rstrip("_"))
             if number is not None and isinstance(value, (list, dict)):
-                own = numbered(value, number)
+                own = find_item(value, number)
                 value, place = (None, place) if own is None else (own[0], (*place, own[1]))
             if value is not None:
                 yield LayeredValue(value, place)

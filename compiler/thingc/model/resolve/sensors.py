@@ -17,7 +17,7 @@ from thingc.documents.spec.sensors import SensorSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope
-from thingc.model.resolve.references import suggested
+from thingc.model.resolve.references import suggest
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.shapes import primitive
 from thingc.model.resolve.transmissions import undriven_reported
@@ -135,7 +135,7 @@ class _Reader:
         place: Path = (*self.path, "fovy")
         fovy = self.scope.number(self.spec.fovy, place, ANGLE, f"`fovy` of camera `{self.name}`", above=0.0)
         if fovy is not None and fovy >= numeric.pi:
-            shown = self.scope.shown(Quantity(fovy, ANGLE), place)
+            shown = self.scope.format_value(Quantity(fovy, ANGLE), place)
             self.scope.error(Code.OUT_OF_RANGE, f"`fovy` of camera `{self.name}` must be below 180 deg, found {shown}", place)
             fovy = None
         self.sound &= fovy is not None
@@ -148,15 +148,15 @@ class _Reader:
             doubts = self.table.doubts
             if name not in (*self.table.spec.tendons, *doubts.names("tendons")) and not doubts.lacks("tendons"):
                 self.scope.error(
-                    Code.UNKNOWN_TENDON, f"this document has no tendon `{name}`", place, help=suggested(name, tendons, what="tendons"),
+                    Code.UNKNOWN_TENDON, f"this document has no tendon `{name}`", place, help=suggest(name, tendons, what="tendons"),
                 )
         elif self.spec.type == "drive" and tendon.drive is None:
-            self._undriven("tendon", name, place, key=False)
+            self._report_undriven("tendon", name, place, key=False)
             tendon = None
         self.sound &= tendon is not None
         return tendon
 
-    def _undriven(self, what: str, name: str, place: Path, *, key: bool) -> None:
+    def _report_undriven(self, what: str, name: str, place: Path, *, key: bool) -> None:
         self.scope.error(
             Code.JOINT_FIELD, f"{what} `{name}` has no drive to measure", place, key=key, help=f"add a `drive`, or measure the {what}",
         )
@@ -171,7 +171,7 @@ class _Reader:
         place: Path = (*self.path, "joint") if spec.joint is not None else self.path
         joint = self._coordinate(wanted, place, unnamed)
         if joint is not None and spec.type == "drive" and joint.drive is None and not undriven_reported(self.table, joint):
-            self._undriven("joint", wanted, place, key=unnamed)
+            self._report_undriven("joint", wanted, place, key=unnamed)
             joint = None
         self.sound &= joint is not None
         return joint
@@ -190,7 +190,7 @@ class _Reader:
             return None
         if wanted not in joints:
             if not table.unsure_joints():
-                help = suggested(wanted, moving, what="joints")
+                help = suggest(wanted, moving, what="joints")
                 if unnamed and moving:
                     help = f"{help}; set `joint: ...`"
                 scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{wanted}`", place, key=unnamed, help=help)

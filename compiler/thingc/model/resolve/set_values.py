@@ -19,8 +19,8 @@ from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, closest, entries_of, option_span
 from thingc.base.suggestions import Hint, did_you_mean, nearest
-from thingc.base.units import shortened
-from thingc.documents.load.text import forbidden
+from thingc.base.units import shorten
+from thingc.documents.load.text import find_forbidden
 from thingc.documents.load.yaml_scalars import core_value
 from thingc.documents.load.yaml_tree import is_flow, read_flow
 from thingc.documents.spec.annotation_types import FieldType, alternatives, model_keys, shape_of
@@ -44,7 +44,7 @@ class PathNotFound(FrozenStruct, kw_only=False):
     help: Hint | None
 
 
-def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
+def substitute(context: ResolveRun, document: Document, spec: AssemblySpec, values: Mapping[str, str]) -> tuple[Document, AssemblySpec]:
     """Insert values, which are strings, at paths of a document. Return the changed document and its validated model.
 
     If a value is invalid, or if the document itself has errors, report the errors and return the unchanged document and model.
@@ -55,9 +55,9 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
     wrong = False
     for path, text in values.items():
         keys = tuple(path.split("."))
-        place = option_span(context.from_top(path), shortened(text))
+        place = option_span(context.from_top(path), shorten(text))
         if (inner := in_full(tree, keys)) is not None:
-            tree = _with(tree, *inner)
+            tree = _with_leaf(tree, *inner)
         known = context.quantities.get(context.from_top(path))
         read = _astray(document, tree, keys, text, context.from_top) or (
             _parse_setting(path, text, place) if known is None else ScalarNode(value=cast("Any", known), text=text, span=place)
@@ -66,13 +66,13 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
             context.say_of_option(path, read.message, read.help)
             wrong = True
         else:
-            tree = _with(tree, keys, read)
+            tree = _with_leaf(tree, keys, read)
     if wrong or not isinstance(tree, MappingNode):
         return document, spec
     changed = replace(document, tree=tree)
     report = Report()
     sound = validate_one(changed, report)
-    for fault in report.ordered():
+    for fault in report.sorted_diagnostics():
         if fault.code is Code.CHOICE_OPTION:
             context.report.say(fault)
         else:  # the document is valid, but a value causes an error at another location
@@ -84,7 +84,7 @@ def substituted(context: ResolveRun, document: Document, spec: AssemblySpec, val
 
 def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
     """Parse the string of an option `--set`. `place`, the location of the option, is the location of all nodes in the result."""
-    if (bad := forbidden(text)) is not None:
+    if (bad := find_forbidden(text)) is not None:
         return PathNotFound(f"`{path}`: {bad[1]}", "remove the character")
     if is_flow(text):
         tree = read_flow(text, place)
@@ -92,20 +92,22 @@ def _parse_setting(path: str, text: str, place: Span) -> Node | PathNotFound:
     try:
         return ScalarNode(value=core_value(text), text=text, span=place)
     except OverflowError:
-        return PathNotFound(f"`{path}` must be a finite number, found `{shortened(text)}`", "write a finite number")
+        return PathNotFound(f"`{path}` must be a finite number, found `{shorten(text)}`", "write a finite number")
 
 
-def _with(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
+def _with_leaf(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
     """Return a copy of the tree `node` in which `leaf` is the value at the path `keys`. Missing mappings on the path are created."""
     if not keys:
         return leaf
     if isinstance(node, SequenceNode):
         place = node.index(keys[0])
-        return structs.replace(node, items=tuple(_with(one, keys[1:], leaf) if k == place else one for k, one in enumerate(node.items)))
+        return structs.replace(
+            node, items=tuple(_with_leaf(one, keys[1:], leaf) if k == place else one for k, one in enumerate(node.items)),
+        )
     entries, spans = (dict(node.entries), dict(node.keys)) if isinstance(node, MappingNode) else ({}, {})
     if len(keys) == 1 or keys[0] not in spans:
         spans[keys[0]] = leaf.span
-    entries[keys[0]] = _with(entries.get(keys[0]), keys[1:], leaf)
+    entries[keys[0]] = _with_leaf(entries.get(keys[0]), keys[1:], leaf)
     return MappingNode(entries=entries, keys=spans, span=leaf.span if node is None else node.span)
 
 
@@ -122,13 +124,13 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
     for depth, key in enumerate(keys):
         here = whole(".".join(keys[:depth]))
         if isinstance(node, ScalarNode):
-            return PathNotFound(f"`{here}` is `{shortened(node.text)}` and has no keys", f"set `{here}`")
+            return PathNotFound(f"`{here}` is `{shorten(node.text)}` and has no keys", f"set `{here}`")
         branches = alternatives(shape)
         if isinstance(node, SequenceNode):
             if (index := node.index(key)) is None:
                 last = len(node.items) - 1
                 help = f"use an index, from `{here}.0` to `{here}.{last}`" if last >= 0 else f"set `{here}` as a whole"
-                return PathNotFound(f"`{here}` is a list of {last + 1} items and has no item `{shortened(key)}`", help)
+                return PathNotFound(f"`{here}` is a list of {last + 1} items and has no item `{shorten(key)}`", help)
             listed = next((branch for branch in branches if branch.kind == "list"), None)
             node, shape = node.items[index], shape if listed is None else shape_of(listed.members[0])
             continue
@@ -149,7 +151,7 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
         else:
             return PathNotFound(f"`{here}` is a value and has no keys", f"set `{here}`")
         node = node.entries.get(key) if isinstance(node, MappingNode) else None
-    return None if is_flow(text) else _unfinished(whole(".".join(keys)), shape, node)
+    return None if is_flow(text) else _incomplete_path_error(whole(".".join(keys)), shape, node)
 
 
 def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str]) -> PathNotFound:
@@ -167,10 +169,10 @@ def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Itera
     else:
         help = did_you_mean(key, known, what=keys[0] if depth == 1 else "keys")
     here = f"`{whole('.'.join(keys[:depth]))}` has" if depth else "an assembly has"
-    return PathNotFound(f"{here} no `{shortened(key)}`", help)
+    return PathNotFound(f"{here} no `{shorten(key)}`", help)
 
 
-def _unfinished(path: str, shape: FieldType, node: Node | None) -> PathNotFound | None:
+def _incomplete_path_error(path: str, shape: FieldType, node: Node | None) -> PathNotFound | None:
     """Return the error for a path that ends at a mapping or at a list of mappings instead of a value."""
     branches = alternatives(shape)
     kinds = {branch.kind for branch in branches}

@@ -10,8 +10,8 @@ from thingc.base.diagnostics import Code
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.primitives import FARTHEST, Primitive
 from thingc.base.source import Path
-from thingc.base.units import LENGTH, NUMBER, parse_quantity, shortened
-from thingc.documents.load.paths import MESH_SUFFIXES, SUFFIXES_WITH_UNIT, libraries, named
+from thingc.base.units import LENGTH, NUMBER, parse_quantity, shorten
+from thingc.documents.load.paths import MESH_SUFFIXES, SUFFIXES_WITH_UNIT, libraries, resolve_path
 from thingc.documents.spec.link_shapes import ChoiceSpec, CollisionSpec, ContactShapeSpec, ShapeSpec
 from thingc.documents.spec.sensors import VolumeSpec
 from thingc.geometry.mesh_bounds import LARGEST
@@ -26,7 +26,7 @@ from thingc.model.resolve.scope import DefaultLayers, Scope
 
 def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> LinkDefinition | None:
     """Create the definition of a component that is a `link`. If a shape of the link is invalid, report an error and return None."""
-    return _listed(context, table, node, node.spec.shapes, (*node.path, "shapes"))
+    return _resolve_shapes(context, table, node, node.spec.shapes, (*node.path, "shapes"))
 
 
 def of_collision(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> dict[str, LinkDefinition]:
@@ -42,13 +42,13 @@ def of_collision(context: ResolveRun, table: DocumentScope, node: ComponentScope
     for name, choice in choices:
         shapes = None if isinstance(choice, str) else choice.shapes
         at: Path = (*path, *(("targets", name) if name else ()), "shapes")
-        listed = None if shapes is None else _listed(context, table, node, shapes, at)
+        listed = None if shapes is None else _resolve_shapes(context, table, node, shapes, at)
         if listed is not None:
-            made[name] = listed if node.spec.mirror is None else listed.mirrored(node.spec.mirror)
+            made[name] = listed if node.spec.mirror is None else listed.mirror_image(node.spec.mirror)
     return made
 
 
-def _listed(
+def _resolve_shapes(
     context: ResolveRun, table: DocumentScope, node: ComponentScope, specs: Sequence[ContactShapeSpec], path: Path,
 ) -> LinkDefinition | None:
     shapes = [_shape(context, table, node.scope, spec, (*path, index)) for index, spec in enumerate(specs)]
@@ -76,7 +76,7 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ContactShapeSpec, path: Path)
     For an invalid entry, report an error and return None. For an unusable file, which `load` has reported, return None.
     """
     scale = _scale(scope, spec, path)
-    absolute, workspace = named(spec.mesh or "", scope.document.path), context.workspace
+    absolute, workspace = resolve_path(spec.mesh or "", scope.document.path), context.workspace
     if scale is None or absolute is None or os.path.isabs(spec.mesh or "") or not workspace.contains(absolute):
         return None
     if not absolute.lower().endswith(MESH_SUFFIXES):
@@ -85,7 +85,7 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ContactShapeSpec, path: Path)
         stat = os.stat(absolute)
         if stat.st_size > LARGEST:
             scope.error(
-                Code.TOO_LARGE, f"`{shortened(spec.mesh or '')}` is {stat.st_size // 1_000_000} MB, but mesh files may have at most "
+                Code.TOO_LARGE, f"`{shorten(spec.mesh or '')}` is {stat.st_size // 1_000_000} MB, but mesh files may have at most "
                 f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh: tens of thousands of triangles are enough",
             )
             return None

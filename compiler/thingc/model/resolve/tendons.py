@@ -15,7 +15,7 @@ from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName, Limit
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.joints import DRIVE_VALUES, drive_values, dynamics
-from thingc.model.resolve.references import suggested
+from thingc.model.resolve.references import suggest
 from thingc.model.resolve.scope import DefaultLayers, Scope
 from thingc.model.resolve.types import Drive, Joint, PathStep, Tendon
 
@@ -111,13 +111,13 @@ def moving_joint(table: DocumentScope, scope: Scope, text: str, place: Path, can
         if CoordinateName(text) not in table.joints and not any(f"{text}_".startswith(prefix) for prefix in table.unbuilt_joints):
             scope.error(
                 Code.UNKNOWN_JOINT, f"this document has no joint `{text}`", place, key=key,
-                help=suggested(text, table.joints, what="joints"),
+                help=suggest(text, table.joints, what="joints"),
             )
         return None
     if joint.twist is None or joint.kind.at_once:
         why = "does not move" if joint.twist is None else "has no single coordinate"
         scope.error(
-            Code.JOINT_FIELD, f"{cannot} `{text}`, which is {joint.kind.name} and {why}", place, key=key, notes=joint.defined(text),
+            Code.JOINT_FIELD, f"{cannot} `{text}`, which is {joint.kind.name} and {why}", place, key=key, notes=joint.definition_note(text),
             help="use a coordinate that rotates about one axis or slides along one",
         )
         return None
@@ -134,7 +134,7 @@ def factor_of(
     """
     own = ANGLE if joint.twist is None else joint.twist.coordinate
     fitting = (length / own,) if length is not None else (ANGLE / own, LENGTH / own)
-    factor, value = scope.number(raw, place, fitting, what, notes=joint.defined(joint.name)), scope.value(raw, place)
+    factor, value = scope.number(raw, place, fitting, what, notes=joint.definition_note(joint.name)), scope.value(raw, place)
     if factor is not None and isinstance(value, Quantity):
         turns, slides = value.fits(ANGLE / own), value.fits(LENGTH / own)
         if length is None and turns != slides:  # a plain 0 has any unit

@@ -22,8 +22,8 @@ from thingc.model.resolve import references
 from thingc.model.resolve.contacts import components_fitting
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
-from thingc.model.resolve.modes import driven
-from thingc.model.resolve.references import GLOB, report_unmatched, suggested
+from thingc.model.resolve.modes import driven_joints
+from thingc.model.resolve.references import GLOB, report_unmatched, suggest
 from thingc.model.resolve.scope import Scope
 from thingc.model.resolve.types import Joint, JointRange, Mode, Reference, Test
 
@@ -166,7 +166,7 @@ class Reader:
 
     def drives(self, said: str | list[str], key: Key) -> tuple[str, ...]:
         """Return the paths of the driven joints that match names or patterns."""
-        paths = driven(self.table, self.scope, _each(said, self.at(key)))
+        paths = driven_joints(self.table, self.scope, _each(said, self.at(key)))
         self.sound = self.sound and bool(paths)
         return paths
 
@@ -174,7 +174,7 @@ class Reader:
         """Report an error if the document does not define a motion. For an invalid motion, which has been reported, omit the test."""
         self.sound = self.sound and self.table.motions.get(name) is not None
         if name not in self.table.spec.motions and not self.scope.doubts.lacks("motions") and not self.scope.doubts.at(("motions", name)):
-            self.error(Code.MOTION, f"there is no motion `{name}`", key, help=suggested(name, self.table.motions, what="motions"))
+            self.error(Code.MOTION, f"there is no motion `{name}`", key, help=suggest(name, self.table.motions, what="motions"))
 
     def choose(self, written: Any) -> None:
         """Read the modes and poses in which the test runs, if the document specifies them."""
@@ -190,7 +190,7 @@ class Reader:
             return ()
         if said is None:
             return (next(iter(self.modes)),)
-        return self._named(said, self.at("mode"), list(self.modes), "mode")
+        return self._match_names(said, self.at("mode"), list(self.modes), "mode")
 
     def _poses(self, said: str | list[str] | None) -> tuple[tuple[str | None, ...], bool]:
         """Return the poses in which the test runs, and whether the test runs in all keyframes of each mode."""
@@ -198,9 +198,9 @@ class Reader:
             return (None,), False
         if said == ALL and ALL not in self.table.poses:
             return (), True
-        return self._named(said, self.at("pose"), list(self.table.poses), "pose"), False
+        return self._match_names(said, self.at("pose"), list(self.table.poses), "pose"), False
 
-    def _named(self, said: str | list[str], path: Path, known: Sequence[str], what: str) -> tuple[str, ...]:
+    def _match_names(self, said: str | list[str], path: Path, known: Sequence[str], what: str) -> tuple[str, ...]:
         """Return the modes or poses that match names or patterns, in the order of `known`. `what` is `mode` or `pose`."""
         section = f"{what}s"
         names: set[str] = set()
@@ -234,9 +234,9 @@ class Reader:
                 self.sound = self.sound and bool(fitting)
             elif GLOB.search(text):
                 self.error(Code.NO_MATCH, f"pattern `{text}` matches no joint that can be moved", at, on_key=True,
-                           help=suggested(text, movable, what="joints"))
+                           help=suggest(text, movable, what="joints"))
             else:
-                self.error(Code.UNKNOWN_JOINT, f"there is no joint `{text}`", at, on_key=True, help=suggested(text, movable, what="joints"))
+                self.error(Code.UNKNOWN_JOINT, f"there is no joint `{text}`", at, on_key=True, help=suggest(text, movable, what="joints"))
         for name, joint in joints.items():
             if name not in chosen:
                 continue
@@ -266,7 +266,7 @@ class Reader:
         if said != ALL and twist is not None:
             first, last = self.interval(said, key, twist.coordinate, f"the range of joint `{name}`")
             if joint.kind.may_stop and (first < low - 1e-9 or last > high + 1e-9):
-                ends = " to ".join(twist.shown(end) if numeric.isfinite(end) else "unlimited" for end in (low, high))
+                ends = " to ".join(twist.format(end) if numeric.isfinite(end) else "unlimited" for end in (low, high))
                 self.error(
                     Code.OUT_OF_RANGE, f"the range of joint `{name}` exceeds its limits {ends}", key,
                     help="write `all` for the whole range",

@@ -127,7 +127,7 @@ class _Reader:
 
     def joint(self, text: str, place: Path) -> Joint | None:
         """Return a joint that the transmission drives. Report an error if the joint is invalid or has another drive."""
-        name = references.indexed(self.scope, text, place)
+        name = references.replace_index(self.scope, text, place)
         joint = None if name is None else moving_joint(self.table, self.scope, name, place, f"{self.what} cannot move")
         if joint is not None and self.once(("joint", joint.name), f"joint `{joint.name}`", place, "the joint"):
             return joint
@@ -155,7 +155,7 @@ class _Reader:
         user, where = self.used.setdefault(key, (self.what, place))
         if where == place and user == self.what:
             return True
-        notes = self.scope.beside("it is used here, too", where, place)
+        notes = self.scope.second_note("it is used here, too", where, place)
         if where[-1] == "drive" and key[0] == "joint":
             help = f"remove the `drive` of {what}, or {self.what}"
             self.fault(f"{what} has a `drive`, and {self.what} drives it, too", place, help, notes)

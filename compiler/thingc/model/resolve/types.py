@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any, Generic, Literal, TypeVar
 
-from thingc.base.diagnostics import Note, noted
+from thingc.base.diagnostics import Note, make_notes
 from thingc.base.export_names import JointPath, PoseName, RawAttributes, RawPath
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.kinds import BaseType
@@ -162,7 +162,7 @@ class BomEntry(OneLineRepr, FrozenStruct):
     prices: tuple[tuple[int, str], ...] = ()
     one: bool = False
 
-    def over(self, below: BomEntry) -> BomEntry:
+    def merge_over(self, below: BomEntry) -> BomEntry:
         """Return this entry, with the values of the entry `below` for everything that this entry does not specify."""
         priced = self if self.cost is not None or self.prices else below
         texts = {name: first if (first := getattr(self, name)) is not None else getattr(below, name) for name in _BOM_TEXTS}
@@ -232,7 +232,7 @@ class Component(OneLineRepr, FrozenStruct):
         """The label of the component's definition for display."""
         return self.definition.label if self.definition is not None else "frame"
 
-    def located(self, inner: Origin, use: Origin) -> Origin:
+    def add_location(self, inner: Origin, use: Origin) -> Origin:
         """Return the location `inner` of a value of this component, followed by the locations of the documents that contain the component.
 
         `use` is the location of an occurrence of the component.
@@ -331,9 +331,9 @@ class Joint(Coordinate):
         """
         return (self.spans[key], *origin[1:]) if key in self.spans else origin
 
-    def defined(self, name: str) -> tuple[Note, ...]:
+    def definition_note(self, name: str) -> tuple[Note, ...]:
         """Return a note with the location of the joint, which is called `name` in the message."""
-        return noted(f"`{name}` is defined here", self.origin)
+        return make_notes(f"`{name}` is defined here", self.origin)
 
 
 class Wrap(OneLineRepr, FrozenStruct):

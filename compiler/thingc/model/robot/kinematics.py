@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.base import numeric
 from thingc.base.inertia import MassProperties, total
-from thingc.base.joints.twist import Twist, moved, velocities
+from thingc.base.joints.twist import Twist, pose_after, velocities
 from thingc.base.pose import NO_POSE, Pose, Vector, dot
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.tendon_paths import TendonCourse, course
@@ -15,14 +15,14 @@ from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Body, Robot, TreeJoint
 
 
-def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
+def body_pose(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
     """Compute the pose of a body from the pose `parent` of its parent body.
 
     `q` maps the paths of all joints to their positions [rad or m].
     """
     pose = parent @ body.X_PL
     if body.at_once:
-        return pose @ moved(body.twists, tuple(q[joint.path] for joint in body.joints), at_once=True)
+        return pose @ pose_after(body.twists, tuple(q[joint.path] for joint in body.joints), at_once=True)
     for joint in body.joints:
         pose = pose @ joint.twist.exponential(q[joint.path])
     return pose
@@ -63,7 +63,7 @@ def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) ->
     """
     poses: list[Pose] = []
     for body in bodies:
-        poses.append(root if body.parent is None else carried(body, poses[body.parent], q))
+        poses.append(root if body.parent is None else body_pose(body, poses[body.parent], q))
     return tuple(poses)
 
 

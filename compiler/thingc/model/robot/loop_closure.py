@@ -176,7 +176,7 @@ def keyframes_of(
     for pose in poses:
         start = SolverState(q=coordinates(joints, pose.values), base=loops.base)
         solution = memo(("closed", of_mode, pose.name), close_pose, loops, start, frozenset(pose.values), base_moves)
-        moved = _moved(loops, start, solution, following - pose.values.keys())
+        moved = _movements(loops, start, solution, following - pose.values.keys())
         if not solution.closed:
             closure, residual = _worst(loops, solution)
             unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin))
@@ -203,7 +203,7 @@ def closest_failure(loops: Loops, failed: tuple[Solution, ...], base_moves: bool
     If there is no such state, return the solution with the smallest error. If the loops can be closed, return None.
     """
     best = failed[0] if failed else None
-    for solution in (*failed[1:], *_tried(loops, base_moves)):
+    for solution in (*failed[1:], *_try_solutions(loops, base_moves)):
         if solution.closed:
             return None
         if best is None or _measure(loops, solution) < _measure(loops, best):
@@ -240,7 +240,7 @@ def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution
     report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
 
 
-def _moved(loops: Loops, start: SolverState, solution: Solution, following: Collection[str]) -> dict[str, float]:
+def _movements(loops: Loops, start: SolverState, solution: Solution, following: Collection[str]) -> dict[str, float]:
     """Return the movement [rad or m] of each independent joint during loop closure, by joint path.
 
     Joints in `following`, which are on loops but not in the pose, are omitted.
@@ -278,7 +278,7 @@ def close_pose(loops: Loops, start: SolverState, named: Collection[str], base_mo
     return best
 
 
-def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
+def _try_solutions(loops: Loops, base_moves: bool) -> Iterator[Solution]:
     """Yield the solutions for several start states.
 
     In the start states, all joints are at 0, all joints are in the middle of their ranges, or the positions are samples between the limits.

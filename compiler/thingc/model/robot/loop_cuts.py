@@ -24,7 +24,7 @@ class CutPriority(NamedTuple):
     placing: bool
     earlier: int
 
-    def over(self, other: CutPriority) -> str:
+    def reason_over(self, other: CutPriority) -> str:
         """Return the reason why the loop is cut at the joint `other` instead of this joint."""
         first = next((name for name, mine, theirs in zip(CutPriority._fields, self, other, strict=True) if mine != theirs), "earlier")
         return _WORDS[first]

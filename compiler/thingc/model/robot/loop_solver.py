@@ -18,12 +18,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.joints.twist import Twist, moved, velocities
+from thingc.base.joints.twist import Twist, pose_after, velocities
 from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turn_of, turned_about
 from thingc.model.assembly.kinematics import balls, bent, coordinates, in_cones, leaders
 from thingc.model.assembly.types import JointEdge
-from thingc.model.robot.kinematics import carried, in_world, with_ancestors
+from thingc.model.robot.kinematics import body_pose, in_world, with_ancestors
 from thingc.model.robot.least_squares import solve
 from thingc.model.robot.types import Body, Closure
 
@@ -162,7 +162,7 @@ class Loops:
 
         The size does not depend on the root. A translation by this size counts as much as a rotation of 1 rad.
         """
-        at = self._placed(SolverState(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
+        at = self._link_poses(SolverState(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
         places = [at[body].translation for body in self._needed]
         places += [at[c.child].apply(c.X_CB.translation) for c in self.closures]
         if not places:
@@ -171,11 +171,11 @@ class Loops:
         far = maximum(dist(place, middle) for place in places)
         return far if far > 0.0 else 1.0
 
-    def _placed(self, state: SolverState) -> dict[int, Pose]:
+    def _link_poses(self, state: SolverState) -> dict[int, Pose]:
         at: dict[int, Pose] = {}
         for index in self._needed:
             body = self.bodies[index]
-            at[index] = state.base if body.parent is None else carried(body, at[body.parent], state.q)
+            at[index] = state.base if body.parent is None else body_pose(body, at[body.parent], state.q)
         return at
 
     def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
@@ -185,7 +185,7 @@ class Loops:
         """
         A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
         if closure.at_once:
-            A = A @ moved(closure.twists, tuple(q[joint.path] for joint in closure.joints), at_once=True)
+            A = A @ pose_after(closure.twists, tuple(q[joint.path] for joint in closure.joints), at_once=True)
         else:
             for joint, twist in zip(closure.joints, closure.twists, strict=True):
                 A = A @ twist.exponential(q[joint.path])
@@ -195,7 +195,7 @@ class Loops:
         """Compute the position error |p| [m] and the rotation error |w| [rad] of every loop closure."""
         return tuple((hypot(*p), hypot(*w)) for p, w in self._errors(state))
 
-    def closed(self, state: SolverState) -> bool:
+    def are_closed(self, state: SolverState) -> bool:
         """Return whether all loops are closed in this state, within the tolerances for position and rotation."""
         return Solution(state=state, residuals=self.residuals(state)).closed
 
@@ -204,11 +204,11 @@ class Loops:
 
         For a loop that is cut at a ball joint, w is omitted.
         """
-        at = self._placed(state)
+        at = self._link_poses(state)
         errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
 
-    def linearized(self, state: SolverState, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
+    def linearize(self, state: SolverState, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
         """Return the residuals of all closures in one list, and the derivatives of the residuals by `coordinates`.
 
         For each closure, the list contains p [m] and then w [rad]. The coordinates are in rad or m. With `base_moves`, the result also
@@ -218,7 +218,7 @@ class Loops:
         neither |p| nor |w|.
         """
         sizes = [1.0, 1.0, 1.0, self.length, self.length, self.length] * len(self.closures)
-        error = [value / size for value, size in zip(self._stacked(state), sizes, strict=True)]
+        error = [value / size for value, size in zip(self._stack_errors(state), sizes, strict=True)]
         columns = self._columns(state, self.coordinates, base_moves)
         units = [c.unit for c in self.coordinates] + [1.0] * (len(columns) - len(self.coordinates))
         return error, [
@@ -234,8 +234,8 @@ class Loops:
         `movable` contains the paths of joints that can move (None: all joints). With `base_moves`, the root link can also move.
         """
         chosen = [c for c in self.coordinates if movable is None or c.path in movable]
-        state = self._within(start, chosen)
-        error = self._stacked(state)
+        state = self._clamp(start, chosen)
+        error = self._stack_errors(state)
         cost = _square(error)
         damping = 1e-6
         for _ in range(STEPS):
@@ -245,9 +245,9 @@ class Loops:
             better = None
             while better is None and damping < 1e6:
                 step = self._step(state, chosen, columns, error, damping)
-                there = None if step is None else self._moved(state, chosen, step, base_moves)
+                there = None if step is None else self._move(state, chosen, step, base_moves)
                 if step is not None and there is not None:
-                    new_error = self._stacked(there)
+                    new_error = self._stack_errors(there)
                     gained, promised = cost - _square(new_error), cost - _square(_linear(error, columns, step))
                     if gained > ROUNDING * cost and gained >= TRUST * promised:
                         better = there, new_error
@@ -272,10 +272,10 @@ class Loops:
                 columns = self._columns(state, weighted, base_moves)
                 back = [(start.q[c.path] - state.q[c.path]) / c.unit if c.path in given else 0.0 for c in weighted]
                 back += [0.0] * (len(columns) - len(back))
-                step = self._step(state, weighted, columns, self._stacked(state), PROJECTION, back)
+                step = self._step(state, weighted, columns, self._stack_errors(state), PROJECTION, back)
                 if step is None or maximum(map(abs, step)) < NEAR:
                     break
-                state = self._moved(state, weighted, [share * value for value in step], base_moves)
+                state = self._move(state, weighted, [share * value for value in step], base_moves)
             else:
                 continue
             found = self.close(state, None, base_moves=base_moves)
@@ -287,7 +287,7 @@ class Loops:
         """Return the squared distance between a state and the start state, which the method `nearest` minimizes."""
         return sum_of(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given)
 
-    def _stacked(self, state: SolverState) -> list[float]:
+    def _stack_errors(self, state: SolverState) -> list[float]:
         """Return the position and rotation errors of all loop closures in one list [m].
 
         Rotation errors are multiplied by the size of the robot.
@@ -303,7 +303,7 @@ class Loops:
 
         The base has three translations (in units of the robot's size), and three rotations about the origin of the root link.
         """
-        at = self._placed(state)
+        at = self._link_poses(state)
         by_path: dict[str, list[float]] = {}
         zero = [0.0] * (6 * len(self.closures))
         for row, (closure, (parents, children)) in enumerate(zip(self.closures, self._ends, strict=True)):
@@ -385,7 +385,7 @@ class Loops:
         longest = maximum((abs(value) for value in step), default=0.0)
         return step if longest <= REACH else [value * REACH / longest for value in step]
 
-    def _moved(self, state: SolverState, chosen: Sequence[LoopCoordinate], step: Sequence[float], base_moves: bool) -> SolverState:
+    def _move(self, state: SolverState, chosen: Sequence[LoopCoordinate], step: Sequence[float], base_moves: bool) -> SolverState:
         q = dict(state.q)
         for coordinate, value in zip(chosen, step):
             target = minimum(maximum(q[coordinate.path] + value * coordinate.unit, coordinate.lower), coordinate.upper)
@@ -403,10 +403,10 @@ class Loops:
             base = Pose(rotation=orthonormal(multiply(_turn((rx, ry, rz)), base.rotation)), translation=place)
         return SolverState(q=q, base=base)
 
-    def _within(self, state: SolverState, chosen: Sequence[LoopCoordinate]) -> SolverState:
+    def _clamp(self, state: SolverState, chosen: Sequence[LoopCoordinate]) -> SolverState:
         """Return a copy of the state in which movable joints that are outside their limits are moved to the limits."""
         at_limits = [(minimum(maximum(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen]
-        return self._moved(state, chosen, at_limits, False)
+        return self._move(state, chosen, at_limits, False)
 
 
 def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCoordinate, ...]:

@@ -46,7 +46,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
     body_of = {body.link: index for index, body in enumerate(bodies)}
     return Robot(
         name=assembly.name, mode=mode, assembly=assembly, base=mode.base, gravity=mode.gravity, bodies=bodies,
-        sites=tuple(_sites(assembly, body_of, memo)), excluded=_excluded(assembly, mode, body_of), keyframes=closed[0],
+        sites=tuple(_sites(assembly, body_of, memo)), excluded=_excluded_pairs(assembly, mode, body_of), keyframes=closed[0],
         present=_present(assembly, mode),
         adhesion={adhesion.path: mode.adhesion.get(adhesion.path, 0.0) for adhesion in assembly.adhesions}, closures=closures,
         unclosed=closed[1], moves=base_moves(mode, bodies[0].X_PL),
@@ -80,7 +80,7 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
             yield Site(path=mount.path, body=body_of[assembly.link_of[mount.occurrence]], pose=pose, origin=origin)
 
 
-def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
+def _excluded_pairs(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> tuple[tuple[int, int], ...]:
     """Return the pairs of bodies that do not collide.
 
     Pairs of bodies that a joint connects come first, in the order of the joints. Loop closures and fixed joints are included. The pairs in

@@ -10,7 +10,7 @@ from functools import partial
 from thingc.base.diagnostics import Code, Note, Report, shown_path
 from thingc.base.memo import Memo
 from thingc.base.numeric import hypot, maximum, minimum, radians, sum_of
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.pose import Pose, Vector
 from thingc.base.units import LENGTH, Quantity
 from thingc.model.assembly.kinematics import joints_of
@@ -122,7 +122,7 @@ def _under_feet(robot: Robot) -> tuple[int, float] | None:
     feet, lowest, number = math.inf, math.inf, -1
     placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
     for body, at in zip(robot.bodies, placed, strict=True):
-        for part, box, pose in _seen(assembly, assembly.links[body.link], at):
+        for part, box, pose in _visible_parts(assembly, assembly.links[body.link], at):
             if body.link in standing:
                 feet = minimum(feet, pose.translation[2] + of_box(box, pose.rotation[2]))
             elif (low := pose.translation[2] + _certain(box, pose.rotation[2])) < lowest:
@@ -146,7 +146,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
     for paths, modes in alike.items():
         mode = modes[0].mode
         first, *more = (joint for body in modes[0].bodies for joint in body.joints if joint.path in paths)
-        ends = [first.twist.shown(end) for end in (first.limit.lower, first.limit.upper) if end is not None]
+        ends = [first.twist.format(end) for end in (first.limit.lower, first.limit.upper) if end is not None]
         others = ", ".join(f"`{robot.mode.name}`" for robot in modes[1:])
         report.warn(
             Code.START_LIMITS,
@@ -174,9 +174,9 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
         if not moved or report.allows(Code.POSE_MOVED, pose.origin):
             continue
         path, *more = sorted(moved, key=lambda one: -abs(moved[one]))
-        old, new = (joints[path].twist.shown(value) for value in (pose.values[path], pose.values[path] + moved[path]))
+        old, new = (joints[path].twist.format(value) for value in (pose.values[path], pose.values[path] + moved[path]))
         lost = ", too far for a keyframe" if isinstance(frames[pose.name], Unclosed) else ""
-        others = f" ({counted(len(more), 'other value')} of the pose must also change)" if more else ""
+        others = f" ({format_count(len(more), 'other value')} of the pose must also change)" if more else ""
         report.warn(
             Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but the loops of the robot close only at {new}{lost}{others}",
             pose.origins[path], path=pose.name,
@@ -198,7 +198,7 @@ def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices 
     for body, at in zip(robot.bodies, placed, strict=True):
         if at.translation[2] - spheres[body.link] > -DEEP:
             continue
-        seen = list(_seen(assembly, assembly.links[body.link], at))
+        seen = list(_visible_parts(assembly, assembly.links[body.link], at))
         if body.parent is None and robot.base != "free" and any(_top(box, pose) > -DEEP for _, box, pose in seen):
             continue  # a fixed base may extend into the ground
         for part, box, pose in seen:
@@ -212,7 +212,7 @@ def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices 
                 yield pose.translation[2] + of_points(points, pose.rotation[2]), part.index
 
 
-def _seen(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence, Box, Pose]]:
+def _visible_parts(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence, Box, Pose]]:
     """Yield the visible parts of a link, each with its bounding box and its pose in the world."""
     for member, inner in zip(link.members, link.poses, strict=True):
         part = assembly.occurrences[member]

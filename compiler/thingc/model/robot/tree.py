@@ -7,7 +7,7 @@ from collections.abc import Collection
 from msgspec.structs import asdict
 
 from thingc.base.joints.kinds import moving_as
-from thingc.base.joints.twist import Twist, moved
+from thingc.base.joints.twist import Twist, pose_after
 from thingc.base.memo import Memo
 from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.model.assembly.types import Assembly, LinkedMode, Mate
@@ -114,7 +114,7 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection
         closures.append(Closure(
             path=mate.name or mate.loop or "", hold=False,
             parent=body_of[assembly.link_of[mate.parent]], child=body_of[assembly.link_of[mate.child]],
-            X_PA=A @ moved(twists, offsets) if twists else A, X_CB=placed[mate.child] @ mate.X_JC.inverse(),
+            X_PA=A @ pose_after(twists, offsets) if twists else A, X_CB=placed[mate.child] @ mate.X_JC.inverse(),
             joints=mate.joints, twists=seen_at_zero(twists, offsets, NO_POSE), origin=mate.origin,
         ))
     return tuple(closures)
@@ -124,7 +124,7 @@ def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, pl
     """Create the body on the other side of a mate, as a child of the body with the index `parent`."""
     twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
     at_zero, seen = memo(
-        ("across", mate.name, reversed_), _lowered, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], twists, offsets,
+        ("across", mate.name, reversed_), _lower_joint, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], twists, offsets,
         reversed_,
     )
     pairs = zip(mate.joints[::-1] if reversed_ else mate.joints, seen, strict=True)
@@ -146,7 +146,7 @@ def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: P
     return tuple(reversed(seen))
 
 
-def _lowered(
+def _lower_joint(
     parent: Pose, X_PJ: Pose, X_JC: Pose, child: Pose, twists: tuple[Twist, ...], offsets: tuple[float, ...], reversed_: bool,
 ) -> tuple[Pose, tuple[Twist, ...]]:
     """Return the pose of the child link of a joint in its parent link at q = 0, and the twists of the joint in the frame of the child.
@@ -157,12 +157,12 @@ def _lowered(
     frame of the document's parent, which is the child in the tree.
     """
     F, G = parent @ X_PJ, X_JC @ child.inverse()  # a ball has no offsets, because all its twists are in one frame
-    at_zero = F @ moved(twists, offsets) @ G
+    at_zero = F @ pose_after(twists, offsets) @ G
     if not reversed_:
         return at_zero, seen_at_zero(twists, offsets, G.inverse())
     undone: list[Twist] = []
     frame = F
     for twist, offset in zip(twists, offsets, strict=True):
-        undone.append(twist.seen_from(frame).reversed())
+        undone.append(twist.seen_from(frame).inverse())
         frame = frame @ twist.exponential(offset)
     return at_zero.inverse(), tuple(reversed(undone))

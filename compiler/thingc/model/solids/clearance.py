@@ -101,23 +101,23 @@ class BoundedSolid:
         small = Balls(corners.min(axis=1), corners.max(axis=1), self.radius / SMALL)
         return small, Balls(small.low, small.high, self.radius / LARGE)
 
-    def apart(self, other: BoundedSolid, at: Pose, within: float, *, coarse: bool = False) -> float:
+    def distance_bound(self, other: BoundedSolid, at: Pose, within: float, *, coarse: bool = False) -> float:
         """Return a lower bound of the distance [m] to the surface of a body at a pose, or `within` if the distance is greater.
 
         With `coarse`, only large balls are compared.
         """
         turn, shift, slack = np.array(at.rotation).T, np.array(at.translation), self.slack + other.slack
         (fine, large), (fine_other, large_other) = self.balls, other.balls
-        bounds = _between(large.centres, large.radii, large_other.centres @ turn + shift, large_other.radii) - slack
+        bounds = _ball_distances(large.centres, large.radii, large_other.centres @ turn + shift, large_other.radii) - slack
         near = bounds < within
         if coarse or not near.any():
             return min(float(bounds.min()), within)
         ours, theirs = np.asarray(near.any(axis=1))[large.owner], np.asarray(near.any(axis=0))[large_other.owner]
         centres, radii = fine_other.centres[theirs] @ turn + shift, fine_other.radii[theirs]
-        return min(float(_between(fine.centres[ours], fine.radii[ours], centres, radii).min()) - slack, within)
+        return min(float(_ball_distances(fine.centres[ours], fine.radii[ours], centres, radii).min()) - slack, within)
 
 
-def _between(ours: Array, radii: Array, theirs: Array, other_radii: Array) -> Array:
+def _ball_distances(ours: Array, radii: Array, theirs: Array, other_radii: Array) -> Array:
     """Return lower bounds of the distances `(n, m)` [m] of n balls from m other balls."""
     squares = (ours**2).sum(axis=1)[:, None] + (theirs**2).sum(axis=1)[None] - 2.0 * ours @ theirs.T
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)) - radii[:, None] - other_radii[None] - TOUCH)
@@ -236,13 +236,13 @@ class Place:
         if hypot(*between) >= within:
             return within
         close = within if a.triangles * b.triangles <= FEW else min(within, pair.floor + CLOSE)
-        if close >= within or (bound := a.apart(b, relative, within, coarse=True)) <= 0.0 or _inside(a.box, (low, high)) or _inside(
-            b.box, relative.inverse().around(a.box),
-        ):
+        if close >= within or (
+            bound := a.distance_bound(b, relative, within, coarse=True)
+        ) <= 0.0 or _inside(a.box, (low, high)) or _inside(b.box, relative.inverse().around(a.box)):
             gap = a.solid.gap(b.solid.at(relative), close)
-            return gap if gap < close or close >= within else max(gap, a.apart(b, relative, within))
+            return gap if gap < close or close >= within else max(gap, a.distance_bound(b, relative, within))
         if bound < within:
-            bound = a.apart(b, relative, within)
+            bound = a.distance_bound(b, relative, within)
         return bound if bound >= close else max(a.solid.gap(b.solid.at(relative), close), bound)
 
     def relative(self, pair: ComparedPair) -> Pose:
@@ -268,7 +268,7 @@ class Place:
 
     def twists(self, pair: ComparedPair) -> list[tuple[str, Twist]]:
         """Return the joints between two parts, each with its twist in the world, in order from the first part to the second part."""
-        up, down = self.sweep.between(pair.one, pair.other)
+        up, down = self.sweep.chains_between(pair.one, pair.other)
         chain = [each for body in up for each in self._twists(body)]
         return [*chain, *reversed([each for body in down for each in self._twists(body)])]
 
@@ -323,7 +323,7 @@ class Sweep:
         self._leads = {path: leader for path, (leader, _, _) in leaders(self._joints.values(), frame.q).items()}
         self._between: dict[tuple[int, int], tuple[list[int], list[int]]] = {}
 
-    def between(self, one: int, other: int) -> tuple[list[int], list[int]]:
+    def chains_between(self, one: int, other: int) -> tuple[list[int], list[int]]:
         """Return the bodies from each of two parts up to, but not including, the first body that carries both."""
         ends = self.body_of[one], self.body_of[other]
         if ends not in self._between:
@@ -333,7 +333,7 @@ class Sweep:
 
     def moving(self, one: int, other: int) -> tuple[frozenset[int], bool]:
         """Return the indices of the ranges that move two parts relative to each other, and whether a loop moves the parts."""
-        paths = {joint.path for chain in self.between(one, other) for body in chain for joint in self.robot.bodies[body].joints}
+        paths = {joint.path for chain in self.chains_between(one, other) for body in chain for joint in self.robot.bodies[body].joints}
         leads = {self._leads[path] for path in paths}
         looped = not leads.isdisjoint(self._inside)
         return frozenset(k for k, one in enumerate(self.ranges) if one.joint in leads or (looped and one.joint in self._inside)), looped

@@ -58,11 +58,11 @@ class Overlaps:
                     break
                 if _thickness(box, beside) > 0.0 and not reason_to_skip(part, neighbour):
                     (one, of_one), (other, of_other) = sorted(((part, pose), (neighbour, at)), key=lambda each: each[0].index)
-                    pair = PartPair(one, other, _rounded(of_one.inverse() @ of_other))
+                    pair = PartPair(one, other, _round_pose(of_one.inverse() @ of_other))
                     found += [pair] if self._is_deep(pair) else []
         return sorted(found, key=lambda pair: (pair.one.index, pair.other.index))
 
-    def shared(self, pair: PartPair, *, keep: bool = True) -> tuple[float, float] | None:
+    def intersection(self, pair: PartPair, *, keep: bool = True) -> tuple[float, float] | None:
         """Compute the volume [m^3] and the mean thickness [m] of the intersection of two parts.
 
         Return None for an intersection that is too thin to be reported.
@@ -108,7 +108,7 @@ def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps
         place = (pair.one.origin[:1], pair.other.origin[:1])
         if (pair.one.listed is not None and apart) or place in reported:
             continue
-        shared = overlaps.shared(pair)
+        shared = overlaps.intersection(pair)
         if shared is not None and _warn(assembly, pair, shared[0], report):
             reported.add(place)
 
@@ -167,7 +167,7 @@ def _thickness(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> floa
     return minimum(high - low for low, high in zip(lows, highs, strict=True))
 
 
-def _rounded(pose: Pose) -> Pose:
+def _round_pose(pose: Pose) -> Pose:
     """Round a pose to `DIGITS` decimals.
 
     The rounded relative pose of two parts on a third part does not change if the third part becomes thicker.

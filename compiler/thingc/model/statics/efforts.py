@@ -68,7 +68,7 @@ def problem(
         own = on_joints[path] if moving is None else on_joints[path] + moving.get(path, 0.0)
         load[leader] = load.get(leader, 0.0) + factor * own
         if path in robot.present:
-            moves = ((leader, factor),) if joint.actuator is None or joint.actuator.axis is None else _about(joint, joints, q)
+            moves = ((leader, factor),) if joint.actuator is None or joint.actuator.axis is None else _drive_speeds(joint, joints, q)
             drives.append(DriveTransmission(path, moves, limit, limit or 1.0))
     for tendon in robot.assembly.tendons:
         if tendon.path in robot.pulled and tendon.actuator is not None:
@@ -81,7 +81,7 @@ def problem(
     return load, drives
 
 
-def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+def _drive_speeds(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
     """Return the speed of a drive of a ball joint per speed of each coordinate.
 
     The speed is the angular velocity about the axis of the drive, which is fixed in the child.
@@ -105,15 +105,15 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission])
     for _, ((leader, factor),), _, weight in drives:
         largest[leader] = numeric.maximum(largest.get(leader, 0.0), abs(factor * weight))
 
-    def squared(leader: str, factor: float, weight: float) -> float:
+    def weight_square(leader: str, factor: float, weight: float) -> float:
         return (factor * weight / largest[leader]) ** 2 if largest[leader] > 0.0 else 0.0
 
     total: dict[str, float] = {}
     for _, ((leader, factor),), _, weight in drives:
-        total[leader] = total.get(leader, 0.0) + squared(leader, factor, weight)
+        total[leader] = total.get(leader, 0.0) + weight_square(leader, factor, weight)
     efforts: dict[str, float] = {}
     for path, ((leader, factor),), _, weight in drives:
-        share = squared(leader, factor, weight)
+        share = weight_square(leader, factor, weight)
         # A single drive has a share of exactly 1. A drive that does not move with its coordinate has no share.
         efforts[path] = 0.0 - load[leader] * (share / total[leader]) / factor if share > 0.0 else 0.0
     held = {leader for leader, value in total.items() if value > 0.0}

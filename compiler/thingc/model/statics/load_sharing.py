@@ -61,7 +61,7 @@ def balance_shared(
     supported by feet or holds. `memo` caches the result.
     """
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), bodies[0])
-    closing = loops.linearized(SolverState(q=dict(q), base=bodies[0]), base_moves=robot.carried)[1]
+    closing = loops.linearize(SolverState(q=dict(q), base=bodies[0]), base_moves=robot.carried)[1]
     paths = [coordinate.path for coordinate in loops.coordinates]
     stands = stance(robot, q, bodies) if robot.carried else None
     following = leaders(joints_of(robot.assembly), q) if stands is not None else {}

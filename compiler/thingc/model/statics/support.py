@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
-from thingc.base.pose import Pose, Vector, added, cross
+from thingc.base.pose import Pose, Vector, add_scaled, cross
 from thingc.model.robot.kinematics import in_world, with_ancestors
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
@@ -46,7 +46,7 @@ class Support(NamedTuple):
     @property
     def turning(self) -> Vector:
         """Return the torque [N m] of the weight about `origin`."""
-        return cross(added(self.centre, self.origin, -1.0), self.weight)
+        return cross(add_scaled(self.centre, self.origin, -1.0), self.weight)
 
 
 def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Support:
@@ -84,7 +84,7 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
     return footings
 
 
-def lifted(feet: Sequence[FootContact]) -> dict[str, float]:
+def lifted_feet(feet: Sequence[FootContact]) -> dict[str, float]:
     """Return the feet that are so far above the lowest foot that they cannot stand on the same floor.
 
     The result maps the path of each such foot to its height [m] above the lowest foot.

@@ -79,7 +79,7 @@ def make_of(occurrence: Occurrence) -> str:
     return "buy" if kind.lower() == "bought" else "machine" if kind.lower() in MACHINED else "print"
 
 
-def listed(occurrence: Occurrence) -> bool:
+def is_listed(occurrence: Occurrence) -> bool:
     """Return whether the bill of materials lists an occurrence, because it has geometry, mass or its own entry.
 
     A frame that only marks a position is not listed.
@@ -107,7 +107,7 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
     that are already in use are skipped.
     """
     rows: dict[tuple[object, ...], list[list[_Piece]]] = {}
-    for _, together in groupby(filter(listed, assembly.occurrences), lambda one: one.index if one.unit is None else one.unit.path):
+    for _, together in groupby(filter(is_listed, assembly.occurrences), lambda one: one.index if one.unit is None else one.unit.path):
         piece = _Piece(tuple(together))
         alike = rows.setdefault(piece.key, [])
         group = next((group for group in alike if group[0].mass == piece.mass), None)

@@ -19,8 +19,8 @@ import numpy as np
 import trimesh
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.joints.twist import Twist, moved
-from thingc.base.pose import Pose, along, shifted
+from thingc.base.joints.twist import Twist, pose_after
+from thingc.base.pose import Pose, along, make_translation
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
@@ -29,7 +29,7 @@ from thingc.model.assembly.types import Surface
 from thingc.model.robot.types import Body, Robot
 from thingc.targets.artifact import Artifacts, Loss
 from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Lossy, Omitted, Supported, all_of, losses
-from thingc.targets.geometry import ENDLESS, channels, linear, material_name, numbered
+from thingc.targets.geometry import ENDLESS, channels, linear, material_name, name_with_index
 from thingc.targets.request import EmitRequest
 
 Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
@@ -73,7 +73,7 @@ def emit(request: EmitRequest) -> Artifacts:
         assembly = request.assembly
         whole = Loss("glb", None, assembly.name, "the robot has no visual geometry", "omitted", assembly.definition.origin)
         return Artifacts(files={}, losses=(whole,))
-    drawn = cache(partial(_loaded, request.store))
+    drawn = cache(partial(_load_mesh, request.store))
     files = {f"glb/{robot.name}_{robot.mode.name}.glb": _glb_bytes(robot, drawn) for robot in request.robots}
     return Artifacts(files=dict(sorted(files.items())), losses=losses("glb", CAPABILITIES, request.assembly, request.robots))
 
@@ -114,12 +114,12 @@ def _nodes(robot: Robot) -> Iterator[_Node]:
         for member, place in zip(link.members, link.poses, strict=True):
             occurrence = assembly.occurrences[member]
             for index, shown in enumerate(occurrence.drawn):
-                called = occurrence.definition.text if occurrence.listed is None else _called(shown)
+                called = occurrence.definition.text if occurrence.listed is None else _mesh_name(shown)
                 at = place @ (shown.solid.pose if isinstance(shown.solid, Primitive) else shown.pose)
-                yield _Node(name=numbered(f"{occurrence.path}:visual", index), parent=name, pose=at, shown=shown, called=called)
+                yield _Node(name=name_with_index(f"{occurrence.path}:visual", index), parent=name, pose=at, shown=shown, called=called)
 
 
-def _called(surface: Surface) -> str:
+def _mesh_name(surface: Surface) -> str:
     """Return a name for the mesh of a visual shape. The name depends on the content of the mesh."""
     solid = surface.solid
     if isinstance(solid, Primitive):
@@ -139,7 +139,7 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
     if body.at_once:
         values = tuple(q[joint.path] for joint in body.joints)
         name = f"{robot.assembly.mates[first.mate].name or first.path}:joint"
-        at = pose @ moved(body.twists, values, at_once=True) @ _axis(body.joints[-1].twist, at_once=True)
+        at = pose @ pose_after(body.twists, values, at_once=True) @ _axis(body.joints[-1].twist, at_once=True)
         yield _Node(name=name, parent=parent, pose=at, extras={"kind": first.kind.name, "q": list(values)})
         return
     for joint in body.joints:
@@ -155,17 +155,17 @@ def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
 
     For a ball joint, return a frame at its centre whose axes are not changed.
     """
-    return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
+    return make_translation(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 
 
-def _loaded(store: Store, mesh: Mesh | Primitive) -> Any:
+def _load_mesh(store: Store, mesh: Mesh | Primitive) -> Any:
     """Load a mesh of the store (OBJ, in metres) as a trimesh object. A primitive is converted to a mesh that approximates it."""
     if isinstance(mesh, Primitive):
-        return _tessellated(mesh)
+        return _tessellate(mesh)
     return trimesh.load_mesh(io.BytesIO(store.read(mesh.sha256)), file_type="obj", process=False, maintain_order=True)
 
 
-def _tessellated(primitive: Primitive) -> Any:
+def _tessellate(primitive: Primitive) -> Any:
     size = primitive.size
     match primitive.shape:
         case "box":

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from graphlib import TopologicalSorter
 from typing import get_args
 
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Definition, DefinitionEdge, DefinitionKind, Hag
 
@@ -61,7 +61,7 @@ def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
 def total(hag: Hag) -> str:
     """Describe the size of the graph and of the expanded tree without its root, such as `12 definitions, 18 components`."""
     components = sum(quantities(hag).values()) - 1
-    return f"{counted(len(hag.definitions), 'definition')}, {counted(components, 'component')}"
+    return f"{format_count(len(hag.definitions), 'definition')}, {format_count(components, 'component')}"
 
 def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
     """Return the edges of a bundle as tuples `(component, placement)`.

@@ -96,11 +96,11 @@ def _box_texts(definition: Definition) -> list[str]:
     lines = [_cut(name)]
     if where:
         lines.append(_cut(where))
-    broken = _broken(parameters.split(", ")) if parameters else []
+    broken = _break_lines(parameters.split(", ")) if parameters else []
     return lines + (broken if len(broken) <= MOST else [*broken[: MOST - 1], "..."])
 
 
-def _broken(words: Sequence[str]) -> list[str]:
+def _break_lines(words: Sequence[str]) -> list[str]:
     """Join words by commas, and break the text into lines of at most `LONGEST` characters."""
     lines: list[str] = []
     for position, word in enumerate(words):

@@ -28,7 +28,7 @@ from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Body, Closure, Keyframe, Robot
 from thingc.model.statics.efforts import static_efforts
-from thingc.targets.bom.emit import listed, make_of, with_pieces
+from thingc.targets.bom.emit import is_listed, make_of, with_pieces
 from thingc.targets.html.mesh_packing import PackedMeshes
 
 VERSION = 1
@@ -144,7 +144,7 @@ def _occurrence(one: Occurrence, definition: int, link: int, pose: Pose, packed:
         "path": one.path, "definition": definition, "link": link, "pose": _rows(pose), "mass": one.properties.mass,
         "centre": one.properties.centre, "source": one.mass_source, "estimate": one.estimate,
         "material": one.material.name if one.material is not None else None, "color": one.color,
-        "make": make_of(one) if listed(one) else None,
+        "make": make_of(one) if is_listed(one) else None,
         "visual": [{**_shape(surface, packed), "color": surface.color} for surface in one.drawn],
         "collides": one.overrides.collision,
         "collision": [_shape(surface, packed) for surface in one.touching],

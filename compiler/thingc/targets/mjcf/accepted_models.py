@@ -171,7 +171,7 @@ def mesh_bytes(file: str, corners: Sequence[Sequence[float]], sides: Sequence[Se
     return bytes(80) + struct.pack("<I", len(sides)) + b"".join(triangles)
 
 
-def taken(assembly: Assembly, report: Report) -> tuple[Geometry, list[Loss]]:
+def choose_geometry(assembly: Assembly, report: Report) -> tuple[Geometry, list[Loss]]:
     """Return the visual and collision shapes of every occurrence, and the export losses of MJCF.
 
     Report an error for each shape that MuJoCo does not accept.

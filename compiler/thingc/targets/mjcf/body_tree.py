@@ -21,7 +21,7 @@ from thingc.targets.mjcf import adhesion_contacts, closures, elements, merged_jo
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.drives import NOTHING, add_custom_data, time_step
 from thingc.targets.mjcf.elements import pose_attributes
-from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, lowered, positions
+from thingc.targets.mjcf.lowering import base_positions, in_body, is_ball, mujoco_joints, positions
 from thingc.targets.mjcf.raw import class_name, possible_names
 from thingc.targets.xml_writer import Element, XmlValue
 
@@ -104,7 +104,7 @@ class _Builder:
 
         Models share these elements. An element is copied only if a raw attribute changes it.
         """
-        grown, names = self.memo(place, elements.made, make, *inputs)
+        grown, names = self.memo(place, elements.make_elements, make, *inputs)
         if self.raw.isdisjoint(names):
             parent.children.extend(grown)
         else:
@@ -161,7 +161,7 @@ class _Builder:
                 section.add("numeric", {"name": f"{joint.path}:velocity", "data": data}, joint.origin)
             if joint.actuator is not None and joint.actuator.backlash:
                 section.add("numeric", {"name": f"{joint.path}:backlash", "data": joint.actuator.backlash}, joint.actuator.origin)
-        driven: list[TreeJoint | LinkedTendon] = [*(self.joints[path] for path in self.driven), *tendons.pulled(self.robot)]
+        driven: list[TreeJoint | LinkedTendon] = [*(self.joints[path] for path in self.driven), *tendons.driven_tendons(self.robot)]
         for one in driven:
             add_custom_data(section, one)
 
@@ -247,7 +247,7 @@ class _Builder:
         """
         section = self.root.add("equality")
         for joint in self.joints.values():
-            for slide in lowered(joint)[1:]:
+            for slide in mujoco_joints(joint)[1:]:
                 # The rotation depends on the slide. Otherwise the share of the slide in the constraint would be so small that loads slip.
                 polynomial: tuple[float, ...] = (0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0)
                 names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}

@@ -15,12 +15,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import Literal
 
-from thingc.base.numeric import degrees, dist, rounded, sqrt
-from thingc.base.pose import NO_POSE, Pose, shifted
+from thingc.base.numeric import degrees, dist, round_significant, sqrt
+from thingc.base.pose import NO_POSE, Pose, make_translation
 from thingc.model.robot.types import Closure, Robot, residual_words
 from thingc.targets.artifact import Loss
-from thingc.targets.capabilities import written
-from thingc.targets.geometry import numbered
+from thingc.targets.capabilities import written_as
+from thingc.targets.geometry import name_with_index
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.drives import time_step
 from thingc.targets.mjcf.elements import pose_attributes
@@ -52,7 +52,9 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
                 section.add("weld", {"name": name, **ends, "relpose": relpose, **stiff}, closure.origin)
             case "connect" | "two connects":
                 for index, (one, other) in enumerate(_points(robot, closure)):
-                    section.add("connect", {"name": numbered(name, index), "site1": one[0], "site2": other[0], **stiff}, closure.origin)
+                    section.add(
+                        "connect", {"name": name_with_index(name, index), "site1": one[0], "site2": other[0], **stiff}, closure.origin,
+                    )
             case "connect and tendon":
                 (one, other), second = _points(robot, closure)
                 section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
@@ -74,7 +76,7 @@ def tendons(robot: Robot, section: Element) -> None:
 
 def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "connect and tendon"] | None:
     """Return the type of equality constraint that closes a loop or a hold. Return None if the loop or hold is not closed in the model."""
-    form = written(CAPABILITIES["loops"]["hold" if closure.hold else closure.kind])
+    form = written_as(CAPABILITIES["loops"]["hold" if closure.hold else closure.kind])
     if form == "weld or connect":
         return "connect" if closure.turns else "weld"
     return form
@@ -135,10 +137,10 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
     if closure.hold:
         return [((anchor_name(closure), NO_POSE), (closure.path, closure.X_CB))]
     lever = _lever(robot, closure)
-    ends = shifted(0.0, 0.0, lever), shifted(0.0, 0.0, lever)
+    ends = make_translation(0.0, 0.0, lever), make_translation(0.0, 0.0, lever)
     if closure.kind == "universal":
         (x, y, z), (u, v, w) = (twist.angular for twist in closure.twists)
-        ends = shifted(lever * x, lever * y, lever * z), shifted(lever * u, lever * v, lever * w)
+        ends = make_translation(lever * x, lever * y, lever * z), make_translation(lever * u, lever * v, lever * w)
     return [
         ((f"{closure.path}:parent{mark}", closure.X_PA @ one), (f"{closure.path}:child{mark}", closure.X_CB @ other))
         for mark, (one, other) in (("", (NO_POSE, NO_POSE)), ("_1", ends))[: 1 if closure.kind == "ball" else 2]
@@ -167,7 +169,7 @@ def _lever(robot: Robot, closure: Closure) -> float:
     """
     centre = robot.assembly.links[robot.bodies[closure.child].link].properties.centre
     far = dist(centre, closure.X_CB.translation)
-    return rounded(far, 1) if far > 1e-3 else 1e-3
+    return round_significant(far, 1) if far > 1e-3 else 1e-3
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
@@ -178,11 +180,11 @@ def losses(robot: Robot) -> Iterator[Loss]:
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
         if frame.moved:
-            what = f"the values: the loops close with {_moved(frame.moved, turns)}"
+            what = f"the values: the loops close with {_describe_movement(frame.moved, turns)}"
             yield Loss("mjcf", mode, frame.name, what, "approximated", frame.origin)
     for one in robot.unclosed:
         if one.moved:
-            what = f"the keyframe: the loops close only with {_moved(one.moved, turns)}"
+            what = f"the keyframe: the loops close only with {_describe_movement(one.moved, turns)}"
         else:
             what = f"the keyframe: `{one.path}` does not close (at best {residual_words(one.residual)} apart)"
         yield Loss("mjcf", mode, one.name, what, "omitted", one.origin)
@@ -203,7 +205,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
             yield Loss("mjcf", mode, closure.path, f"{', '.join(lost)}: the loop is cut at this joint", "omitted", closure.origin)
 
 
-def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
+def _describe_movement(moved: Mapping[str, float], turns: Collection[str]) -> str:
     """Describe how far joints moved, such as `` `knee` and 2 more changed by at most 12 deg``.
 
     The text names the joint that moved most. For this comparison, a radian counts as a metre.

@@ -18,17 +18,17 @@ from thingc.model.resolve.coordinates import Dynamics
 from thingc.model.resolve.types import ContactPair, Material
 from thingc.model.robot.types import TreeJoint
 from thingc.targets import geometry
-from thingc.targets.geometry import MeshAsset, Shape, Shapes, channels, material_name, numbered
+from thingc.targets.geometry import MeshAsset, Shape, Shapes, channels, material_name, name_with_index
 from thingc.targets.mjcf.accepted_models import is_shell
 from thingc.targets.mjcf.drives import both_ways, drive_attributes, joint_range
-from thingc.targets.mjcf.lowering import lowered
+from thingc.targets.mjcf.lowering import mujoco_joints
 from thingc.targets.xml_writer import Element, XmlValue
 
 GRID = 0.1
 """Distance [m] between the grid lines that MuJoCo may draw on a plane. MuJoCo requires a value for this attribute."""
 
 
-def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
+def make_elements(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
     """Call `make(*inputs)`, and return the created elements with the names that raw attributes use for them."""
     elements = make(*inputs)
     return elements, frozenset(element.get("name").replace(".", "/") for element in elements)
@@ -72,7 +72,7 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
     itself.
     """
     pos: dict[str, XmlValue] = {"pos": joint.twist.anchor} if any(joint.twist.anchor) else {}
-    attributes, *others = ({"name": one.name, "type": one.type, **pos, "axis": one.axis} for one in lowered(joint))
+    attributes, *others = ({"name": one.name, "type": one.type, **pos, "axis": one.axis} for one in mujoco_joints(joint))
     bounds = joint_range(joint.limit)
     if bounds is not None:
         attributes["range"] = bounds
@@ -112,7 +112,7 @@ Masks = tuple[int, int]
 def named_collision(shapes: Shapes) -> Iterator[tuple[str, Shape]]:
     """Yield the collision shapes of an occurrence with the names of their geoms."""
     for index, shape in enumerate(shapes.collision):
-        yield shape.name or numbered(f"{shapes.path}:collision", index), shape
+        yield shape.name or name_with_index(f"{shapes.path}:collision", index), shape
 
 
 def pair(settings: ContactPair[int], one: Material | None, other: Material | None) -> dict[str, XmlValue]:
@@ -148,7 +148,7 @@ def geoms(
         for index, shape in enumerate(one.visual):
             name = shape.name or one.path
             if index and not shape.name or name in (used if shape.name else taken):
-                name = numbered(f"{name}:visual", index)  # do not use `cap_1`, which may be the name of another component
+                name = name_with_index(f"{name}:visual", index)  # do not use `cap_1`, which may be the name of another component
             used.add(shape.name)
             attributes = {"name": name, "class": "visual", **_shape(shape, pose)}
             material = material_name(shape.material, shape.color)

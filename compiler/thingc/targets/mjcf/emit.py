@@ -7,17 +7,17 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.generated_header import heading
-from thingc.base.zip_files import MODEL, ZipEntry, deflate, zipped
+from thingc.base.zip_files import MODEL, ZipEntry, deflate, make_zip
 from thingc.geometry.store.local import BlobMissing, Store
 from thingc.model.robot.types import Robot
 from thingc.targets import modes_json
 from thingc.targets.artifact import Artifacts, Content, Loss, StoredArtifact
 from thingc.targets.capabilities import losses
-from thingc.targets.custom_names import called
+from thingc.targets.custom_names import apply_custom_names
 from thingc.targets.geometry import Geometry
 from thingc.targets.mjcf import body_tree as tree
 from thingc.targets.mjcf import compat, raw, raw_elements, scene, verify
-from thingc.targets.mjcf.accepted_models import taken
+from thingc.targets.mjcf.accepted_models import choose_geometry
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.request import EmitRequest
 from thingc.targets.xml_writer import Element, write
@@ -99,12 +99,12 @@ def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str
 
     If `floor` is True, each model contains the floor of its scene.
     """
-    request = called(request.in_target("mjcf"))
+    request = apply_custom_names(request.in_target("mjcf"))
     geometry, _, roots, _ = _roots(request)
     texts: dict[str, str] = {}
     for robot, root in zip(request.robots, roots, strict=True):
         model = write(root, _heading(robot))
-        texts[robot.mode.name] = scene.floored(robot, model, compat.separator(request.compat)) if floor else model.text
+        texts[robot.mode.name] = scene.scene_text(robot, model, compat.separator(request.compat)) if floor else model.text
     return texts, geometry.assets
 
 
@@ -122,11 +122,11 @@ def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], d
 
     Also return two kinds of export losses: those of the shapes, and those that result from adapting the trees to other programs.
     """
-    geometry, unsaid = taken(request.assembly, request.report)
+    geometry, unsaid = choose_geometry(request.assembly, request.report)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
     left = raw_elements.add(request.assembly, request.robots, roots, request.report)
     raw.lay(request.assembly, request.robots, roots, request.report)
-    return geometry, [*unsaid, *left], *compat.suited(request.compat, request.robots, roots, request.report)
+    return geometry, [*unsaid, *left], *compat.adapt_models(request.compat, request.robots, roots, request.report)
 
 
 def _heading(robot: Robot) -> str:
@@ -147,7 +147,7 @@ def emit_archives(request: EmitRequest) -> Artifacts:
     assets = {f"assets/{file}": _asset(stored, request.store) for file, stored in made.assets.items()}
     return Artifacts(
         files={
-            f"mjcf/{candidate.file.removesuffix('.xml')}.mjz": zipped({MODEL: candidate.model.text.encode(), **assets})
+            f"mjcf/{candidate.file.removesuffix('.xml')}.mjz": make_zip({MODEL: candidate.model.text.encode(), **assets})
             for candidate in made.candidates
         },
         losses=made.losses,

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note, Report, first_notes
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.safe_text import quoted
+from thingc.base.safe_text import quote_names
 from thingc.base.source import Origin
 from thingc.base.units import LENGTH, Quantity
 from thingc.model.robot.types import Robot, TreeJoint
@@ -43,7 +43,7 @@ def key(text: str, robot: Robot) -> str:
     return hashlib.sha256(f"{robot.mode.pose}\n{model}".encode()).hexdigest()
 
 
-def apart(text: str) -> tuple[str, ...]:
+def irrelevant_parts(text: str) -> tuple[str, ...]:
     """Return the parts of the XML text of a model that do not affect the initial state.
 
     The digest that the function `key` returns does not cover these parts.
@@ -313,7 +313,7 @@ def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[st
     apart = joint.origin[:1] if where and joint.origin and joint.origin[0].line != where[0].line else ()
     notes = [Note(message=f"joint `{name}` is defined here", span=span) for span in apart]
     if others:
-        notes.append(Note(message=f"{quoted(others, SHOWN)} have the same drive"))
+        notes.append(Note(message=f"{quote_names(others, SHOWN)} have the same drive"))
     report.warn(
         Code.CHATTER,
         f"{what}: its inertia is {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`), and the time step is {1e3 * gains.dt:g} ms",

@@ -24,7 +24,7 @@ class MujocoJoint(FrozenStruct, kw_only=False):
     ratio: float = 1.0
 
 
-def lowered(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
+def mujoco_joints(joint: TreeJoint) -> tuple[MujocoJoint, ...]:
     """Return the MuJoCo joints for a joint coordinate. The first of these joints has the name and the values of the coordinate.
 
     The result is empty for a coordinate of a ball joint or free joint, because all its coordinates become a single MuJoCo joint.
@@ -54,7 +54,7 @@ def positions(body: Body, q: Mapping[str, float], pose: Pose) -> tuple[float, ..
         return (*pose.translation, *pose.quaternion())
     if is_ball(body.joints):
         return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
-    return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint))
+    return tuple(one.ratio * q[joint.path] for joint in body.joints for one in mujoco_joints(joint))
 
 
 def in_body(body: Body, axis: Vector) -> Vector:
@@ -78,5 +78,5 @@ def sizes(joints: Sequence[TreeJoint]) -> tuple[int, int]:
         return 4, 3
     if joints and joints[0].kind.free:
         return 7, 6
-    count = sum(len(lowered(joint)) for joint in joints)
+    count = sum(len(mujoco_joints(joint)) for joint in joints)
     return count, count

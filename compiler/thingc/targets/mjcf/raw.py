@@ -68,7 +68,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
                 if element.tag == "freejoint" and attribute.path[-1] not in ("align", "group"):  # a freejoint has no other attributes
                     element.tag, element.attributes = "joint", {**element.attributes, "type": "free"}
                 element.lay(attribute.path[-1], attribute)
-        if not elements and robots and not _elsewhere(attribute, assembly):
+        if not elements and robots and not _may_be_in_other_mode(attribute, assembly):
             _report_unknown(attribute, robots, models, report)
     for model in models if ranks else ():
         _sort(model, ranks)
@@ -112,7 +112,7 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
     path = attribute.path
     kind = path[0]
     if kind in NAMED:
-        elements = {_slashed(element.get("name")): element for element in _elements_of_kind(kind, model)}
+        elements = {_linked_name(element.get("name")): element for element in _elements_of_kind(kind, model)}
         return next((elements[name] for name in possible_names(attribute) if name in elements), None)
     if kind == "default":
         classes = _classes(robot, model)
@@ -126,7 +126,7 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
     return section if len(path) == 2 else section.child(possible_names(attribute)[-1])
 
 
-def _slashed(name: str) -> str:
+def _linked_name(name: str) -> str:
     """Return the name of an element with `/` as separator, in the form of linked raw attributes. Documents may write `hand.cap` for
     `hand/cap`.
     """
@@ -139,7 +139,7 @@ def possible_names(attribute: RawAttribute) -> tuple[str, ...]:
     A name in a nested document gets the path of this document as prefix. Assets, classes and sections do not belong to an occurrence. For
     assets, classes and sections, the name without the prefix is also possible.
     """
-    name = _slashed(attribute.path[1])
+    name = _linked_name(attribute.path[1])
     if attribute.path[0] not in (*SINGLE, "default", "mesh", "material", "key"):
         return (name,)
     words = name.split("/")
@@ -170,19 +170,19 @@ def _elements_of_kind(kind: str, model: Element) -> Iterable[Element]:
     )
 
 
-def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
+def _may_be_in_other_mode(attribute: RawAttribute, assembly: Assembly) -> bool:
     """Return whether a mode that is not built may contain the element of a raw attribute, if the built models do not contain it."""
     kind, name = attribute.path[0], attribute.path[1]
-    owner, _, mount = _slashed(name).rpartition("/")
+    owner, _, mount = _linked_name(name).rpartition("/")
     magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)
     if len(attribute.origin) > 1 and (kind == "key" or magnet or attribute.path[-1] == IN_ORDER):
         return True  # the name belongs to a nested document, whose poses and modes are not used
     if kind == "joint":
         return name == assembly.free_joint
     if kind == "actuator":
-        return _slashed(name) in map(_slashed, assembly.drives.values())
+        return _linked_name(name) in map(_linked_name, assembly.drives.values())
     if kind == "tendon":
-        return _slashed(name) in {tendon.path for tendon in assembly.tendons}
+        return _linked_name(name) in {tendon.path for tendon in assembly.tendons}
     if kind == "key":
         return any(pose.name in possible_names(attribute) for pose in assembly.poses)
     return False

@@ -41,7 +41,7 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
                 report.add(Code.RAW_UNKNOWN, *strange, path=element.dotted, help="use elements and attributes from the MJCF reference")
                 continue
             missing = [target.add(element) for target in targets]
-            if None not in missing and not _elsewhere(assembly, missing[0] or ("", "")):
+            if None not in missing and not _may_be_in_other_mode(assembly, missing[0] or ("", "")):
                 kind, name = missing[0] or ("", "")
                 known = sorted({one for target in targets for one in target.names.get(kind, ())})
                 names = "bodies" if kind == "body" else f"{kind}s"
@@ -73,7 +73,7 @@ def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
         yield from _strange(child)
 
 
-def _elsewhere(assembly: Assembly, missing: tuple[str, str]) -> bool:
+def _may_be_in_other_mode(assembly: Assembly, missing: tuple[str, str]) -> bool:
     """Return whether a missing target may exist in a mode that is not built. Also return True if the target is an added element for which
     an error was reported.
     """
@@ -99,7 +99,7 @@ class _Target:
 
     def add(self, wanted: RawElement) -> tuple[str, str] | None:
         """Add an element to the model. Return the kind and the name of a missing target, or None if the element was added."""
-        made = self.made(wanted)
+        made = self.make_element(wanted)
         if isinstance(made, tuple):
             return made
         later = SECTIONS[SECTIONS.index(wanted.section) + 1 :]
@@ -109,7 +109,7 @@ class _Target:
         self.drives += wanted.section == "actuator"
         return None
 
-    def made(self, wanted: RawElement) -> Element | tuple[str, str]:
+    def make_element(self, wanted: RawElement) -> Element | tuple[str, str]:
         """Create the MJCF element for a raw element of a document.
 
         If the raw element refers to an element that does not exist, return the kind and the name of this element instead.
@@ -118,18 +118,18 @@ class _Target:
         for name, value in wanted.attributes.items():
             kind = named_kind(wanted.attributes, name)
             if kind is not None and name != "name":
-                called = self.found(kind, value)
+                called = self.find_name(kind, value)
                 if called is None:
                     return kind, value
                 made.attributes[name] = called
         for child in wanted.children:
-            inner = self.made(child)
+            inner = self.make_element(child)
             if isinstance(inner, tuple):
                 return inner
             made.children.append(inner)
         return made
 
-    def found(self, kind: str, path: str) -> str | None:
+    def find_name(self, kind: str, path: str) -> str | None:
         """Return the name of the element in this model that has the given kind and document path. Return None if there is no such element.
 
         If the path is a mount without a site, a site is added.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from thingc.base.memo import Memo
-from thingc.base.numeric import dist, maximum, rounded
+from thingc.base.numeric import dist, maximum, round_significant
 from thingc.base.source import Origin
 from thingc.model.robot.types import Robot
 from thingc.targets.geometry import Box, bounds, placements
@@ -22,20 +22,20 @@ def scene(robot: Robot, file: str, heading: str, model: XmlText, memo: Memo | No
     memo, mode = memo or Memo(), robot.mode
     box = memo(("bounds", mode.name), bounds, *placements(robot))
     title = f"{robot.assembly.name}_{mode.name} scene"
-    return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), _held(robot, separator), heading, mode.origin)
+    return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), _held_bodies(robot, separator), heading, mode.origin)
 
 
-def floored(robot: Robot, model: XmlText, separator: str) -> str:
+def scene_text(robot: Robot, model: XmlText, separator: str) -> str:
     """Return the XML text of a model with the floor of its scene. Elements of the scene that are purely visual are not included. Paths in
     names contain the separator `separator`.
     """
     root = Element(tag="mujoco")
-    _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, separator), {})
+    _lay_floor(root, root.add("worldbody"), floor_name(model), _held_bodies(robot, separator), {})
     sections = write(root, "").text.partition("<mujoco>\n")[2]
     return model.text.rpartition("</mujoco>")[0] + sections
 
 
-def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
+def _held_bodies(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
     """Return the names of all bodies that are held in place. Each item also contains the origin of the hold in the documents."""
     holds = {closure.child: closure.origin for closure in reversed(robot.closures) if closure.hold}
     return tuple((robot.assembly.links[robot.bodies[body].link].name.replace("/", separator), at) for body, at in holds.items())
@@ -53,7 +53,7 @@ def _scene(title: str, box: Box | None, file: str, floor: str, held: Sequence[tu
     if box is not None:
         low, high = box
         centre = tuple(round((low[k] + high[k]) / 2.0, 3) for k in range(3))
-        extent = rounded(maximum(dist(low, high), 1e-3), 3)
+        extent = round_significant(maximum(dist(low, high), 1e-3), 3)
         root.add("statistic", {"center": centre, "extent": extent})
     visual = root.add("visual")
     visual.add("headlight", {"diffuse": "0.6 0.6 0.6", "ambient": "0.3 0.3 0.3", "specular": "0 0 0"})

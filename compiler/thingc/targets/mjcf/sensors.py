@@ -19,7 +19,7 @@ from thingc.targets.capabilities import is_written
 from thingc.targets.mjcf import merged_joints, tendons
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.mjcf.elements import pose_attributes
-from thingc.targets.sensors import body_of, elsewhere, on_free_root
+from thingc.targets.sensors import body_of, describe_force_place, on_free_root
 from thingc.targets.xml_writer import Element, XmlValue
 
 LOOKING = turned_y(numeric.pi)
@@ -60,7 +60,7 @@ def cameras(robot: Robot, bodies: Mapping[int, Element]) -> None:
         if is_written(CAPABILITIES["sensors"][sensor.kind]) and (sensor.site or "") in sites and sensor.fovy is not None:
             site = sites[sensor.site or ""]
             # round the angle, because 60 deg would become 59.99999999999999
-            degrees = numeric.rounded(numeric.degrees(sensor.fovy), 12)
+            degrees = numeric.round_significant(numeric.degrees(sensor.fovy), 12)
             attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": degrees}
             bodies[site.body].add("camera", attributes, sensor.origin)
 
@@ -141,7 +141,7 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
     there = {one.path for one in tendons.present(robot)}
     if sensor.tendon is not None and sensor.tendon not in there:
         return f"the mode has no tendon `{sensor.tendon}`"
-    driven = {*robot.present, *(one.path for one in tendons.pulled(robot))}
+    driven = {*robot.present, *(one.path for one in tendons.driven_tendons(robot))}
     if sensor.kind == "drive" and (sensor.joint or sensor.tendon) not in driven:
         return f"the mode has no drive of `{sensor.joint or sensor.tendon}`"
     return ""
@@ -160,7 +160,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
         if not missing and sensor.kind in ("imu", "accelerometer") and stays(robot.base) and body_of(robot, sensor) == 0:
             what, how = "gravity in the accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"
         elif not missing and sensor.kind == "force":
-            place = elsewhere(robot, sensor)
+            place = describe_force_place(robot, sensor)
             if place is not None:
                 what, how = f"the force at the mount: the sensor measures the force {place}", "approximated"
         if what:

@@ -30,7 +30,7 @@ def present(robot: Robot) -> tuple[LinkedTendon, ...]:
     return tuple(one for one in robot.assembly.tendons if there.issuperset(one.moves) and all(mount.path in sites for mount in one.mounts))
 
 
-def pulled(robot: Robot) -> tuple[LinkedTendon, ...]:
+def driven_tendons(robot: Robot) -> tuple[LinkedTendon, ...]:
     """Return the tendons of a mode that have a drive."""
     return tuple(one for one in present(robot) if one.actuator is not None and one.path in robot.pulled)
 
@@ -87,13 +87,13 @@ def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
 
 def drives(robot: Robot, section: Element) -> None:
     """Add an actuator for each tendon with a drive."""
-    for one in pulled(robot):
+    for one in driven_tendons(robot):
         if one.actuator is not None:
-            values = drive_attributes(_within(robot, one), one.actuator, time_step(robot))
+            values = drive_attributes(_limit_positions(robot, one), one.actuator, time_step(robot))
             section.add(one.actuator.kind, {"name": one.actuator.name or one.path, "tendon": one.path, **values}, one.actuator.origin)
 
 
-def _within(robot: Robot, tendon: LinkedTendon) -> LinkedTendon:
+def _limit_positions(robot: Robot, tendon: LinkedTendon) -> LinkedTendon:
     """Return a drive of a differential with the positions that its actuator has within the limits of its joints.
 
     The positions limit only the control. Other tendons, and drives of joints without limits, are returned unchanged.
@@ -117,7 +117,7 @@ def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
 
     The control value is the tendon length for a position drive, and 0 for any other drive.
     """
-    for one in pulled(robot):
+    for one in driven_tendons(robot):
         if one.actuator is None or one.actuator.kind != "position":
             yield 0.0
         else:

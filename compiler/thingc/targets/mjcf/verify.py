@@ -125,7 +125,7 @@ def _verdicts(
         for candidate in batch:
             model, scene = candidate.model.text, candidate.scene.text
             files[candidate.file] = (model if first else _without_threads(model)).encode()
-            verdict = attempt(scene if first else _unpainted(scene), files)
+            verdict = attempt(scene if first else _shrink_textures(scene), files)
             while len(standing) > 1 and not _will_do(verdict, candidate.robot, boxes=len(standing) > 2):
                 del standing[0]
                 files = in_memory(known.data([one.root for one in batch], true, standing[0]))
@@ -255,7 +255,9 @@ def _own(candidate: Candidate) -> tuple[tuple[str, str], tuple[str, tuple[str, .
 
     These contents are the scene without numbers, and the parts of the model that `initial_state_checks.key` omits.
     """
-    return ("mujoco own", candidate.mode), (_NUMBERS.sub("", candidate.scene.text), initial_state_checks.apart(candidate.model.text))
+    return ("mujoco own", candidate.mode), (
+        _NUMBERS.sub("", candidate.scene.text), initial_state_checks.irrelevant_parts(candidate.model.text),
+    )
 
 
 def _scene(candidate: Candidate) -> tuple[tuple[str, str], tuple[str]]:
@@ -281,7 +283,7 @@ def _without_threads(text: str) -> str:
     return text if " usethread=" in text else text.replace("<compiler ", '<compiler usethread="false" ', 1)
 
 
-def _unpainted(scene: str) -> str:
+def _shrink_textures(scene: str) -> str:
     """Return a scene in which all textures have the smallest possible size. The texture of a sky consists of six squares, one below the
     other.
     """

@@ -81,7 +81,7 @@ def length_of(points: Array, camera: Camera) -> float:
     return LENGTH * max(float(np.ptp(up)), float(np.ptp(across)) / camera.aspect)
 
 
-def placed(mark: Mark, data: Any, length: float) -> list[Array]:
+def arrows_of(mark: Mark, data: Any, length: float) -> list[Array]:
     """Return the arrows of a frame or a joint axis as points (n, 3) [m] in the world."""
     body = data.body(mark.body)
     turned = body.xmat.reshape(3, 3)
@@ -89,7 +89,7 @@ def placed(mark: Mark, data: Any, length: float) -> list[Array]:
     return [origin + (length * stroke.points) @ rotation.T for stroke in mark.strokes]
 
 
-def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: float) -> Any:
+def draw_marks(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: float) -> Any:
     """Draw frames and joint axes on an image, in the order of `marks`. The image is an array (height, width, 3) of bytes."""
     height, width = image.shape[:2]
     scale = FINER * max(1.0, height / 720.0)
@@ -98,7 +98,7 @@ def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: 
     half = np.array([sheet.width, sheet.height]) / 2.0
     lines = [
         [(stroke.colour, half + camera.project(points) * half * (1.0, -1.0)) for stroke, points in zip(mark.strokes, curves)]
-        for mark, curves in ((mark, placed(mark, data, length)) for mark in marks)
+        for mark, curves in ((mark, arrows_of(mark, data, length)) for mark in marks)
     ]
     for colour, widening in ((None, 2.0 * scale), (True, 0.0)):
         for strokes in lines:
@@ -171,7 +171,7 @@ def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet:
             middle = origin + direction * (10.0 * scale * ring + np.abs(direction) * size / 2.0)
             box = (*(middle - np.array(size) / 2.0).tolist(), *(middle + np.array(size) / 2.0).tolist())
             outside = max(0.0, -box[0], -box[1], box[2] - sheet[0], box[3] - sheet[1])
-            covered = _shared(box, others) + 1e3 * outside
+            covered = _overlap_area(box, others) + 1e3 * outside
             if covered == 0.0:
                 return box
             if best is None or covered < best[0]:
@@ -180,7 +180,7 @@ def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet:
     return best[1]
 
 
-def _shared(box: Box, others: Array) -> float:
+def _overlap_area(box: Box, others: Array) -> float:
     """Return the total area of the overlaps between a box and other boxes (n, 4)."""
     across = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
     down = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])

@@ -102,21 +102,21 @@ def picture(
     from thingc.targets.render import frames, studio
 
     bare = mujoco.MjModel.from_xml_string(xml, assets)
-    points = points_of(bare, posed(bare, pose))
+    points = points_of(bare, pose_model(bare, pose))
     model = studio.model_of(xml, assets, shot.size, lowest=float(points[:, 2].min()) if len(points) else 0.0)
-    data = posed(model, pose)
+    data = pose_model(model, pose)
     if not len(points):
         points = np.array([[-0.1, -0.1, 0.0], [0.1, 0.1, 0.1]])
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     extent = 1.5 * float(np.linalg.norm(points - centre, axis=1).max())
     camera = camera_of(points, gravity, shot)
     if not marks:
-        return encoded(studio.photographed(model, data, camera, shot.size, centre, extent))
+        return encode_png(studio.photograph(model, data, camera, shot.size, centre, extent))
     length = frames.length_of(points, camera)
-    strokes = [stroke for mark in marks for stroke in frames.placed(mark, data, length)]
+    strokes = [stroke for mark in marks for stroke in frames.arrows_of(mark, data, length)]
     camera = camera_of(np.concatenate([points, *strokes]), gravity, shot)
-    image = studio.photographed(model, data, camera, shot.size, centre, extent)
-    return encoded(frames.drawn(image, marks, data, camera, length))
+    image = studio.photograph(model, data, camera, shot.size, centre, extent)
+    return encode_png(frames.draw_marks(image, marks, data, camera, length))
 
 
 def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) -> Any:
@@ -125,7 +125,7 @@ def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) ->
     """
     import numpy as np
 
-    from thingc.targets.render.studio import directions, fitted, upright
+    from thingc.targets.render.studio import directions, fit_camera, upright
 
     frame = upright(np.array(gravity))
     azimuth = WALL_AZIMUTH if abs(frame[2, 2]) < 0.5 else AZIMUTH
@@ -133,10 +133,10 @@ def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) ->
     azimuth = azimuth if shot.azimuth is None else shot.azimuth
     elevation = elevation if shot.elevation is None else shot.elevation
     axes = directions(np.radians(azimuth), np.radians(elevation), frame)
-    return fitted(points, axes, np.radians(ANGLE), shot.size[0] / shot.size[1], MARGIN)
+    return fit_camera(points, axes, np.radians(ANGLE), shot.size[0] / shot.size[1], MARGIN)
 
 
-def posed(model: Any, pose: str | None) -> Any:
+def pose_model(model: Any, pose: str | None) -> Any:
     """Return the simulation state (`mujoco.MjData`) of a model in the pose of a keyframe. The function has called `mj_forward` for this
     state.
     """
@@ -169,7 +169,7 @@ def points_of(model: Any, data: Any) -> Array:
     return np.concatenate(points)
 
 
-def encoded(image: Any) -> bytes:
+def encode_png(image: Any) -> bytes:
     """Encode an image as PNG. The image is an array (height, width, 3) of bytes."""
     import io
 
@@ -201,7 +201,7 @@ def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[l
 
     model = mujoco.MjModel.from_xml_string(xml, assets)
     gravity = (float(model.opt.gravity[0]), float(model.opt.gravity[1]), float(model.opt.gravity[2]))
-    points = points_of(model, posed(model, _pose_of(model, pose)))
+    points = points_of(model, pose_model(model, _pose_of(model, pose)))
     return (_corners(points, gravity) if len(points) else []), gravity
 
 
@@ -212,7 +212,7 @@ def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(xml, assets)
-    data = posed(model, _pose_of(model, pose))
+    data = pose_model(model, _pose_of(model, pose))
     return {model.body(k).name: (data.xpos[k].tolist(), data.xquat[k].tolist()) for k in range(model.nbody)}
 
 
@@ -230,10 +230,10 @@ def small_picture(
     seen = np.array(points)
     low, high = seen.min(axis=0), seen.max(axis=0)
     model = studio.model_of(xml, assets, size, float(low[2]), shadow=SHADOW)
-    data = posed(model, _pose_of(model, pose))
+    data = pose_model(model, _pose_of(model, pose))
     length = 0.75 * float(np.linalg.norm(high - low))
     camera = camera_of(seen, (gravity[0], gravity[1], gravity[2]), Shot(size=size))
-    return encoded(studio.photographed(model, data, camera, size, (low + high) / 2.0, length, counts=LAMPS))
+    return encode_png(studio.photograph(model, data, camera, size, (low + high) / 2.0, length, counts=LAMPS))
 
 
 def _pose_of(model: Any, pose: str | None) -> str | None:

@@ -70,7 +70,7 @@ def upright(gravity: Array) -> Array:
     return np.array([first, np.cross(up, first), up])
 
 
-def fitted(points: Array, axes: Array, angle: float, aspect: float, margin: float) -> Camera:
+def fit_camera(points: Array, axes: Array, angle: float, aspect: float, margin: float) -> Camera:
     """Return the camera that is as near as possible and sees all points (n, 3). The axes of the camera and its vertical field of view [rad]
     are given.
 
@@ -181,23 +181,23 @@ def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) 
     box = np.array([across, np.cross(across, middle), middle])
     toward: list[tuple[Array, float]] = []
     for number in range(key):
-        radius, turn = math.sqrt((number + 0.5) / key) * math.tan(KEY_ANGLE), _golden(number)
+        radius, turn = math.sqrt((number + 0.5) / key) * math.tan(KEY_ANGLE), _golden_angle(number)
         direction = np.array([radius * math.cos(turn), radius * math.sin(turn), 1.0]) @ box
         toward.append((direction / np.linalg.norm(direction), KEY_SHARE))
     for number in range(dome):
-        height, turn = HORIZON + (1.0 - HORIZON) * (number + 0.5) / dome, _golden(number)
+        height, turn = HORIZON + (1.0 - HORIZON) * (number + 0.5) / dome, _golden_angle(number)
         flat = math.sqrt(1.0 - height * height)
         toward.append((np.array([flat * math.cos(turn), flat * math.sin(turn), height]) @ frame, 1.0 - KEY_SHARE))
     lit = {share: sum_of(float(to @ normal) for to, own in toward if own == share) for _, share in toward}
     return [(-to, share / lit[share]) for to, share in toward]
 
 
-def _golden(number: int) -> float:
+def _golden_angle(number: int) -> float:
     """Return the angle [rad] of a seed in a sunflower head (Vogel, 1979). Such angles distribute lamps evenly."""
     return number * math.pi * (3.0 - math.sqrt(5.0))
 
 
-def photographed(
+def photograph(
     model: Any, data: Any, camera: Camera, size: tuple[int, int], centre: Array, extent: float, *,
     counts: tuple[int, int] = (KEY, DOME),
 ) -> NDArray[np.uint8]:
@@ -224,10 +224,10 @@ def photographed(
             _light(scene, direction, normal, centre, extent)
             _stand(scene, camera, number, size)
             total += np.float32(weight / 255.0) * renderer.render(out=buffer)
-    return developed(total.astype(np.float64))
+    return develop(total.astype(np.float64))
 
 
-def developed(light: Array) -> NDArray[np.uint8]:
+def develop(light: Array) -> NDArray[np.uint8]:
     """Convert light (height, width, 3) to an sRGB picture with darker corners and soft highlights. The light of the lit floor is 1."""
     height, width = light.shape[:2]
     y, x = np.mgrid[0:height, 0:width]

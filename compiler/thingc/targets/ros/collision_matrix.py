@@ -116,11 +116,11 @@ def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
             link = bare.add("link", element.attributes)
             for collision in element.children:
                 if collision.tag == "collision":
-                    link.children.append(_renamed(collision, f"{meshes}/", files))
+                    link.children.append(_rename_meshes(collision, f"{meshes}/", files))
     return bare, files
 
 
-def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
+def _rename_meshes(collision: Element, prefix: str, files: set[str]) -> Element:
     """Return a copy of a collision element. If its shape is a mesh, the copy refers to the mesh by file name only."""
     shape = Element(tag="collision")
     for child in collision.children:

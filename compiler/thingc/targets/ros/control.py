@@ -111,7 +111,7 @@ def controllers_yaml(of_mode: Mapping[str, Sequence[Controller]]) -> str:
 
 
 def _of_controller(one: Controller) -> Iterator[str]:
-    yield f"joints: [{', '.join(map(_quoted, one.drives))}]"
+    yield f"joints: [{', '.join(map(_quote, one.drives))}]"
     if one.interface != "position":
         yield f"interface_name: {one.interface}"
         return
@@ -125,7 +125,7 @@ def _of_controller(one: Controller) -> Iterator[str]:
         yield "gains:  # of position and velocity drives [N m/rad, N m s/rad; N/m, N s/m], used only with an effort command interface"
         for name, said in gains.items():
             if said:
-                yield f"  {_quoted(name)}: {{{', '.join(said)}}}"
+                yield f"  {_quote(name)}: {{{', '.join(said)}}}"
 
 
 def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | None]:
@@ -137,7 +137,7 @@ def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | N
     return (None, None) if bound is None else (-bound, bound)
 
 
-def _quoted(name: str) -> str:
+def _quote(name: str) -> str:
     """Format a name as a quoted YAML string. Without quotes, YAML parsers could read `y` or `null` as another type."""
     return f'"{name}"'
 

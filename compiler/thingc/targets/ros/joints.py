@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.joints.twist import moved
-from thingc.base.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, scaled, transpose
+from thingc.base.joints.twist import pose_after
+from thingc.base.pose import NO_POSE, Vector, cross, dot, multiply, rpy_of, scale_vector, transpose
 from thingc.geometry.record import DriveType
 from thingc.model.assembly.types import ActuatorModel, LinkedTendon
 from thingc.model.robot.types import Body, Robot, TreeJoint
@@ -49,7 +49,7 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
     """
     mimics = mimics_of(robot)
     moving: list[MovingJoint] = []
-    coupled = {path: _coupled(rows) for rows in differentials(robot).values() for path in rows[0].moves}
+    coupled = {path: _differential_drive(rows) for rows in differentials(robot).values() for path in rows[0].moves}
     for index, body in enumerate(robot.bodies):
         for move in moves(_lead(robot, body), NO_POSE, mimics) if not body.free else ():
             path, following = move.joint.path, move.mimic is not None
@@ -60,7 +60,7 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
     return tuple(moving)
 
 
-def _coupled(rows: Sequence[LinkedTendon]) -> ActuatorModel | None:
+def _differential_drive(rows: Sequence[LinkedTendon]) -> ActuatorModel | None:
     """Return the drive of each joint of a differential: a controller commands the joint, and a transmission moves the actuators.
 
     The gains act on the actuators, so the drive of a joint has none. Return None if the actuators are of different kinds.
@@ -108,6 +108,6 @@ def _turns(ball: tuple[TreeJoint, ...], q: tuple[float, ...]) -> Vector:
     """
     x, y, z = (joint.twist.axis for joint in ball)
     hand = 1.0 if dot(cross(x, y), z) > 0.0 else -1.0
-    U = transpose((scaled(x, hand), scaled(y, hand), scaled(z, hand)))
-    R = moved(tuple(joint.twist for joint in ball), q, at_once=True).rotation
-    return scaled(rpy_of(multiply(multiply(transpose(U), transpose(R)), U)), -hand)
+    U = transpose((scale_vector(x, hand), scale_vector(y, hand), scale_vector(z, hand)))
+    R = pose_after(tuple(joint.twist for joint in ball), q, at_once=True).rotation
+    return scale_vector(rpy_of(multiply(multiply(transpose(U), transpose(R)), U)), -hand)

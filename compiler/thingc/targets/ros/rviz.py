@@ -22,7 +22,7 @@ def launch_file(robots: Sequence[Robot], controllers: Mapping[str, Sequence[Cont
     """Return the text of `display.launch.py`, the Python launch file for `ros2 launch`."""
     modes = "".join(_mode(robot, [one.name for one in controllers[robot.mode.name]]) for robot in robots)
     name = robots[0].assembly.name
-    return _filled("display.launch", HEADING=heading, PACKAGE=package_name(name), ROBOT=name, MODES=modes, BROADCASTER=BROADCASTER)
+    return _fill("display.launch", HEADING=heading, PACKAGE=package_name(name), ROBOT=name, MODES=modes, BROADCASTER=BROADCASTER)
 
 
 def rviz_config(frame: str, heading: str) -> str:
@@ -30,10 +30,10 @@ def rviz_config(frame: str, heading: str) -> str:
 
     The fixed frame is `frame`, unless RViz is started with the option `-f`.
     """
-    return _filled("display.rviz", HEADING=heading, FRAME=frame)
+    return _fill("display.rviz", HEADING=heading, FRAME=frame)
 
 
-def _filled(file: str, **words: str) -> str:
+def _fill(file: str, **words: str) -> str:
     """Return the text of a template file in which each `@WORD@` is replaced.
 
     All words are replaced in one pass, because the inserted strings may also contain such words.

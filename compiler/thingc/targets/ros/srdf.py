@@ -62,7 +62,7 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | Non
     for joint in moving:
         if joint.drive is None and not joint.follows:
             root.add("passive_joint", {"name": joint.name}, joint.move.joint.origin)
-    for one, other, reason in _unchecked(robot, touching, meetings):
+    for one, other, reason in _unchecked_pairs(robot, touching, meetings):
         root.add("disable_collisions", {"link1": one, "link2": other, "reason": reason})
     return root
 
@@ -85,13 +85,13 @@ def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> lis
     if whole:
         name = names.take(robot.assembly.name, robot.mode.origin, "the group of all joints")
         named.append(Group(name=name, tip=None, joints=whole, origin=robot.mode.origin))
-    for site in _exported(robot):
+    for site in _exported_mounts(robot):
         if any(not joint.follows for joint in of_body[site.body]):
             named.append(Group(name=names.take(site.path, site.origin), tip=safe(site.path), joints=of_body[site.body], origin=site.origin))
     return named
 
 
-def _exported(robot: Robot) -> Iterator[Site]:
+def _exported_mounts(robot: Robot) -> Iterator[Site]:
     """Yield the mounts that the documents export.
 
     The mounts of the robot's own document come first. A mount with the same frame as an earlier mount is omitted.
@@ -104,7 +104,7 @@ def _exported(robot: Robot) -> Iterator[Site]:
             yield site
 
 
-def _unchecked(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
+def _unchecked_pairs(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
     """Yield the pairs of links that MoveIt does not need to check for collisions. Each pair has a reason in the terms of MoveIt's setup
     assistant.
 

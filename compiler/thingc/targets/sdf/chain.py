@@ -107,7 +107,7 @@ def zero_state(robot: Robot) -> ZeroState:
         return ZeroState(q=q, base=robot.bodies[0].X_PL)
     base = _as_held(robot, q)
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), base)
-    if loops.closed(SolverState(q=q, base=base)):
+    if loops.are_closed(SolverState(q=q, base=base)):
         return ZeroState(q=q, base=base)
     for frame in robot.keyframes:
         return ZeroState(q=frame.q, base=frame.base or robot.bodies[0].X_PL, pose=frame.name)

@@ -11,14 +11,14 @@ from thingc.base.generated_header import heading
 from thingc.model.robot.types import Robot
 from thingc.targets import raw
 from thingc.targets.artifact import Artifacts, Content, Loss
-from thingc.targets.capabilities import losses, written
+from thingc.targets.capabilities import losses, written_as
 from thingc.targets.connections import Connection, connections
 from thingc.targets.geometry import bounds, collect_geometry, placements
 from thingc.targets.request import EmitRequest
 from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.targets.sdf.chain import ZeroState, chain, zero_state
 from thingc.targets.sdf.model_element import MESHES, PLAIN, gazebo_system, model
-from thingc.targets.sensors import elsewhere, on_free_root
+from thingc.targets.sensors import describe_force_place, on_free_root
 from thingc.targets.xml_writer import Element, write
 
 
@@ -88,7 +88,7 @@ def _of_sensors(robot: Robot) -> Iterator[Loss]:
     for sensor in robot.assembly.sensors:
         if sensor.kind == "force" and on_free_root(robot, sensor):
             yield Loss("sdf", mode, sensor.path, "this sensor: the root of a free base has no parent link", "omitted", sensor.origin)
-        elif sensor.kind == "force" and (place := elsewhere(robot, sensor)) is not None:
+        elif sensor.kind == "force" and (place := describe_force_place(robot, sensor)) is not None:
             what = f"the force at the mount: the sensor measures the force {place}"
             yield Loss("sdf", mode, sensor.path, what, "approximated", sensor.origin)
         elif sensor.kind == "contact":
@@ -141,7 +141,7 @@ def world(robot: Robot, folder: str) -> Element:
     if timestep is not None:
         physics = element.add("physics", {"name": "stepped", "type": "ode"})
         physics.fill({"max_step_size": timestep, "real_time_factor": "1"})
-    forms = {written(CAPABILITIES["sensors"][sensor.kind]) for sensor in robot.assembly.sensors}
+    forms = {written_as(CAPABILITIES["sensors"][sensor.kind]) for sensor in robot.assembly.sensors}
     for system in dict.fromkeys((*ALWAYS, *(system for form, system in SYSTEMS.items() if form in forms))):
         plugin = element.add("plugin", gazebo_system(*system))
         if system == RENDERING:

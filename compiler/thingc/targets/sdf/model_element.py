@@ -13,15 +13,15 @@ from typing import Literal, get_args
 
 from thingc.base.diagnostics import Report
 from thingc.base.inertia import MassProperties, named_moments, physical_fault, within_triangle
-from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
+from thingc.base.pose import IDENTITY, NO_POSE, Pose, make_translation, rpy_of
 from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import ActuatorModel, JointEdge, Link
 from thingc.model.resolve.types import Material
-from thingc.model.robot.kinematics import carried
+from thingc.model.robot.kinematics import body_pose
 from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
-from thingc.targets.capabilities import drive_cell, written
+from thingc.targets.capabilities import drive_cell, written_as
 from thingc.targets.connections import Connection, connections
 from thingc.targets.geometry import ENDLESS, Geometry, Shape, channels, shape_names
 from thingc.targets.name_mangling import LINK, MangledNames, frames
@@ -106,7 +106,7 @@ class _Builder:
             if body.parent is None:
                 self._link(model, names[index], index, self.zero.base)
             else:
-                self._link(model, names[index], index, carried(body, NO_POSE, self.zero.q), names[body.parent])
+                self._link(model, names[index], index, body_pose(body, NO_POSE, self.zero.q), names[body.parent])
         for one, steps in self.connections:
             self._lead(model, WORLD if one.parent is None else names[one.parent], names[one.child], one, steps)
         for index, sites in frames(robot).items():
@@ -152,7 +152,7 @@ class _Builder:
         leader, as in URDF.
         """
         element = model.add("joint", {"name": self.joints[step.path], "type": step.type}, origin)
-        _set_pose(element, shifted(*step.at))
+        _set_pose(element, make_translation(*step.at))
         screw = 2.0 * math.pi * step.axes[0].twist.pitch if step.type == "screw" else None
         element.fill({"parent": parent, "child": child, "screw_thread_pitch": screw})
         if screw is not None:
@@ -268,7 +268,7 @@ def _weigh(link: Element, properties: MassProperties) -> None:
     fault = physical_fault(properties.inertia) is not None
     i = ((least, 0.0, 0.0), (0.0, least, 0.0), (0.0, 0.0, least)) if fault else within_triangle(properties.inertia)
     inertial = link.add("inertial")
-    _set_pose(inertial, shifted(*properties.centre))
+    _set_pose(inertial, make_translation(*properties.centre))
     inertial.say("mass", properties.mass or LEAST_MASS)
     inertial.add("inertia").fill(named_moments(i))
 
@@ -282,7 +282,7 @@ def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint], names: Mapp
     for step in steps:
         if len(step.axes) == 1 and step.axes[0].joint.path in robot.present:
             joint = step.axes[0].joint
-            form = None if joint.actuator is None else written(CAPABILITIES["drives"][drive_cell(joint, joint.actuator)])
+            form = None if joint.actuator is None else written_as(CAPABILITIES["drives"][drive_cell(joint, joint.actuator)])
             if joint.actuator is not None and form is not None:
                 yield _controller(robot, zero, names[step.path], joint, joint.actuator, form)
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from thingc.base import numeric
-from thingc.base.pose import Pose, Vector, rpy_of, shifted
+from thingc.base.pose import Pose, Vector, make_translation, rpy_of
 from thingc.model.assembly.types import LinkedSensor
 from thingc.model.robot.types import Robot, Site
-from thingc.targets.capabilities import written
+from thingc.targets.capabilities import written_as
 from thingc.targets.name_mangling import MangledNames
 from thingc.targets.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.targets.sensors import body_of, on_free_root
@@ -36,7 +36,7 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
     added.
     """
     for sensor, site in _on(robot, body):
-        form = written(CAPABILITIES["sensors"][sensor.kind])
+        form = written_as(CAPABILITIES["sensors"][sensor.kind])
         match form:
             case "imu" | "magnetometer":
                 _sensor(link, sensor, form, site.pose, names)
@@ -49,7 +49,7 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
                 pass  # the sensor belongs to the joint of the link, or is not on a mount
     collisions = [child.get("name") for child in link.children if child.tag == "collision"]
     for sensor in robot.assembly.sensors:
-        if written(CAPABILITIES["sensors"][sensor.kind]) == "contact" and sensor.touching[0] == robot.bodies[body].link and collisions:
+        if written_as(CAPABILITIES["sensors"][sensor.kind]) == "contact" and sensor.touching[0] == robot.bodies[body].link and collisions:
             contact = _sensor(link, sensor, "contact", None, names).add("contact")
             for name in collisions:
                 contact.say("collision", name)
@@ -86,8 +86,8 @@ def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names:
     As in MuJoCo, the sensor measures the force that the link exerts on its parent.
     """
     for sensor, site in _on(robot, body):
-        if written(CAPABILITIES["sensors"][sensor.kind]) == "force_torque" and not on_free_root(robot, sensor):
-            element = _sensor(joint, sensor, "force_torque", shifted(*at).inverse() @ site.pose, names)
+        if written_as(CAPABILITIES["sensors"][sensor.kind]) == "force_torque" and not on_free_root(robot, sensor):
+            element = _sensor(joint, sensor, "force_torque", make_translation(*at).inverse() @ site.pose, names)
             element.add("force_torque").fill({"frame": "sensor", "measure_direction": "child_to_parent"})
 
 

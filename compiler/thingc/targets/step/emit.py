@@ -49,7 +49,7 @@ def begin(request: EmitRequest) -> None:
 
     The function `emit` waits until the file is finished.
     """
-    request.made["step"] = _begun(request)
+    request.made["step"] = _begin(request)
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -63,7 +63,7 @@ def emit(request: EmitRequest) -> Artifacts:
     assembly = request.assembly
     begun = request.made.get("step")
     if not isinstance(begun, _Begun):
-        begun = _begun(request)
+        begun = _begin(request)
     if begun.file is None:
         what = "no part of the robot has exact geometry" if begun.losses else "no part of the robot has geometry"
         whole = Loss("step", None, assembly.name, what, "omitted", assembly.definition.origin)
@@ -82,7 +82,7 @@ def emit(request: EmitRequest) -> Artifacts:
     return Artifacts(files={f"step/{assembly.name}.step": StoredArtifact(sha256=written.sha256, size=written.size)}, losses=begun.losses)
 
 
-def _begun(request: EmitRequest) -> _Begun:
+def _begin(request: EmitRequest) -> _Begun:
     assembly = request.assembly
     instances: list[Placed] = []
     losses: list[Loss] = []

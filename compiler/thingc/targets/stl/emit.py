@@ -43,7 +43,7 @@ def emit(request: EmitRequest) -> Artifacts:
                 losses.append(Loss("stl", None, occurrence.path, what, "omitted", occurrence.origin))
             continue
         own = StoredArtifact(sha256=mesh.sha256, size=mesh.size)
-        files[path] = own if up == UPRIGHT else turned(request.store.read(mesh.sha256), up)
+        files[path] = own if up == UPRIGHT else turn_stl(request.store.read(mesh.sha256), up)
         if not mesh.closed:
             what = f"the surface of `{occurrence.definition.label}` is not closed, so it has no volume to print"
             losses.append(Loss("stl", None, occurrence.path, what, "approximated", occurrence.origin))
@@ -59,7 +59,7 @@ def direction_up(occurrence: Occurrence) -> Vector:
     return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
 
 
-def turned(stl: bytes, up: Vector) -> bytes:
+def turn_stl(stl: bytes, up: Vector) -> bytes:
     """Rotate a binary STL file about the origin of the part, by the smallest angle after which `up` points along z."""
     if up == UPRIGHT:
         return stl

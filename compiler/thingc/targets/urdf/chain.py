@@ -13,7 +13,7 @@ from typing import Literal
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.pose import NO_POSE, Pose, Vector, shifted
+from thingc.base.pose import NO_POSE, Pose, Vector, make_translation
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.types import Robot, TreeJoint
@@ -58,7 +58,7 @@ def own_frame(joints: Sequence[TreeJoint]) -> Pose:
 
     The URDF frame is located at the last of the `joints` that lead to the link. A free joint does not have a location.
     """
-    return shifted(*joints[-1].twist.anchor) if joints and not joints[-1].kind.free else NO_POSE
+    return make_translation(*joints[-1].twist.anchor) if joints and not joints[-1].kind.free else NO_POSE
 
 
 def moves(joints: Sequence[TreeJoint], X_PL: Pose, mimics: Mapping[str, tuple[JointEdge, float, float]]) -> Iterator[Move]:
@@ -68,7 +68,7 @@ def moves(joints: Sequence[TreeJoint], X_PL: Pose, mimics: Mapping[str, tuple[Jo
     """
     before = X_PL
     for joint in joints[:1] if joints and joints[0].kind.free else joints:
-        twist, at, mimic = joint.twist, shifted(*joint.twist.anchor), mimics.get(joint.path)
+        twist, at, mimic = joint.twist, make_translation(*joint.twist.anchor), mimics.get(joint.path)
         kind: Literal["turn", "slide"] = "turn" if twist.turns else "slide"
         one = Move(path=joint.path, type=kind, axis=twist.axis, origin=before @ at, joint=joint, mimic=mimic)
         form = CAPABILITIES["joints"][joint_cell(joint.kind)].by

@@ -11,13 +11,13 @@ from __future__ import annotations
 from thingc.base.diagnostics import Report
 from thingc.base.inertia import ZERO, MassProperties, named_moments, physical_fault, within_triangle
 from thingc.base.numeric import minimum, sum_of
-from thingc.base.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
+from thingc.base.pose import IDENTITY, NO_POSE, Pose, make_translation, rpy_of
 from thingc.base.source import Origin
 from thingc.model.assembly.types import JointEdge, Link
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Body, Robot, TreeJoint
-from thingc.targets.capabilities import drive_cell, is_written, shape_cell, written
-from thingc.targets.geometry import Geometry, Shape, channels, material_name, materials, numbered, shape_names
+from thingc.targets.capabilities import drive_cell, is_written, shape_cell, written_as
+from thingc.targets.geometry import Geometry, Shape, channels, material_name, materials, name_with_index, shape_names
 from thingc.targets.name_mangling import LINK, MangledNames, frames, safe
 from thingc.targets.urdf.capabilities import CAPABILITIES
 from thingc.targets.urdf.chain import Move, mimics_of, moves, own_frame
@@ -225,14 +225,14 @@ class _Builder:
             shapes, at = self.geometry.shapes[member], X_CL @ pose
             for shape, name in zip(shapes.visual, shape_names(shapes.visual, shapes.path), strict=True):
                 for number_, part in enumerate(parts(shape)):
-                    visual = element.add("visual", {"name": numbered(name, number_)}, shapes.origin)
+                    visual = element.add("visual", {"name": name_with_index(name, number_)}, shapes.origin)
                     self._shape(visual, part, at)
                     material = material_name(shape.material, shape.color)
                     if material is not None:
                         visual.add("material", {"name": material})
             for shape, name in zip(shapes.collision, shape_names(shapes.collision, f"{shapes.path}:collision"), strict=True):
                 for number_, part in enumerate(parts(shape)):
-                    self._shape(element.add("collision", {"name": numbered(name, number_)}, shapes.origin), part, at)
+                    self._shape(element.add("collision", {"name": name_with_index(name, number_)}, shapes.origin), part, at)
 
     def _shape(self, element: Element, shape: Shape, pose: Pose) -> None:
         _origin(element, pose @ shape.pose)
@@ -255,13 +255,13 @@ def parts(shape: Shape) -> tuple[Shape, ...]:
     """Split a shape into shapes that URDF 1.0 supports. The union of these shapes is the given shape. The function is needed because URDF
     does not support capsules.
     """
-    form = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
+    form = written_as(CAPABILITIES["shapes"][shape_cell(shape.kind)])
     match form:
         case "itself":
             return (shape,)
         case "cylinder and balls":
             radius, half = shape.size
-            balls = (Shape(kind="sphere", size=(radius,), pose=shape.pose @ shifted(0.0, 0.0, end)) for end in (-half, half))
+            balls = (Shape(kind="sphere", size=(radius,), pose=shape.pose @ make_translation(0.0, 0.0, end)) for end in (-half, half))
             return (Shape(kind="cylinder", size=shape.size, pose=shape.pose), *balls)
         case None:
             return ()
@@ -283,6 +283,6 @@ def _weigh(link: Element, properties: MassProperties) -> None:
     The inertia is expressed along the axes of the link.
     """
     inertial = link.add("inertial")
-    _origin(inertial, shifted(*properties.centre))
+    _origin(inertial, make_translation(*properties.centre))
     inertial.add("mass", {"value": properties.mass})
     inertial.add("inertia", named_moments(ZERO if physical_fault(properties.inertia) is not None else within_triangle(properties.inertia)))

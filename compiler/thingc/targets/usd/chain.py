@@ -17,7 +17,7 @@ from typing import Literal
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.twist import Twist
-from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, along, cross, dot, shifted, transpose
+from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, along, cross, dot, make_translation, transpose
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge
 from thingc.model.resolve.coordinates import Limit
@@ -146,7 +146,7 @@ def _frame(directions: Sequence[Vector], anchor: Vector) -> Pose:
         return along(directions[0], anchor)
     x, y = directions[:2]
     rows: Matrix = (x, y, cross(x, y))
-    return shifted(*anchor) if rows == IDENTITY else Pose(rotation=transpose(rows), translation=anchor)
+    return make_translation(*anchor) if rows == IDENTITY else Pose(rotation=transpose(rows), translation=anchor)
 
 
 def _parallel(a: Vector, b: Vector) -> bool:

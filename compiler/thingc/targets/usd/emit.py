@@ -21,7 +21,7 @@ from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import chain, followers
 from thingc.targets.usd.metadata import layer_metadata, prim_metadata
 from thingc.targets.usd.stage import identifiers, model, prototypes
-from thingc.targets.usd.usda import FLOAT_MAX, rendered, write
+from thingc.targets.usd.usda import FLOAT_MAX, format_prim, write
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -33,7 +33,7 @@ def emit(request: EmitRequest) -> Artifacts:
     shapes, flat = collect_geometry(assembly, "usd", "usd", request.report)
     scope = f"{assembly.name}_meshes"
     names = identifiers({asset.name: asset.name for asset in shapes.meshes})
-    meshes = rendered(prototypes(shapes, request.store, scope, names)) if names else ""
+    meshes = format_prim(prototypes(shapes, request.store, scope, names)) if names else ""
     files: dict[str, Content] = {}
     lost = dict.fromkeys((*flat, *losses("usd", CAPABILITIES, assembly, request.robots, cut=True)))
     paths = {name: f"/{scope}/{word}" for name, word in names.items()}
@@ -43,7 +43,7 @@ def emit(request: EmitRequest) -> Artifacts:
         said, file = heading(assembly.definition.document, robot.mode.name), f"{assembly.name}_{robot.mode.name}.usda"
         made.metadata += prim_metadata(assembly.name, file, request.workspace.about)
         header = layer_metadata(robot, made, request.workspace.about)
-        files[f"usd/{file}"] = write([rendered(made), meshes], assembly.name, said, header).encode()
+        files[f"usd/{file}"] = write([format_prim(made), meshes], assembly.name, said, header).encode()
         lost |= dict.fromkeys(_losses_of_mode(robot))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))
 
@@ -76,7 +76,7 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
         if joint.mimic is not None and joint.path not in expressed:
             what = f"the mimic of `{leader}`: a hinge can mimic only a hinge, and a slide only a slide"
             yield Loss("usd", None, joint.path, what, "omitted", joint.mimic.origin)
-    if not _closed(robot):
+    if not _is_closed(robot):
         what = "the start pose: the file has q = 0, where loops and holds are open"
         yield Loss("usd", mode.name, mode.name, what, "approximated", mode.origin)
     for one in robot.assembly.occurrences:
@@ -107,11 +107,11 @@ def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, 
         yield Loss("usd", None, path, words, "approximated", origin)
 
 
-def _closed(robot: Robot) -> bool:
+def _is_closed(robot: Robot) -> bool:
     """Return whether the loops and holds of a mode are closed at q = 0, if the base has the pose that the mode specifies."""
     if not robot.closures:
         return True
     joints, base = joints_of(robot.assembly), robot.bodies[0].X_PL
     state = SolverState(q={joint.path: 0.0 for joint in joints}, base=base)
-    return Loops(robot.bodies, robot.closures, joints, base).closed(state)
+    return Loops(robot.bodies, robot.closures, joints, base).are_closed(state)
 

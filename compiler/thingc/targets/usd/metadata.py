@@ -13,7 +13,7 @@ from thingc.base.package_info import PackageInfo
 from thingc.model.robot.types import Robot
 from thingc.targets.geometry import bounds, placements
 from thingc.targets.usd.stage import LEAST_MASS
-from thingc.targets.usd.usda import INDENT, Prim, dictionary, quoted, several
+from thingc.targets.usd.usda import INDENT, Prim, dictionary, quote, several
 from thingc.targets.xml_writer import number
 
 ROBOT = "Q11012"
@@ -22,7 +22,7 @@ ROBOT = "Q11012"
 
 def prim_metadata(name: str, file: str, about: PackageInfo) -> list[str]:
     """Return the metadata of the default prim of a file: its kind, its name and its version."""
-    info = {"asset identifier": f"@./{file}@", "string name": quoted(name), "string version": quoted(about.version)}
+    info = {"asset identifier": f"@./{file}@", "string name": quote(name), "string version": quote(about.version)}
     return ['kind = "component"', *dictionary("assetInfo", info)]
 
 
@@ -32,11 +32,11 @@ def layer_metadata(robot: Robot, model: Prim, about: PackageInfo) -> list[str]:
     low, high = bounds(*placements(robot)) or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     mass = sum_of(assembly.links[body.link].properties.mass for body in robot.bodies)
     inside = dictionary("dictionary SimReady_Metadata", {
-        "float3 asset_extents": several(b - a for a, b in zip(low, high, strict=True)), "string asset_license": quoted(about.license),
-        "string asset_name": quoted(assembly.name), "string asset_type": quoted("robot"), "string author": quoted(about.maintainer),
-        "string category": quoted("robot"), "double mass": number(maximum(mass, LEAST_MASS)), "string qcode": quoted(ROBOT),
+        "float3 asset_extents": several(b - a for a, b in zip(low, high, strict=True)), "string asset_license": quote(about.license),
+        "string asset_name": quote(assembly.name), "string asset_type": quote("robot"), "string author": quote(about.maintainer),
+        "string category": quote("robot"), "double mass": number(maximum(mass, LEAST_MASS)), "string qcode": quote(ROBOT),
         "int rigid_body_count": str(sum("PhysicsRigidBodyAPI" in prim.schemas for prim in model.children)),
-        "string source_file": quoted(assembly.definition.document), "string usd_date_generated": quoted(build_date()),
+        "string source_file": quote(assembly.definition.document), "string usd_date_generated": quote(build_date()),
     })
     return ["customLayerData = {", *(f"{INDENT}{line}" for line in inside), "}"]
 

@@ -21,7 +21,7 @@ from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import RawAttribute
 from thingc.targets.raw import Fault, in_files, report_fault
 from thingc.targets.usd.stage import JOINTS, SCENE
-from thingc.targets.usd.usda import FLOAT_MAX, Prim, listed, quoted, several
+from thingc.targets.usd.usda import FLOAT_MAX, Prim, format_array, quote, several
 from thingc.targets.xml_writer import NO_CHARACTER, number
 
 KINDS = ("joint", "link", SCENE)
@@ -49,7 +49,7 @@ def lay(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
     """
     for attribute in assembly.raw:
         if attribute.target == "usd":
-            laid = filter(None, (_laid(attribute, prim) for prim in _prims(attribute, models)))
+            laid = filter(None, (_apply(attribute, prim) for prim in _prims(attribute, models)))
             report_fault(attribute, _fault(attribute, models) or next(laid, None), report)
 
 
@@ -80,7 +80,7 @@ def _all(kind: str, model: Prim) -> list[Prim]:
     return [child for child in model.children if (child.name == SCENE if kind == SCENE else "PhysicsRigidBodyAPI" in child.schemas)]
 
 
-def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
+def _apply(attribute: RawAttribute, prim: Prim) -> Fault | None:
     """Apply a raw attribute to a USD prim. Return the error if the attribute is invalid, or else None."""
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
@@ -111,7 +111,7 @@ def _laid(attribute: RawAttribute, prim: Prim) -> Fault | None:
         return f"`{type}` is not a type of raw attributes", f"write one of {types}", last - 1
     literal = _literal(type, value)
     if literal is None:
-        return f"`{escape_control(attribute.value)}` is not a `{type}`", _expected(type), last
+        return f"`{escape_control(attribute.value)}` is not a `{type}`", _type_help(type), last
     prim.properties[place : place + 1] = [f"{written or type} {name} = {literal}"]
     return None
 
@@ -137,7 +137,7 @@ def _literal(type: str, value: object) -> str | None:
     texts = [_scalar(scalar, one) for one in value] if isinstance(value, list) else [None]
     if not all(text is not None for text in texts) or size not in (None, len(texts)):
         return None
-    return listed(filter(None, texts)) if size is None else several(value if isinstance(value, list) else ())
+    return format_array(filter(None, texts)) if size is None else several(value if isinstance(value, list) else ())
 
 
 def _scalar(type: str, value: object) -> str | None:
@@ -145,7 +145,7 @@ def _scalar(type: str, value: object) -> str | None:
         case bool():
             return str(int(value)) if type == "bool" else None
         case str():
-            return quoted(value) if type in ("string", "token") else None
+            return quote(value) if type in ("string", "token") else None
         case int() if type == "int":
             return str(value) if abs(value) <= _INT_MAX else None
         case int() | float() if type in ("float", "double"):
@@ -153,7 +153,7 @@ def _scalar(type: str, value: object) -> str | None:
     return None
 
 
-def _expected(type: str) -> str:
+def _type_help(type: str) -> str:
     """Return the help text for a value of the USD type `type`."""
     one = {
         "bool": "true or false", "int": f"a whole number of at most {_INT_MAX}", "string": "text", "token": "text",

@@ -29,14 +29,14 @@ from thingc.model.assembly.types import Link
 from thingc.model.resolve.types import Material
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.types import Robot
-from thingc.targets.capabilities import shape_cell, written
+from thingc.targets.capabilities import shape_cell, written_as
 from thingc.targets.connections import Connection, connections
-from thingc.targets.geometry import ENDLESS, Geometry, MeshAsset, Shape, channels, linear, material_name, materials, numbered
+from thingc.targets.geometry import ENDLESS, Geometry, MeshAsset, Shape, channels, linear, material_name, materials, name_with_index
 from thingc.targets.name_mangling import LINK, MangledNames, frames, safe
 from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import UsdJoint, chain, followers
 from thingc.targets.usd.drives import articulation, dynamics, equip, follow
-from thingc.targets.usd.usda import Prim, listed, quoted, several
+from thingc.targets.usd.usda import Prim, format_array, quote, several
 
 Key = TypeVar("Key")
 
@@ -202,7 +202,7 @@ class _Builder:
             prim.say("uniform token physics:axis", '"X"')
         if not connection.in_tree:
             prim.say("bool physics:excludeFromArticulation", "1")
-        prim.say("string ros:joint:name", quoted(prim.name))
+        prim.say("string ros:joint:name", quote(prim.name))
         follower = self.followers.get(joint.single.path) if joint.single is not None else None
         equip(prim, joint, self.robot, follower)
         dynamics(prim, joint, in_tree=connection.in_tree)
@@ -216,26 +216,26 @@ class _Builder:
         for member, pose in zip(link.members, link.poses, strict=True):
             shapes = self.geometry.shapes[member]
             for index, shape in enumerate(shapes.visual):
-                self._visual(visuals, numbered(safe(shapes.path), index), shape, pose)
+                self._visual(visuals, name_with_index(safe(shapes.path), index), shape, pose)
             for index, shape in enumerate(shapes.collision):
-                self._collider(collisions, numbered(safe(shapes.path), index), shape, pose)
+                self._collider(collisions, name_with_index(safe(shapes.path), index), shape, pose)
         prim.children += [one for one in (visuals, collisions) if one.children]
 
     def _visual(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
         """Add a visual shape with its colour to the prim of a link. The shape is either an instance of a mesh, or a primitive."""
-        kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
+        kind = written_as(CAPABILITIES["shapes"][shape_cell(shape.kind)])
         if kind is None:
             return
         prim = holder.add("Xform" if shape.kind == "mesh" else kind, free(name, {child.name for child in holder.children}))
         if shape.kind == "mesh":
             prim.metadata += ["instanceable = true", f"prepend references = <{self.meshes[shape.mesh or '']}>"]
-        prim.place(pose @ shape.pose, _measured(prim, shape))
+        prim.place(pose @ shape.pose, _set_size(prim, shape))
         material = material_name(shape.material, shape.color) or "color"
         prim.schemas.append("MaterialBindingAPI")
         prim.say("rel material:binding", f"<{self.path}/{MATERIALS}/{self.materials[material]}>")
 
     def _collider(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
-        kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
+        kind = written_as(CAPABILITIES["shapes"][shape_cell(shape.kind)])
         if kind is None:
             return
         prim = holder.add(kind, free(name, {child.name for child in holder.children}), "PhysicsCollisionAPI")
@@ -244,7 +244,7 @@ class _Builder:
             prim.metadata.append(f"prepend references = <{self.meshes[shape.mesh or '']}/{MESH}>")
             prim.say("uniform token physics:approximation", '"convexHull"')
         prim.say("uniform token purpose", '"guide"')
-        prim.place(pose @ shape.pose, _measured(prim, shape))
+        prim.place(pose @ shape.pose, _set_size(prim, shape))
         prim.schemas.append("MaterialBindingAPI")
         path = f"{self.path}/{MATERIALS}/{self.materials[_friction(shape.material)]}"
         prim.properties += [f"rel material:binding:physics = <{path}> (", '    bindMaterialAs = "weakerThanDescendants"', ")"]
@@ -276,7 +276,7 @@ def _friction(material: Material | None) -> Friction:
     return material.name, SLIDE if material.slide is None else material.slide, material.torsion, material.roll
 
 
-def _measured(prim: Prim, shape: Shape) -> tuple[float, ...]:
+def _set_size(prim: Prim, shape: Shape) -> tuple[float, ...]:
     """Set the size of a primitive on its USD prim. Return the additional scale factors of the prim. If no scale factors are needed, the
     result is empty.
 
@@ -359,11 +359,12 @@ def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
     columns = [[float(point[k]) for point in points] for k in range(3)]
     low, high = map(numeric.minimum, columns), map(numeric.maximum, columns)
     prim.fill({
-        "float3[] extent": listed((several(low), several(high))), "int[] faceVertexCounts": listed("3" for _ in range(len(corners) // 3)),
-        "int[] faceVertexIndices": listed(str(corner) for corner in corners),
-        "point3f[] points": listed(f"({', '.join(point)})" for point in points),
+        "float3[] extent": format_array((several(low), several(high))),
+        "int[] faceVertexCounts": format_array("3" for _ in range(len(corners) // 3)),
+        "int[] faceVertexIndices": format_array(str(corner) for corner in corners),
+        "point3f[] points": format_array(f"({', '.join(point)})" for point in points),
     })
-    prim.properties.append(f"normal3f[] primvars:normals = {listed(map(several, _normals(columns, corners)))} (")
+    prim.properties.append(f"normal3f[] primvars:normals = {format_array(map(several, _normals(columns, corners)))} (")
     prim.properties += ['    interpolation = "uniform"', ")"]
     prim.say("uniform token subdivisionScheme", '"none"')
     if drawn and not asset.mesh.closed:

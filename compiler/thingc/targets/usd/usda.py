@@ -67,10 +67,10 @@ class Prim:
             self.say("double3 xformOp:scale", several(scale))
             steps.append("scale")
         if steps:
-            self.say("uniform token[] xformOpOrder", listed(quoted(f"xformOp:{step}") for step in steps))
+            self.say("uniform token[] xformOpOrder", format_array(quote(f"xformOp:{step}") for step in steps))
 
 
-def quoted(text: str) -> str:
+def quote(text: str) -> str:
     """Format a string or a token as USD text, in quotes."""
     return '"' + text.translate(_ESCAPES) + '"'
 
@@ -80,12 +80,12 @@ def several(values: Iterable[float]) -> str:
     return f"({', '.join(number(value) for value in values)})"
 
 
-def listed(values: Iterable[str]) -> str:
+def format_array(values: Iterable[str]) -> str:
     """Format an array as USD text. The items of the array must already be USD text."""
     return f"[{', '.join(values)}]"
 
 
-def rendered(prim: Prim) -> str:
+def format_prim(prim: Prim) -> str:
     """Format a USD prim and its descendants as USD text."""
     return "\n".join(_lines(prim, ""))
 
@@ -104,7 +104,7 @@ def write(prims: Iterable[str], default: str, heading: str, metadata: Iterable[s
     lines of metadata.
     """
     header = [
-        *metadata, f"defaultPrim = {quoted(default)}", f"doc = {quoted(heading)}", "kilogramsPerUnit = 1", "metersPerUnit = 1",
+        *metadata, f"defaultPrim = {quote(default)}", f"doc = {quote(heading)}", "kilogramsPerUnit = 1", "metersPerUnit = 1",
         "timeCodesPerSecond = 1", 'upAxis = "Z"',
     ]
     lines = ["#usda 1.0", "(", *(f"{INDENT}{line}" for line in header), ")"]
@@ -117,9 +117,9 @@ def _lines(prim: Prim, indent: str) -> Iterator[str]:
     """Yield the lines of a prim and its descendants. The function is recursive. The recursion is safe, because prims are nested only a few
     levels deep.
     """
-    schemas = [f"prepend apiSchemas = {listed(quoted(schema) for schema in prim.schemas)}"] if prim.schemas else []
+    schemas = [f"prepend apiSchemas = {format_array(quote(schema) for schema in prim.schemas)}"] if prim.schemas else []
     metadata = [*schemas, *prim.metadata]
-    yield f"{indent}{prim.specifier} {prim.type} {quoted(prim.name)}" + (" (" if metadata else "")
+    yield f"{indent}{prim.specifier} {prim.type} {quote(prim.name)}" + (" (" if metadata else "")
     if metadata:
         yield from (f"{indent}{INDENT}{line}" for line in metadata)
         yield f"{indent})"

@@ -14,7 +14,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode
 from thingc.documents.load.discovery import documents_in
 from thingc.documents.load.documents import Documents, load
-from thingc.documents.load.paths import named
+from thingc.documents.load.paths import resolve_path
 from thingc.documents.workspace import Workspace
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode
@@ -25,7 +25,8 @@ KINDS = ("assembly", "materials", "variants", "calibration")
 
 
 class AffectedDocuments(FrozenStruct):
-    """The documents that depend on a changed file. The function `touched` returns this object. All paths are absolute and sorted.
+    """The documents that depend on a changed file. The function `affected_documents` returns this object. All paths are absolute and
+    sorted.
 
     `roots` are the documents to build: assemblies that have modes or are not nested in another of these documents.
     """
@@ -54,7 +55,7 @@ class _Needs(FrozenStruct, kw_only=False):
     varies: frozenset[str]
 
 
-def touched(changed: Collection[str] | None, folder: str, store: Store | None) -> AffectedDocuments:
+def affected_documents(changed: Collection[str] | None, folder: str, store: Store | None) -> AffectedDocuments:
     """Return the documents below `folder` that depend on at least one path in `changed`. If `changed` is None, return all documents.
 
     The paths in `changed` do not have to exist. A document depends on the documents that it refers to, on the code of its parts (including
@@ -98,7 +99,7 @@ def _needs(path: str, store: Store | None) -> _Needs:
             os.path.realpath(document.path) for document in documents.by_path.values() if document is not documents.root
         ),
         varies=frozenset(
-            os.path.realpath(varied) for text in _texts(documents.root, "assembly") if (varied := named(text, path)) is not None
+            os.path.realpath(varied) for text in _texts(documents.root, "assembly") if (varied := resolve_path(text, path)) is not None
         ) if documents.root.kind == "variants" else frozenset(),
     )
 
@@ -128,7 +129,7 @@ def _files(documents: Documents) -> Iterator[str]:
         yield document.path
         for key in ("assembly", "materials", "file"):
             for text in _texts(document, key):
-                path = named(text, document.path)
+                path = resolve_path(text, document.path)
                 if path is not None:
                     yield path
 

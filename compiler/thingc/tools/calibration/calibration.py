@@ -43,7 +43,7 @@ def read_calibration(path: str, assembly: Assembly, report: Report) -> tuple[Cal
     if documents is None or not isinstance(spec, CalibrationSpec):
         return ()
     reader = _Reader(documents.root, spec, assembly, report)
-    return tuple(one for name, motor in spec.joints.items() if (one := reader.calibrated(name, motor)) is not None)
+    return tuple(one for name, motor in spec.joints.items() if (one := reader.calibrate(name, motor)) is not None)
 
 
 class _Reader:
@@ -55,7 +55,7 @@ class _Reader:
         at = ("joints", name, *keys)
         self.report.add(code, message, self.document.span(at, key=not keys), help=help, path=".".join(map(str, at)))
 
-    def calibrated(self, name: str, motor: MotorSpec) -> CalibratedJoint | None:
+    def calibrate(self, name: str, motor: MotorSpec) -> CalibratedJoint | None:
         """Return the joint with its motor. Return None after errors, which are reported."""
         before, joint = len(self.report.diagnostics), self.joints.get(name)
         if joint is None:
@@ -106,7 +106,7 @@ class _Reader:
             for limit, beyond in zip(limits, (-1.0, 1.0), strict=True):
                 if limit is not None and beyond * (q - limit) > 1.0 / ticks:
                     side = "upper" if beyond > 0 else "lower"
-                    shown, end = joint.twist.shown(q), joint.twist.shown(limit)
+                    shown, end = joint.twist.format(q), joint.twist.format(limit)
                     message = f"{value} ticks are {shown}, beyond the {side} limit {end} of joint `{name}`"
                     help = "correct `offset` and `sign`, or the limits of the robot"
                     self._error(Code.OUT_OF_RANGE, message, "range", number, help=help, name=name)

@@ -26,10 +26,10 @@ def lerobot(calibration: Calibration, robot: Robot) -> str:
 
     `homing_offset` makes the middle of the range the middle of the encoder: the motor reports the encoder value minus `homing_offset`.
     """
-    return _json({safe(one.joint.path): _homed(one) for one in calibration})
+    return _json({safe(one.joint.path): _homing_values(one) for one in calibration})
 
 
-def _homed(one: CalibratedJoint) -> dict[str, int]:
+def _homing_values(one: CalibratedJoint) -> dict[str, int]:
     if one.modulus is None:
         message = f"LeRobot needs an encoder with one turn, but joint `{one.joint.name}` has a `resolution`"
         raise ExportRefused(message, "write `ticks_per_turn` for this joint, or use --emit python")

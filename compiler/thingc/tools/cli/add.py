@@ -17,9 +17,9 @@ from thingc.base.memo import Memo
 from thingc.base.replacement import Change, provisional
 from thingc.base.source import Document
 from thingc.documents.format.formatting import format_document, is_laid_out
-from thingc.documents.format.value_edits import CannotSetValue, set_values, without
+from thingc.documents.format.value_edits import CannotSetValue, remove_value, set_values
 from thingc.documents.load.documents import Documents, read_tree, remember
-from thingc.driver.edit_document import checked, document_change, opened
+from thingc.driver.edit_document import check_document, document_change, load_documents
 from thingc.driver.environment import Options
 from thingc.tools.cli import console, signals
 from thingc.tools.cli.add_templates import BASES, STUBS, DocumentEdit
@@ -119,9 +119,9 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
         raise console.WrongCommandLine("--by requires --on", "add --on with the mount")
     console.require_document(arguments.to)
     memo = Memo()
-    documents = opened(arguments.to, options, memo)
+    documents = load_documents(arguments.to, options, memo)
     if documents is None:
-        return _say(arguments, checked(arguments.to, options)[1])
+        return _say(arguments, check_document(arguments.to, options)[1])
     return _write(arguments, options, documents, STUBS[what](arguments, documents), memo)
 
 
@@ -140,13 +140,13 @@ def _write(
             changed, memo = _with_addition(root, addition), memo or Memo()
             before, after = document_change(root, changed.text)
             remember(dataclasses.replace(changed, sha256=hashlib.sha256(after).hexdigest()), memo)
-            _, diagnostics = checked(root.path, replace(options, texts={root.path: after}), memo=memo)
+            _, diagnostics = check_document(root.path, replace(options, texts={root.path: after}), memo=memo)
             if console.exit_code(diagnostics):
-                _, already = checked(root.path, options)
+                _, already = check_document(root.path, options)
                 wrong = console.exit_code(already)
                 return _say(arguments, already) if wrong else _say(arguments, diagnostics, texts={root.path: changed.text})
             changes[root.path] = before, after
-        with signals.held():
+        with signals.delay_signals():
             keep(changes)
     where = [] if documents is None else [f"{shown_path(documents.root.path)}: {'.'.join(keys)}" for keys in addition.values]
     return _say(arguments, diagnostics, done=[*map(shown_path, addition.files), *where])
@@ -160,7 +160,7 @@ def _with_addition(root: Document, addition: DocumentEdit) -> Document:
     document = root
     try:
         for keys in addition.placed:
-            document = without(document, keys)
+            document = remove_value(document, keys)
         document = set_values(document, addition.values)
     except CannotSetValue as fault:
         raise console.WrongCommandLine(str(fault), "edit the document by hand") from fault

@@ -20,7 +20,7 @@ from thingc.base.python_source import parse_python
 from thingc.base.replacement import Change
 from thingc.base.source import Document, MappingNode, SequenceNode, node_at
 from thingc.base.suggestions import closest_name, did_you_mean, nearest
-from thingc.base.units import shortened
+from thingc.base.units import shorten
 from thingc.documents.checks import kinds
 from thingc.documents.format.value_edits import Keys, Written
 from thingc.documents.load.documents import Documents, read_tree
@@ -85,7 +85,7 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
     This function ignores errors in the code of the part, because `thingc check` reports them.
     """
     if documents is None:
-        message = f"`{shortened(reference)}` already exists; to place it, add a document"
+        message = f"`{shorten(reference)}` already exists; to place it, add a document"
         raise console.WrongCommandLine(message, "write --to robot.yaml")
     name = reference.rpartition(":")[2]
     component = arguments.component or (_snake(name) if re.fullmatch(NAME, name) else "part")
@@ -124,7 +124,7 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
     """
     told, _, given = reference.partition(":")
     module, name = _identifier(told), _class_name(given)
-    if keyword.iskeyword(name) or name in _bound(parse_python(new_part("_", None))):
+    if keyword.iskeyword(name) or name in _bound_names(parse_python(new_part("_", None))):
         raise console.WrongCommandLine(f"`{name}` is not available as the name of a class", "choose another name")
     component = arguments.component or _snake(name)
     placed = None if documents is None else _placement_keys(arguments, documents.root, component, "bottom")
@@ -133,8 +133,8 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
     text = new_part(name, None if material is None else str(material))
     change: Change = None, text.encode()
     if os.path.exists(path):
-        change = _appended(path, name, text)
-    elif keyword.iskeyword(module) or _installed(module):
+        change = _append_class(path, name, text)
+    elif keyword.iskeyword(module) or _is_installed(module):
         what = "a keyword of Python" if keyword.iskeyword(module) else "an installed Python module"
         raise console.WrongCommandLine(f"`{module}` is {what}", f"specify a module: `thingc add part {module}_parts:{name}`")
     if documents is None or placed is None:
@@ -208,7 +208,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     root = documents.root
     name = _new(root, "modes", arguments.name)
     modes = _section(root.tree, "modes")
-    first = {"root": _base(root), **(_extended(modes, next(iter(modes))) if modes else {})}
+    first = {"root": _base(root), **(_extend_mode(modes, next(iter(modes))) if modes else {})}
     soles: list[str] = arguments.standing_on or []
     by_sole = len(soles) == 1 and (arguments.base is None or stays(arguments.base))
     if by_sole and arguments.root is not None:
@@ -216,14 +216,14 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
         raise console.WrongCommandLine(message, "omit --root, or write `--base free`")
     stands = soles[0] if by_sole else arguments.root or str(first["root"])
     usual: tuple[BaseType, ...] = ("held", "fixed") if by_sole else ("free",) if soles else ("fixed", "held", "free")
-    taken = {str(mode.get("base", "fixed")) for mode in (_extended(modes, one) for one in modes) if mode.get("root") == stands}
+    taken = {str(mode.get("base", "fixed")) for mode in (_extend_mode(modes, one) for one in modes) if mode.get("root") == stands}
     base: BaseType = arguments.base or next((one for one in usual if one not in taken), usual[0])
     value: dict[str, Written] = {"root": stands, "base": base}
     if by_sole:
         pass  # the mount is at the origin of the world
     elif stands == first["root"] and stays(base):
         value |= {"at": _format_plain(first["at"])} if "at" in first else {}
-    elif _shaped(root):
+    elif _has_shapes(root):
         value["at"] = {"on": "floor"}
     if soles and not by_sole:
         value["standing_on"] = list(soles)
@@ -300,7 +300,7 @@ def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
     return {key: one.plain() for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
 
 
-def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
+def _extend_mode(modes: Mapping[str, object], name: str, above: tuple[str, ...] = ()) -> dict[str, object]:
     """Return the keys of a mode, merged with the keys of the modes that it extends.
 
     This function does not report missing modes and cycles.
@@ -308,7 +308,7 @@ def _extended(modes: Mapping[str, object], name: str, above: tuple[str, ...] = (
     mode = modes.get(name)
     if not isinstance(mode, dict) or name in above:
         return {}
-    return {**_extended(modes, str(mode.get("extends")), (*above, name)), **mode}
+    return {**_extend_mode(modes, str(mode.get("extends")), (*above, name)), **mode}
 
 
 def _base(root: Document) -> str:
@@ -331,10 +331,10 @@ def _placement_keys(arguments: argparse.Namespace, root: Document, name: str, mo
         return {"attach": {arguments.by or mount: arguments.on}}
     if arguments.at is not None:
         return {"at": {"in": arguments.at}}
-    return {"at": {"in": f"{_base(root)}.origin", "xyz": "0 0 100 mm" if _shaped(root) else "0 0 30 mm"}}
+    return {"at": {"in": f"{_base(root)}.origin", "xyz": "0 0 100 mm" if _has_shapes(root) else "0 0 30 mm"}}
 
 
-def _shaped(root: Document) -> bool:
+def _has_shapes(root: Document) -> bool:
     """Return whether the document contains a component other than a frame."""
     return any(isinstance(one, dict) and "frame" not in one for one in _section(root.tree, "components").values())
 
@@ -351,7 +351,7 @@ def _weight(documents: Documents) -> dict[str, Written]:
     node = node_at(root.tree, ("materials",))
     names: list[str] = list(node.entries) if isinstance(node, MappingNode) else []
     for one in node.items if isinstance(node, SequenceNode) else ():
-        document = documents.named(root, str(one.plain()))
+        document = documents.find_referenced(root, str(one.plain()))
         names += [] if document is None else _section(document.tree, "materials")
     usual = next((name for name in ("pla", "petg") if name in names), next(iter(names), None))
     return {"mass": {"value": "20 g", "source": "estimated"}} if usual is None else {"material": usual}
@@ -385,7 +385,7 @@ def _identifier(name: str) -> str:
     return name
 
 
-def _installed(module: str) -> bool:
+def _is_installed(module: str) -> bool:
     """Return whether Python can already import a module with this name. A new module with the same name would shadow it."""
     return module in sys.stdlib_module_names or getattr(importlib.util.find_spec(module), "origin", None) is not None
 
@@ -393,7 +393,7 @@ def _installed(module: str) -> bool:
 # --- appending a class to a module --------------------------------------------------------------------------------------
 
 
-def _bound(module: ast.Module) -> set[str]:
+def _bound_names(module: ast.Module) -> set[str]:
     """Return the names that the imports, classes and functions of a module define. For a star import, the result contains `module.*`."""
     names: set[str] = set()
     for node in module.body:
@@ -405,7 +405,7 @@ def _bound(module: ast.Module) -> set[str]:
     return names
 
 
-def _appended(path: str, name: str, text: str) -> Change:
+def _append_class(path: str, name: str, text: str) -> Change:
     """Return the edit that appends a class with the source code `text` to a Python module, and adds the missing imports."""
     with open(path, "rb") as stream:
         data = stream.read()
@@ -415,7 +415,7 @@ def _appended(path: str, name: str, text: str) -> Change:
     except SyntaxError as fault:
         message = f"`{shown_path(path)}` cannot be read as Python: {fault.msg}"
         raise console.WrongCommandLine(message, f"correct line {fault.lineno}") from fault
-    bound = _bound(module)
+    bound = _bound_names(module)
     if name in bound:
         raise console.WrongCommandLine(f"`{shown_path(path)}` already has a `{name}`", "choose another name")
     missing = []

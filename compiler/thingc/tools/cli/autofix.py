@@ -11,7 +11,7 @@ from functools import cache
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report, shown_path
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.replacement import replace_files
 from thingc.documents.format.autofix import CheckResult, TextEdit, autofix
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
@@ -49,8 +49,8 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
     elif arguments.format == "text":
         for file, data in sorted(texts.items()):
             console.say_diff(shown_path(file), *(one.decode("utf-8-sig") for one in (read(file) or b"", data)))
-        places = counted(len(mended), "place")
-        console.say(f"would fix {places}, {counted(len(diagnostics), 'diagnostic')} would remain")
+        places = format_count(len(mended), "place")
+        console.say(f"would fix {places}, {format_count(len(diagnostics), 'diagnostic')} would remain")
         return console.exit_code(diagnostics)
     return _say(arguments, diagnostics, mended)
 
@@ -69,10 +69,10 @@ def _autofix(
         documents = () if compilation.documents is None else tuple(compilation.documents.by_path.values())
         return CheckResult(found=console.final(report, strict=strict), documents=documents)
 
-    def allowed(file: str) -> bool:
+    def is_allowed(file: str) -> bool:
         return file.lower().endswith(DOCUMENT_SUFFIXES) and bool(spaces) and spaces[-1].contains(file)
 
-    return autofix(look, texts, allowed, read)
+    return autofix(look, texts, is_allowed, read)
 
 
 def _read(file: str) -> bytes | None:
@@ -93,5 +93,5 @@ def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mende
             console.say("")
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
     if arguments.format == "text" and not diagnostics:
-        console.say(f"{counted(len(mended), 'place')} fixed, no diagnostics remain")
+        console.say(f"{format_count(len(mended), 'place')} fixed, no diagnostics remain")
     return console.exit_code(diagnostics)

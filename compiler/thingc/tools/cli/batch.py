@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import shown_path
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.batch.build_records import find_variant, in_order
-from thingc.batch.folder import FOLDERS, PACKED, BatchFault, begun, in_words, locked
+from thingc.batch.folder import FOLDERS, PACKED, BatchFault, in_words, lock_folder, read_description
 from thingc.batch.packed_layout import CHUNK
 from thingc.batch.page import show_again
 from thingc.batch.pictures import ALL, MANY, MOST
@@ -116,13 +116,13 @@ def run(arguments: argparse.Namespace) -> int:
         return console.print_found([fault.diagnostic], arguments.format, stream=sys.stderr, debug=arguments.debug)
     except Interrupted as fault:
         console.say_in_place()
-        done = f"{fault.done} of {counted(fault.count, 'variant')} are done"
-        console.say(f"interrupted: {done}; to continue, run: {_again(arguments)}", stream=sys.stderr)
+        done = f"{fault.done} of {format_count(fault.count, 'variant')} are done"
+        console.say(f"interrupted: {done}; to continue, run: {_resume_command(arguments)}", stream=sys.stderr)
         return INTERRUPTED
     return _answer(arguments, summary)
 
 
-def _again(arguments: argparse.Namespace) -> str:
+def _resume_command(arguments: argparse.Namespace) -> str:
     """Return the command line with which the user can continue an interrupted batch with the same options."""
     pictures = {ALL: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
     said = {
@@ -170,7 +170,7 @@ class _Show:
         counts = ", ".join(f"{count} {STATUSES[status]}" for status, count in sorted(progress.counts.items())) or "none yet"
         left = progress.left
         estimate = f", {_time(left)} left" if left is not None else ""
-        line = f"{progress.done} of {counted(progress.count, 'variant')} ({counts}); {progress.rate:.3g} a second{estimate}"
+        line = f"{progress.done} of {format_count(progress.count, 'variant')} ({counts}); {progress.rate:.3g} a second{estimate}"
         if sys.stderr.isatty():
             console.say_in_place(line)
         elif time.monotonic() - self.said >= PAUSE:
@@ -180,7 +180,7 @@ class _Show:
 
 def _draw(done: int, count: int) -> None:
     """Display how many pictures have been rendered, if standard error is a terminal."""
-    console.say_in_place(f"{done} of {counted(count, 'picture')}")
+    console.say_in_place(f"{done} of {format_count(count, 'picture')}")
 
 
 def _page(arguments: argparse.Namespace, options: Options) -> int:
@@ -223,13 +223,13 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     console.print_text(summary.notes, stream=sys.stderr, debug=False)
     counts = ", ".join(f"{summary.statuses[status]} {spoken}" for status, spoken in STATUSES.items() if status in summary.statuses)
     earlier = f" ({summary.before} of them in earlier runs)" if summary.before else ""
-    modelled = f"{counted(summary.modelled, 'part')} modelled"
-    lines = [f"{shown_path(summary.folder)}: {counted(summary.count, 'variant')}{earlier}: {counts}; {modelled}"]
-    lines += [f"{counted(summary.duplicates, 'duplicate')} omitted"] if summary.duplicates else []
+    modelled = f"{format_count(summary.modelled, 'part')} modelled"
+    lines = [f"{shown_path(summary.folder)}: {format_count(summary.count, 'variant')}{earlier}: {counts}; {modelled}"]
+    lines += [f"{format_count(summary.duplicates, 'duplicate')} omitted"] if summary.duplicates else []
     if summary.lossy:
-        number = counted(sum(summary.losses.values()), "export loss")
+        number = format_count(sum(summary.losses.values()), "export loss")
         how = ", ".join(f"{count} {how}" for how, count in summary.losses.items())
-        lines.append(f"{counted(summary.lossy, 'variant')} with {number} ({how}): see the column `losses`")
+        lines.append(f"{format_count(summary.lossy, 'variant')} with {number} ({how}): see the column `losses`")
     where = f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
     command = f"thingc batch {shlex.quote(arguments.document)}{where}"
     if summary.layout == PACKED:
@@ -271,7 +271,7 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
         )
         return 0
     console.print_text(list(planned.notes), stream=sys.stderr, debug=False)
-    console.say(*_told(planned, foreseen))
+    console.say(*_format_dry_run(planned, foreseen))
     return 0
 
 
@@ -279,9 +279,9 @@ def _unpack(arguments: argparse.Namespace, options: Options) -> int:
     """Write the build folder of one variant of the batch, and print the path of the folder."""
     planned = plan(arguments.document, options=options)
     folder = planned.folder_in(arguments.output)
-    begun(planned.relative, folder, "build the batch first, without --unpack")
+    read_description(planned.relative, folder, "build the batch first, without --unpack")
     try:
-        with locked(folder):
+        with lock_folder(folder):
             console.say(shown_path(load(folder)[arguments.unpack].unpack()))
     except FamilyError as fault:
         raise console.WrongCommandLine(str(fault), "see results.csv for identifiers") from fault
@@ -307,9 +307,9 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     return write(shown_path(planned.assembly), settings, options, arguments)
 
 
-def _told(planned: Plan, forecast: DryRun) -> list[str]:
+def _format_dry_run(planned: Plan, forecast: DryRun) -> list[str]:
     """Format the result of a dry run as lines of text."""
-    all_of_them = counted(planned.count, "variant")
+    all_of_them = format_count(planned.count, "variant")
     some = f"{forecast.count} of {all_of_them}" if forecast.count != planned.count else all_of_them
     lines = [f"{planned.name}: {some} of {planned.assembly_relative}; modes {', '.join(planned.modes)}; "
              f"targets {', '.join(planned.emit)}"]
@@ -321,14 +321,14 @@ def _told(planned: Plan, forecast: DryRun) -> list[str]:
             lines.append(f"  {axis.key}: {shown}{f' and {len(axis.values) - 6} more' if len(axis.values) > 6 else ''}")
     duplicates = planned.written - planned.count
     if duplicates:
-        lines.append(f"{counted(duplicates, 'duplicate')} omitted")
+        lines.append(f"{format_count(duplicates, 'duplicate')} omitted")
     lines.extend(f"{count} excluded by the rule `{rule}`" for rule, count in forecast.failing.items())
     if forecast.looked_at < forecast.left:
         lines.append(f"in a sample of {forecast.looked_at} of the {forecast.left} remaining variants:")
     for code, count in sorted(forecast.unsound.items()):
         name, wrong = forecast.examples[code]
         lines.append(f"{count} would be rejected: {code} ({wrong.code.title}), first `{name}`: {wrong.message}")
-    lines.append(f"models {counted(forecast.parts - forecast.known, 'part')}, reuses {forecast.known}")
+    lines.append(f"models {format_count(forecast.parts - forecast.known, 'part')}, reuses {forecast.known}")
     for one in forecast.first:
         settings = {**one.parameters, **one.choices}
         shown = ", ".join(f"{name}={text}" for name, text in settings.items()) or "settings of the assembly"

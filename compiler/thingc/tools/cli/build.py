@@ -19,16 +19,16 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, UserError, shown_path
-from thingc.base.one_line_repr import counted
-from thingc.base.safe_text import quoted
+from thingc.base.one_line_repr import format_count
+from thingc.base.safe_text import quote_names
 from thingc.documents.workspace import CONSUMERS, Workspace
 from thingc.driver import build_document, pipeline, up_to_date
 from thingc.driver.build_document import BuildRequest, BuildResult
-from thingc.driver.environment import Environment, Options, attempted, store_of
-from thingc.driver.output import build_folder, listed, unswept, verify
+from thingc.driver.environment import Environment, Options, store_of, with_environment
+from thingc.driver.output import build_folder, manifest_paths, unswept, verify
 from thingc.geometry.store.local import Store
 from thingc.targets.artifact import CARRIED
-from thingc.targets.registry import TARGETS, chosen, unknown
+from thingc.targets.registry import TARGETS, parse_targets, unknown
 from thingc.tools.cli import console
 from thingc.tools.workshop import RENDERED
 
@@ -99,8 +99,8 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
         if not set(targets) - set(answer["targets"]):
             parts = sorted({*answer["reused"], *answer["modelled"]})
             return found, {**answer, "modelled": [], "reused": parts, "unchanged": True}
-        targets = chosen([*targets, *answer["targets"]])  # the other outputs in the folder are up to date and do not change
-    return attempted(arguments.document, options, partial(_built, wish_of(arguments, targets), key))
+        targets = parse_targets([*targets, *answer["targets"]])  # the other outputs in the folder are up to date and do not change
+    return with_environment(arguments.document, options, partial(_build_robot, wish_of(arguments, targets), key))
 
 
 def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> BuildRequest:
@@ -111,17 +111,19 @@ def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> BuildReq
     )
 
 
-def _built(wish: BuildRequest, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
+def _build_robot(wish: BuildRequest, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
     """Build the robot and write the build folder. Store the result in the cache under `key`."""
     built = build_document.build(environment, wish)
     diagnostics = list(built.diagnostics)
     if built.files is None:
         return diagnostics, None
-    before = listed(build_folder(*built.place))
+    before = manifest_paths(build_folder(*built.place))
     folder = build_document.write(environment, built, wish, console.say_waiting)
     if gone := before - built.files.keys():
         folders = {path.partition("/")[0] + ("/" if "/" in path else "") for path in gone}
-        console.say(f"removed {counted(len(gone), 'file')} of the previous build: {quoted(sorted(folders), 4)}", stream=sys.stderr)
+        console.say(
+            f"removed {format_count(len(gone), 'file')} of the previous build: {quote_names(sorted(folders), 4)}", stream=sys.stderr,
+        )
     manifest = up_to_date.state_of(os.path.join(folder, "manifest.json"))
     answer = {**answer_of(built, folder), "targets": wish.targets, "place": built.place, "manifest": manifest}
     up_to_date.save(environment.store, key, up_to_date.inputs(environment, built.compilation), diagnostics, answer)
@@ -148,18 +150,18 @@ def _stands(answer: Mapping[str, Any], store: Store) -> bool:
 def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     """Print a summary of the build to standard error. The last line shows the folder and the number of files."""
     if answer.get("twice"):
-        console.say(f"{counted(answer['twice'], 'part')} built twice, with equal results", stream=sys.stderr)
+        console.say(f"{format_count(answer['twice'], 'part')} built twice, with equal results", stream=sys.stderr)
     if lost := answer["losses"]:
         words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
                             *(f"--compat={word}" for word in arguments.compat)])
         counts = ", ".join(f"{count} in {target}" for target, count in lost.items())
-        console.say(f"{counted(sum(lost.values()), 'export loss')} ({counts}); to list: {words}", stream=sys.stderr)
-    folder, files = shown_path(answer["folder"]), counted(len(answer["artifacts"]), "file")
+        console.say(f"{format_count(sum(lost.values()), 'export loss')} ({counts}); to list: {words}", stream=sys.stderr)
+    folder, files = shown_path(answer["folder"]), format_count(len(answer["artifacts"]), "file")
     if answer.get("unchanged"):
         console.say(f"{folder} is up to date ({files})", stream=sys.stderr)
     else:
         modelled, reused = len(answer["modelled"]), len(answer["reused"])
-        console.say(f"Built {folder}: {files}; {counted(modelled, 'part')} modelled, {reused} reused", stream=sys.stderr)
+        console.say(f"Built {folder}: {files}; {format_count(modelled, 'part')} modelled, {reused} reused", stream=sys.stderr)
 
 
 # --- options of several commands ------------------------------------------------------------------------------------------
@@ -208,16 +210,16 @@ def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list
     """
     for _, message, hint in unknown(arguments.emit):
         raise console.WrongCommandLine(message, hint)
-    if arguments.emit and not chosen(arguments.emit):
+    if arguments.emit and not parse_targets(arguments.emit):
         raise console.WrongCommandLine("`--emit` has no target", "write, for example, --emit mjcf,urdf")
-    if arguments.emit and arguments.compat and not {"mjcf", "mjz"} & {*chosen(arguments.emit)}:
+    if arguments.emit and arguments.compat and not {"mjcf", "mjz"} & {*parse_targets(arguments.emit)}:
         raise console.WrongCommandLine("`--compat` requires MuJoCo models, but `--emit` does not include `mjcf`", "add `mjcf` to `--emit`")
     if arguments.emit:
-        return chosen(arguments.emit), []
+        return parse_targets(arguments.emit), []
     workspace = Workspace.find(arguments.document, Report())
     if workspace is None:  # loading the document reports errors in the workspace settings
-        return chosen(()), []
-    return chosen(workspace.emit), [
+        return parse_targets(()), []
+    return parse_targets(workspace.emit), [
         Diagnostic(code=Code.UNKNOWN_CHOICE, severity=Severity.ERROR, message=message, help=str(hint), span=workspace.span(("emit", index)))
         for index, message, hint in unknown(workspace.emit)
     ]

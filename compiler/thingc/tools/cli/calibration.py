@@ -9,9 +9,9 @@ from functools import partial
 
 from thingc.base.diagnostics import Code, Diagnostic
 from thingc.base.filesystem import write_whole
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, attempted
+from thingc.driver.environment import Environment, with_environment
 from thingc.tools.calibration.calibration import read_calibration
 from thingc.tools.calibration.exports import EXPORTS, ExportRefused
 from thingc.tools.cli import console
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     console.require_document(arguments.document)
     console.require_document(arguments.calibration)
     _check_output(arguments)
-    found = attempted(arguments.document, console.options_of(arguments), partial(_convert, arguments))
+    found = with_environment(arguments.document, console.options_of(arguments), partial(_convert, arguments))
     return console.print_found(found, arguments.format, stream=sys.stderr, debug=arguments.debug)
 
 
@@ -64,7 +64,7 @@ def _convert(arguments: argparse.Namespace, environment: Environment) -> list[Di
         return found
     if arguments.emit is None:
         if arguments.format == "text":
-            console.say(f"{arguments.calibration}: ok, {counted(len(calibration), 'motor')}")
+            console.say(f"{arguments.calibration}: ok, {format_count(len(calibration), 'motor')}")
         return found
     try:
         text = EXPORTS[arguments.emit](calibration, compilation.robots[0])

@@ -11,9 +11,9 @@ from functools import partial
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.driver import pipeline, up_to_date
-from thingc.driver.environment import Environment, Options, attempted, store_of
+from thingc.driver.environment import Environment, Options, store_of, with_environment
 from thingc.driver.pipeline import Compilation
 from thingc.tools.cli import console, robot_files
 
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         documents = [shown_path(path) for path in touched(words, store=arguments.store)]
     folders = not arguments.touched and any(os.path.isdir(word) for word in words)
     if folders:
-        documents = console.expanded(documents)
+        documents = console.expand_paths(documents)
     if arguments.fix or arguments.diff:
         from thingc.tools.cli.autofix import run_fix
 
@@ -75,12 +75,12 @@ def run(arguments: argparse.Namespace) -> int:
     check_document: Callable[[str], list[Diagnostic]] = partial(check, options=options, strict=strict)
     check_robot = partial(robot_files.check_robot, options=options, source=source, strict=strict)
     if arguments.no_code:  # check each file of the untrusted workspace in a sandboxed process
-        from thingc.tools.cli.sandboxed_check import confined
+        from thingc.tools.cli.sandboxed_check import run_confined
 
         console.refuse_modules_of_others()
         seconds = console.time_of("--time-limit", arguments.time_limit)
         if arguments.touched:
-            names = confined(partial(_concerned_without_code, words), seconds)
+            names = run_confined(partial(_concerned_without_code, words), seconds)
             if isinstance(names, Diagnostic):
                 return _answer(arguments, [names], [])
             documents = names
@@ -91,18 +91,18 @@ def run(arguments: argparse.Namespace) -> int:
     checked = {robot: check_robot(robot) for robot in robots}
     found |= {robot: said for robot, (said, _) in checked.items()}
     remarks = [remark for _, remark in checked.values() if remark is not None]
-    return _answer(arguments, *_merged(found, diagnostics), of=of, remarks=remarks)
+    return _answer(arguments, *_merge(found, diagnostics), of=of, remarks=remarks)
 
 
 def _check_confined(document: str, options: Options, *, strict: bool, seconds: float) -> list[Diagnostic]:
     """Check a document of an untrusted workspace in a sandboxed process."""
-    from thingc.tools.cli.sandboxed_check import confined
+    from thingc.tools.cli.sandboxed_check import run_confined
 
-    answer = confined(lambda: [up_to_date.packed(d) for d in without_code(document, options, strict=strict)], seconds)
-    return [replace(answer, path=document)] if isinstance(answer, Diagnostic) else list(map(up_to_date.unpacked, answer))
+    answer = run_confined(lambda: [up_to_date.to_plain(d) for d in without_code(document, options, strict=strict)], seconds)
+    return [replace(answer, path=document)] if isinstance(answer, Diagnostic) else list(map(up_to_date.from_plain, answer))
 
 
-def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
+def _merge(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:
     """Append the diagnostics of all documents to `diagnostics`.
 
     Return all diagnostics, and the paths of the documents without warnings and errors. An allowance (the key `allow`) is reported as unused
@@ -121,7 +121,7 @@ def _merged(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]
 def findings(environment: Environment, compilation: Compilation, *, strict: bool) -> list[Diagnostic]:
     """Check one document and return its diagnostics.
 
-    The result includes a note for each allowance that the document needs. The function `_merged` removes these notes.
+    The result includes a note for each allowance that the document needs. The function `_merge` removes these notes.
     """
     report = report_of(environment, compilation)
     needed = sorted((one.where for one in report.needed), key=lambda where: (where.file, where.line, where.column))
@@ -130,9 +130,9 @@ def findings(environment: Environment, compilation: Compilation, *, strict: bool
 
 
 def _concerned_without_code(files: Sequence[str]) -> list[str]:
-    from thingc.tools.affected.dependents import touched
+    from thingc.tools.affected.dependents import affected_documents
 
-    return [shown_path(path) for path in touched([os.path.abspath(file) for file in files], os.getcwd(), None).documents]
+    return [shown_path(path) for path in affected_documents([os.path.abspath(file) for file in files], os.getcwd(), None).documents]
 
 
 def without_code(document: str, options: Options, *, strict: bool) -> list[Diagnostic]:
@@ -154,7 +154,7 @@ def _answer(
             console.say(f"{document}: ok")
         console.say(*remarks)
         if of is not None:
-            console.say(f"{counted(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
+            console.say(f"{format_count(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
     return console.exit_code(diagnostics)
 
 
@@ -173,7 +173,7 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
             up_to_date.save(store, key, up_to_date.inputs(environment, compilation), diagnostics, {})
         return diagnostics
 
-    return attempted(document, replace(options, lock=True), work)
+    return with_environment(document, replace(options, lock=True), work)
 
 
 def report_of(environment: Environment, compilation: Compilation) -> Report:

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, attempted
+from thingc.driver.environment import Environment, with_environment
 from thingc.targets.render.picture import NoGraphics
 from thingc.tools.cli import console, render
 from thingc.tools.collision.deviations import Deviation, deviations
@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     found: list[Deviation] = []
     options = replace(console.options_of(arguments), compat=())
     try:
-        diagnostics = attempted(arguments.document, options, partial(_measure, arguments, found))
+        diagnostics = with_environment(arguments.document, options, partial(_measure, arguments, found))
     except NoGraphics as fault:
         diagnostics = [fault.diagnostic]
     return console.print_result(arguments, diagnostics, as_text(found) if found else (), collision=to_builtins(found))

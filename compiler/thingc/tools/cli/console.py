@@ -59,7 +59,7 @@ def document_meant() -> str:
             or [path for path in documents_near(here, None) if is_document(path, "assembly/")]  # documents of nested workspaces
             or assemblies_in(workspace.root, workspace)
         )
-        robots = _unnested(assemblies)
+        robots = _top_documents(assemblies)
     if len(robots) == 1:
         say(f"using {shown_path(robots[0])}, the only robot in this folder", stream=sys.stderr)
         return shown_path(robots[0])
@@ -67,7 +67,7 @@ def document_meant() -> str:
     raise WrongCommandLine(f"the argument DOC is required, because there are {len(robots) or 'no'} robots in this folder", hint)
 
 
-def _unnested(assemblies: Sequence[str]) -> list[str]:
+def _top_documents(assemblies: Sequence[str]) -> list[str]:
     """Return the assembly documents that are not nested in another document.
 
     In a document with errors, references to documents are found by a text search.
@@ -282,7 +282,7 @@ def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
     return did_you_mean("", beside or elsewhere, what="documents")
 
 
-def expanded(words: Iterable[str]) -> list[str]:
+def expand_paths(words: Iterable[str]) -> list[str]:
     """Return the paths of the documents on the command line, without duplicates. A folder is replaced by all documents below the folder.
 
     Raises `WrongCommandLine` for a folder that contains no documents.
@@ -465,7 +465,7 @@ def _documentation() -> str | None:
 
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:
     """Return the diagnostics of a report in the order in which they are printed. If `strict` is true, warnings become errors."""
-    return report.judged(strict=strict).ordered()
+    return report.apply_strict(strict=strict).sorted_diagnostics()
 
 
 def exit_code(diagnostics: Sequence[Diagnostic]) -> int:

@@ -17,11 +17,11 @@ from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
 from thingc.targets.render.picture import ready
 from thingc.tools.cli import console, robot_files
-from thingc.tools.cli.sandboxed_check import confined
-from thingc.tools.diff.arguments import ComparisonRequest, asked
-from thingc.tools.diff.checkouts import BrokenSide, DocumentPair, compared, laid_out
+from thingc.tools.cli.sandboxed_check import run_confined
+from thingc.tools.diff.arguments import ComparisonRequest, parse_sides
+from thingc.tools.diff.checkouts import BrokenSide, DocumentPair, compare_versions, laid_out
 from thingc.tools.diff.comparison import Comparison
-from thingc.tools.diff.results import DiffResult, answered, as_json, pack, unpack
+from thingc.tools.diff.results import DiffResult, as_json, compare_documents, pack, unpack
 from thingc.tools.diff.snapshot import WHATS
 from thingc.tools.diff.text_report import as_html, as_markdown, as_text
 
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc diff`. Return the exit code 1 if a kind of element in `--fail-on` changed or one side cannot be compiled, else 0."""
     watched = fail_on(arguments.fail_on)
     options = console.options_of(arguments)
-    wanted = asked(arguments.side, arguments.behind)
+    wanted = parse_sides(arguments.side, arguments.behind)
     with ExitStack() as stack:
         answer = _answer(arguments, wanted, options, stack)
     if isinstance(answer, BrokenSide):
@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
         console.print_found(answer.diagnostics, form, stream=sys.stdout, debug=arguments.debug, texts=answer.texts)
         return 1
     with console.writing(None, "choose another file"):
-        pictures = _written(arguments, answer)
+        pictures = _write_page(arguments, answer)
     if arguments.format == "json":
         console.print_data(as_json(answer))
     elif arguments.format == "markdown":
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if any(change.what in watched for change in answer.changes) else 0
 
 
-def _written(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
+def _write_page(arguments: argparse.Namespace, answer: DiffResult) -> Callable[[str, str], str] | None:
     """Write the HTML page for the option `--html` and the pictures for the option `--pictures`. Raises `OSError`.
 
     Return a function that returns the path of a picture, given a document and the key of the picture. Return None without `--pictures`.
@@ -134,19 +134,21 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
     if draw and options.code:
         ready()  # call this before the tests import MuJoCo, because MuJoCo selects its graphics library at import
     work: Callable[[DocumentPair], Comparison | BrokenSide] = partial(
-        compared, options=options, source=robot_files.import_request(arguments), tests=tests, names=names, draw=draw,
+        compare_versions, options=options, source=robot_files.import_request(arguments), tests=tests, names=names, draw=draw,
     )
     if arguments.no_code:
         import numpy  # noqa: F401  (the sandbox cannot load libraries)
 
         console.refuse_modules_of_others()
-        work = partial(_apart, work, console.time_of("--time-limit", arguments.time_limit))
-    return answered(*names, laid_out(wanted, stack, code=options.code), work)
+        work = partial(_compare_sandboxed, work, console.time_of("--time-limit", arguments.time_limit))
+    return compare_documents(*names, laid_out(wanted, stack, code=options.code), work)
 
 
-def _apart(work: Callable[[DocumentPair], Comparison | BrokenSide], seconds: float, both: DocumentPair) -> Comparison | BrokenSide:
+def _compare_sandboxed(
+    work: Callable[[DocumentPair], Comparison | BrokenSide], seconds: float, both: DocumentPair,
+) -> Comparison | BrokenSide:
     """Compare the old and the new version of one document in a sandboxed process. `seconds` is the maximum CPU time of the process."""
-    answer = confined(lambda: pack(work(both)), seconds)
+    answer = run_confined(lambda: pack(work(both)), seconds)
     if isinstance(answer, Diagnostic):
         return BrokenSide(name=both.name, diagnostics=(replace(answer, path=both.name),), texts={})
     return unpack(answer)

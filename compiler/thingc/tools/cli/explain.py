@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from thingc.tools.cli import console
-from thingc.tools.reporting.explain import as_page, find, near, sections
+from thingc.tools.reporting.explain import as_page, find, sections, similar_codes
 
 EPILOG = """\
 Without CODE, the command lists all codes.
@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     code = find(arguments.code)
     if code is None:
-        close = ", ".join(f"`{one['code']}` ({one['title']})" for one in near(arguments.code))
+        close = ", ".join(f"`{one['code']}` ({one['title']})" for one in similar_codes(arguments.code))
         help = f"near it: {close}" if close else "run `thingc explain` for a list of codes"
         raise console.WrongCommandLine(f"there is no code `{arguments.code}`", help)
     if arguments.format == "json":

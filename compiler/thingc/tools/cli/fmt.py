@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 
 from thingc.base.diagnostics import Code, Report, shown_path
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.replacement import ReplacementRefused, replace_files
 from thingc.documents.format.formatting import format_document, schema_path
 from thingc.documents.load.discovery import documents_in, is_document
@@ -46,10 +46,10 @@ def run(arguments: argparse.Namespace) -> int:
     report = Report()
     paths = list(_documents(arguments))
     changed = sum(_one(path, arguments, report) for path in paths)
-    code = console.print_text(report.ordered(), stream=sys.stdout, debug=False)
+    code = console.print_text(report.sorted_diagnostics(), stream=sys.stdout, debug=False)
     if not arguments.diff:
         would = " would be" if arguments.check else ""
-        console.say(f"{changed} of {counted(len(paths), 'document')}{would} changed")
+        console.say(f"{changed} of {format_count(len(paths), 'document')}{would} changed")
     return code or int(arguments.check and changed > 0)
 
 
@@ -118,7 +118,7 @@ def _standard_input(arguments: argparse.Namespace) -> int:
     formatted = format_document(name, data, report)
     if formatted is None:
         texts = {name: data.decode("utf-8-sig", errors="replace")}
-        return console.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
+        return console.print_text(report.sorted_diagnostics(), stream=sys.stderr, debug=False, texts=texts)
     changed = formatted != data
     if arguments.diff:
         _print_diff("<stdin>", data, formatted)

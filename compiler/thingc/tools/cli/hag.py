@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from thingc.driver.environment import attempted
+from thingc.driver.environment import with_environment
 from thingc.driver.pipeline import compile
 from thingc.tools.cli import console
 
@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
         options = console.options_of(arguments)
     except console.WrongCommandLine as fault:
         return console.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
-    compilation = attempted(arguments.document, options, compile)
+    compilation = with_environment(arguments.document, options, compile)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     code = console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
     if code == 0 and compilation.assembly is not None:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.replacement import provisional
-from thingc.base.safe_text import quoted
-from thingc.base.source import dotted
-from thingc.driver.edit_document import checked
+from thingc.base.safe_text import quote_names
+from thingc.base.source import format_path
+from thingc.driver.edit_document import check_document
 from thingc.driver.environment import Options
 from thingc.driver.output import OutputError, write_new
 from thingc.tools.cli import console, robot_files, signals
@@ -69,16 +69,16 @@ def run(arguments: argparse.Namespace) -> int:
     if imported is not None:
         try:
             if imported.earlier is not None:
-                texts = _again(arguments, imported, imported.earlier, report)
+                texts = _update(arguments, imported, imported.earlier, report)
             elif arguments.check:
                 console.say(*_would(arguments, imported))
             else:
-                with signals.held():
+                with signals.delay_signals():
                     folder = write_new(arguments.output or imported.name, imported.files)
-                console.say(*_told(arguments, imported, folder, []))
+                console.say(*_format_result(arguments, imported, folder, []))
         except OutputError as fault:
             report.say(fault.diagnostic)
-    return console.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
+    return console.print_text(report.sorted_diagnostics(), stream=sys.stderr, debug=False, texts=texts)
 
 
 def _import_step(arguments: argparse.Namespace, report: Report) -> int:
@@ -97,14 +97,14 @@ def _import_step(arguments: argparse.Namespace, report: Report) -> int:
             console.say(*_assembly_lines(arguments, imported, folder))
         except OutputError as fault:
             report.say(fault.diagnostic)
-    return console.print_text(report.ordered(), stream=sys.stderr, debug=False)
+    return console.print_text(report.sorted_diagnostics(), stream=sys.stderr, debug=False)
 
 
 def _assembly_lines(arguments: argparse.Namespace, imported: ImportedAssembly, folder: str) -> list[str]:
     """Describe an imported STEP assembly, and suggest commands that the user can run next."""
     assembly, here = imported.assembly, shown_path(folder)
     things = [(len(assembly.assemblies), "document"), (imported.components, "component"), (len(assembly.parts), "part")]
-    words = [counted(number, what) for number, what in things]
+    words = [format_count(number, what) for number, what in things]
     source = os.path.basename(arguments.file)
     said = [f"{'would import' if arguments.check else here + ':'} {', '.join(words[:-1])} and {words[-1]} of {source}"]
     said += [f"  {note}" for note in _some([*imported.notes])]
@@ -114,7 +114,7 @@ def _assembly_lines(arguments: argparse.Namespace, imported: ImportedAssembly, f
     ]
 
 
-def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:
+def _update(arguments: argparse.Namespace, imported: Imported, earlier: PreviousImport, report: Report) -> dict[str, str]:
     """Merge changes in the source file into the folder of an earlier import. Return the text of the merged document for diagnostics.
 
     Raises `OutputError`.
@@ -122,9 +122,9 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousI
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
         message = f"`{shown_path(earlier.folder)}` was imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
         raise OutputError(message, "choose another folder with -o; for the same robot, merge with `--update`")
-    edited = [shown_path(os.path.join(earlier.folder, name)) for name in earlier.edited()]
+    edited = [shown_path(os.path.join(earlier.folder, name)) for name in earlier.edited_files()]
     if edited and not arguments.update and not arguments.check:
-        message = f"imported files have changed since the last import and were not overwritten: {quoted(edited, 6)}"
+        message = f"imported files have changed since the last import and were not overwritten: {quote_names(edited, 6)}"
         raise OutputError(message, "merge with `--update`, or choose another folder with -o")
     now = update(earlier, imported.document, imported.files, report)
     if now is None:
@@ -132,7 +132,7 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousI
     document = os.path.join(earlier.folder, earlier.document)
     texts = {document: now.merged.text}
     if arguments.check:
-        console.say(*_would(arguments, imported), *_merged(now, disputed=report.failed))
+        console.say(*_would(arguments, imported), *_describe_merge(now, disputed=report.failed))
         return texts
     fresh = {path: change for path, change in now.changes.items() if change[0] is None}
     with provisional(fresh) as keep:
@@ -141,25 +141,25 @@ def _again(arguments: argparse.Namespace, imported: Imported, earlier: PreviousI
             for fault in faults:
                 report.say(fault)
             return texts
-        with signals.held():
+        with signals.delay_signals():
             keep({path: change for path, change in now.changes.items() if path not in fresh})
-    console.say(*_told(arguments, imported, earlier.folder, _merged(now, disputed=report.failed)))
+    console.say(*_format_result(arguments, imported, earlier.folder, _describe_merge(now, disputed=report.failed)))
     return texts
 
 
 def _faults(document: str, text: str) -> list[Diagnostic]:
     """Check the text of a document, and return the errors without the warnings."""
-    return [one for one in checked(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
+    return [one for one in check_document(document, Options(texts={document: text.encode()}))[1] if one.severity is Severity.ERROR]
 
 
-def _merged(now: Update, *, disputed: bool) -> list[str]:
+def _describe_merge(now: Update, *, disputed: bool) -> list[str]:
     """Describe the changes in the source that were merged into the document, and the user's edits that were preserved.
 
     `disputed` is true if a change in the source conflicts with a user's edit.
     """
-    taken = [f"  {dotted(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
-    kept = [f"  {name}" for name in (*map(dotted, now.merged.kept), *now.kept)]
-    said = [f"merged: {counted(len(taken), 'change')} of the source", *_some(taken)] if taken else []
+    taken = [f"  {format_path(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
+    kept = [f"  {name}" for name in (*map(format_path, now.merged.kept), *now.kept)]
+    said = [f"merged: {format_count(len(taken), 'change')} of the source", *_some(taken)] if taken else []
     if not taken and not disputed:
         said = ["no changes in the source"]
     return said + ([f"preserved edits: {len(kept)}", *_some(kept)] if kept else [])
@@ -188,20 +188,22 @@ def _read(arguments: argparse.Namespace, imported: Imported) -> str:
     robot = imported.robot
     joints = [joint for one in robot.hangings for joint in one.joints]
     meshes = len([name for name in imported.files if name.startswith("meshes/")])
-    things = [counted(len(robot.links), "link"), counted(len(joints), "joint"), *([counted(meshes, "mesh")] if meshes else [])]
+    things = [
+        format_count(len(robot.links), "link"), format_count(len(joints), "joint"), *([format_count(meshes, "mesh")] if meshes else []),
+    ]
     return f"{', '.join(things[:-1])} and {things[-1]} of {os.path.basename(arguments.file)}"
 
 
-def _told(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
+def _format_result(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
     """Describe the files that an import has written, and suggest commands that the user can run next."""
     robot, here = imported.robot, shown_path(folder)
     said = [f"{here}: {_read(arguments, imported)}", *changes]
     if imported.renamed:
-        said.append(f"renamed: {counted(len(imported.renamed), 'element')}, listed in {os.path.join(here, 'import.json')}")
+        said.append(f"renamed: {format_count(len(imported.renamed), 'element')}, listed in {os.path.join(here, 'import.json')}")
     if imported.repaired:
-        said.append(f"repaired: {quoted([one.link.name for one in imported.repaired], 6)}; old and new numbers are in import.json")
+        said.append(f"repaired: {quote_names([one.link.name for one in imported.repaired], 6)}; old and new numbers are in import.json")
     if imported.losses:
-        said.append(f"not imported: {counted(len(imported.losses), 'element')}, listed in {os.path.join(here, 'import.json')}")
+        said.append(f"not imported: {format_count(len(imported.losses), 'element')}, listed in {os.path.join(here, 'import.json')}")
         said += [f"  {one.what}: {one.why}" for one in imported.losses if one.what.startswith("the indices of")]
     document = shlex.quote(os.path.join(here, imported.document))
     steps = [

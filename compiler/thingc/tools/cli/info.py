@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from thingc.base.numeric import sum_of
-from thingc.base.one_line_repr import counted
-from thingc.driver.environment import attempted
+from thingc.base.one_line_repr import format_count
+from thingc.driver.environment import with_environment
 from thingc.driver.pipeline import compile
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.robot.types import Robot
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         compilation = compile_robot(arguments.document, options, robot_files.import_request(arguments))
     else:
         console.require_document(arguments.document)
-        compilation = attempted(arguments.document, replace(options, code=not arguments.no_code), compile)
+        compilation = with_environment(arguments.document, replace(options, code=not arguments.no_code), compile)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
     code = console.exit_code(diagnostics)
     assembly = compilation.assembly if code == 0 else None
@@ -102,8 +102,8 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
     places = (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
     moments = "  ".join(f"{name} {1e6 * whole.inertia[i][j]:z.2f}" for name, i, j in places)
     lines = [
-        f"{assembly.name}: {_grams(whole.mass)} in {counted(len(assembly.occurrences), 'occurrence')}, "
-        f"{counted(len(assembly.links), 'link')}, {counted(sum(1 for mate in assembly.mates if mate.joints), 'joint')}",
+        f"{assembly.name}: {_grams(whole.mass)} in {format_count(len(assembly.occurrences), 'occurrence')}, "
+        f"{format_count(len(assembly.links), 'link')}, {format_count(sum(1 for mate in assembly.mates if mate.joints), 'joint')}",
         "centre of mass  " + "  ".join(f"{1000.0 * x:z.3f}" for x in whole.centre) + "  mm, in the frame of "
         f"`{assembly.occurrences[assembly.base].path}` at q = 0",
         f"inertia         {moments}  kg mm^2, about the centre of mass",

@@ -15,7 +15,7 @@ from msgspec.structs import asdict
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.units import ANGLE, LENGTH, UnitError, parse_quantity
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, attempted
+from thingc.driver.environment import Environment, with_environment
 from thingc.driver.pipeline import UnknownChoice
 from thingc.tools.cli import console
 
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     console.require_document(arguments.document)
     widths, options = _widths(arguments.resolution), console.options_of(arguments)
     try:
-        diagnostics, found, pairs = attempted(arguments.document, options, partial(_search, arguments, widths))
+        diagnostics, found, pairs = with_environment(arguments.document, options, partial(_search, arguments, widths))
     except UnknownChoice as fault:
         diagnostics, found, pairs = [fault.diagnostic], [], []
     if arguments.format == "json" and not (arguments.write and found):
@@ -114,7 +114,7 @@ def as_text(found: Sequence[JointLimits], pairs: Sequence[PairLimits]) -> list[s
     """Format the free intervals as a table, and the pairs of joints as another table."""
     rows = [("joint", "limits", "free of contact", "first contacts", "")]
     for one in found:
-        limit, show = one.joint.limit, one.joint.twist.shown
+        limit, show = one.joint.limit, one.joint.twist.format
         more = len(one.intervals) - (one.own is not None)
         rows.append((
             one.joint.name, " to ".join("unlimited" if end is None else show(end) for end in (limit.lower, limit.upper)),

@@ -12,7 +12,7 @@ import sys
 
 from thingc.base.diagnostics import Code, Report, shown_path
 from thingc.base.filesystem import write_whole
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.safe_text import json_text
 from thingc.base.source import Span, line_of
 from thingc.documents.load.discovery import documents_in
@@ -20,7 +20,7 @@ from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Environment, Options, geometry_of
 from thingc.driver.pipeline import read
 from thingc.geometry.lock.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
-from thingc.geometry.lock.writer import differences, lock_text, locked
+from thingc.geometry.lock.writer import create_lock, differences, lock_text
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import PartDefinition, PartFailure
 from thingc.geometry.service import GeometryService
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise console.WrongCommandLine(f"`{arguments.folder}` is not a folder", "use the folder of a workspace")
     written = _lock(arguments.folder, options, report, check=arguments.check)
     stream = sys.stdout if arguments.check else sys.stderr
-    code = console.print_found(report.ordered(), arguments.format, stream=stream, debug=arguments.debug)
+    code = console.print_found(report.sorted_diagnostics(), arguments.format, stream=stream, debug=arguments.debug)
     if written is not None and arguments.format == "text":
         console.say(written)
     return code
@@ -69,8 +69,8 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
     if workspace is None:
         return None
     with geometry_of(workspace, options) as geometry:
-        references, definitions, slicings = _used(workspace, geometry, options, report)
-        made = locked(geometry, references, definitions, slicings)
+        references, definitions, slicings = _used_parts(workspace, geometry, options, report)
+        made = create_lock(geometry, references, definitions, slicings)
     labels = {definition.text: definition.label for definition in definitions}
     for failure in made.failures:
         report.say(unreadable(labels.get(failure.subject, failure.subject), "locked", failure))
@@ -85,7 +85,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
             report.add(Code.TOO_LARGE, f"`{LOCK_FILE}` would have more than {MAX_BYTES} bytes", None, help="split the workspace")
             return None
         write_whole(path, text.encode())
-        return f"{shown}: {counted(count, 'part')}"
+        return f"{shown}: {format_count(count, 'part')}"
     if not os.path.lexists(path):
         report.add(Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the workspace folder", workspace.origin, help=REMAKE)
         return None
@@ -99,7 +99,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
     return None if report.failed else f"{shown}: current"
 
 
-def _used(
+def _used_parts(
     workspace: Workspace, geometry: GeometryService, options: Options, report: Report,
 ) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
     """Return the parts that the assembly documents of a workspace use.

@@ -68,7 +68,7 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise `WrongCommandLine` with the error message from argparse."""
         message = re.sub(r"^argument (\{.*?\}: )?", "", message).replace("the following arguments are required: ", "missing: ")
-        raise _wrong(message, f"run `{self.prog} --help` for usage")
+        raise _usage_error(message, f"run `{self.prog} --help` for usage")
 
 
 def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Parser | None]:
@@ -97,7 +97,7 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
     return parser, own
 
 
-def parsed(words: Sequence[str]) -> argparse.Namespace | None:
+def parse_arguments(words: Sequence[str]) -> argparse.Namespace | None:
     """Parse the command line. Return None after printing the help or the version.
 
     Raises `WrongCommandLine`, or `SystemExit` if no command is given.
@@ -107,16 +107,16 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         from thingc.base.suggestions import near_hint
 
         hint = near_hint(command, COMMANDS) or "run `thingc --help` for a list of commands"
-        raise _wrong(f"there is no command `{command}`", str(hint))
+        raise _usage_error(f"there is no command `{command}`", str(hint))
     empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
     if empty is not None:  # for such a word, argparse returns a list
-        raise _wrong(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
+        raise _usage_error(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
     parser, own = parser_for(command, alone=command is not None and words[0] == command)
     behind: Sequence[str] | None = None
     if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would add these words to other arguments
         words, behind = words[: words.index("--")], words[words.index("--") + 1 :]
     try:
-        if own is not None and words[0] == command:  # `intermixed` allows options between arguments: `thingc motion DOC --mode M NAME`
+        if own is not None and words[0] == command and "--" not in words:  # options between arguments: `thingc motion DOC --mode M NAME`
             options, unknown = own.parse_known_intermixed_args(words[1:], argparse.Namespace(command=command, version=False))
         else:
             options, unknown = parser.parse_known_args(words)
@@ -134,10 +134,10 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         of = f" of `thingc {command}`" if command is not None else ""
         known = {name.lstrip("-"): name for action in (own or parser)._actions for name in action.option_strings}
         if command is not None and word in known.values() and words.index(unknown[0]) < words.index(command):
-            raise _wrong(f"`{word}` is an option of `thingc {command}`, not of `thingc`", f"write the option after `{command}`")
+            raise _usage_error(f"`{word}` is an option of `thingc {command}`, not of `thingc`", f"write the option after `{command}`")
         close = nearest(word.lstrip("-"), known) if what == "option" else None
         help = f"did you mean `{known[close]}`?" if close else f"run `{(own or parser).prog} --help` for usage"
-        raise _wrong(f"there is no {what} `{word}`{of}" if what == "option" else f"unexpected argument `{word}`", help)
+        raise _usage_error(f"there is no {what} `{word}`{of}" if what == "option" else f"unexpected argument `{word}`", help)
     if options.version:
         from thingc import __version__
         from thingc.tools.cli import console
@@ -155,7 +155,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     options: argparse.Namespace | None = None
     try:
-        options = parsed(words)
+        options = parse_arguments(words)
         if options is None:
             return 0
         os.getcwd()  # raises FileNotFoundError if the working folder was deleted
@@ -174,13 +174,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
-        return _interrupted()
+        return _report_interrupt()
     except Exception as fault:
-        return _interrupted() if has_come() else _report(fault, options, words)
+        return _report_interrupt() if has_come() else _report(fault, options, words)
     return code
 
 
-def _interrupted() -> int:
+def _report_interrupt() -> int:
     """Report that the command was interrupted, and return the exit code."""
     from thingc.tools.cli import console
 
@@ -188,7 +188,7 @@ def _interrupted() -> int:
     return INTERRUPTED
 
 
-def _wrong(message: str, hint: str) -> Exception:
+def _usage_error(message: str, hint: str) -> Exception:
     from thingc.tools.cli import console
 
     return console.WrongCommandLine(message, hint)

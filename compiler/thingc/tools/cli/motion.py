@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from thingc.base.diagnostics import Code, Diagnostic
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, attempted
+from thingc.driver.environment import Environment, with_environment
 from thingc.driver.pipeline import UnknownChoice
 from thingc.tools.cli import console
 
@@ -44,11 +44,11 @@ def run(arguments: argparse.Namespace) -> int:
     console.require_document(arguments.document)
     errors: list[tuple[JointEdge, float, float]] = []
     try:
-        diagnostics = attempted(arguments.document, console.options_of(arguments), partial(_replay, arguments, errors))
+        diagnostics = with_environment(arguments.document, console.options_of(arguments), partial(_replay, arguments, errors))
     except UnknownChoice as fault:
         diagnostics = [fault.diagnostic]
     found = [{"joint": joint.name, "error": error, "time": round(time, 9)} for joint, error, time in errors]
-    rows = [(joint.name, joint.twist.shown(error), f"{time:.3f} s") for joint, error, time in errors]
+    rows = [(joint.name, joint.twist.format(error), f"{time:.3f} s") for joint, error, time in errors]
     lines = console.table([("joint", "largest error", "at"), *rows]) if rows else ()
     return console.print_result(arguments, diagnostics, lines, joints=found)
 

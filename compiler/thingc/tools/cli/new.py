@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         name = robot_name(arguments.place)
         files = files_of(arguments.template, name)
-        with signals.held():  # each file is written atomically, but without this, an interrupt could leave a lock file behind
+        with signals.delay_signals():  # each file is written atomically, but without this, an interrupt could leave a lock file behind
             folder = write_new(arguments.place, files)
     except ValueError as fault:
         hint = f"write, for example, `thingc new {name}_robot`"

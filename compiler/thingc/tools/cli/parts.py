@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.base.interfaces import described
+from thingc.base.interfaces import format_interface
 from thingc.base.source import line_of
 from thingc.base.suggestions import did_you_mean
 from thingc.documents.workspace import Workspace
@@ -55,11 +55,11 @@ def run(arguments: argparse.Namespace) -> int:
             raise console.WrongCommandLine(f"`{arguments.workspace}` is not a folder", "use the folder of a workspace")
         workspace = Workspace.find(os.path.join(arguments.workspace, "thingc.toml"), report)
         if workspace is not None and arguments.no_code:
-            listed = _locked(workspace, arguments.part, report)
+            listed = _locked_parts(workspace, arguments.part, report)
         elif workspace is not None:
             with geometry_of(workspace, options) as geometry:
-                listed = _listed(geometry, arguments.part, report)
-        diagnostics = report.ordered()
+                listed = _list_parts(geometry, arguments.part, report)
+        diagnostics = report.sorted_diagnostics()
     except console.WrongCommandLine as fault:
         diagnostics = [fault.diagnostic]
     if arguments.format == "json":
@@ -74,15 +74,15 @@ def run(arguments: argparse.Namespace) -> int:
     return console.exit_code(diagnostics)
 
 
-def _listed(geometry: GeometryService, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
+def _list_parts(geometry: GeometryService, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
     references = _parts_named(geometry, wanted) if wanted else geometry.catalogue()
     if not wanted:
         report.diagnostics.extend(unreadable(failure.subject, "read", failure) for failure in geometry.not_python())
     report_hidden(geometry, ((reference, None) for reference in references), report)
-    return _described(geometry, references, wanted, report)
+    return _describe_parts(geometry, references, wanted, report)
 
 
-def _locked(workspace: Workspace, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
+def _locked_parts(workspace: Workspace, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
     """Return the parts in the lock file, without running their code. Raises `WrongCommandLine` for an unknown name."""
     from thingc.geometry.lock.lock import read_lock, report_bad, report_missing
     from thingc.geometry.lock.reader import LockOnlyGeometry
@@ -96,13 +96,13 @@ def _locked(workspace: Workspace, wanted: list[str], report: Report) -> list[tup
         if not _matching(word, references):
             raise console.WrongCommandLine(f"`parts.lock.json` does not contain `{word}`", did_you_mean(word, references, what="parts"))
     chosen = sorted({one for word in wanted for one in _matching(word, references)}) if wanted else references
-    listed = _described(geometry, chosen, wanted, report)
+    listed = _describe_parts(geometry, chosen, wanted, report)
     for fault in geometry.broken:
         report_bad(lock.file, fault, report)
     return listed
 
 
-def _described(
+def _describe_parts(
     geometry: PartSource, references: Sequence[str], wanted: Sequence[str], report: Report,
 ) -> list[tuple[PartSchema, PartRecord | None]]:
     """Return the schemas of parts, and the records for their default parameters. Errors in parts are added to the report."""
@@ -215,7 +215,10 @@ def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
     """
     rows = [("mount", "at [mm]", "x, y, z along", "interface")]
     rows += [
-        (name, console.millimetres(mount.pose.translation), console.axes(mount.pose.rotation), described(mount.interface, mount.features))
+        (
+            name, console.millimetres(mount.pose.translation), console.axes(mount.pose.rotation),
+            format_interface(mount.interface, mount.features),
+        )
         for name, mount in sorted(mounts.items(), key=lambda entry: _in_order(entry[0]))
     ]
     return console.table(rows if any(row[3] for row in rows[1:]) else [row[:3] for row in rows])
@@ -229,11 +232,11 @@ def _in_order(name: str) -> tuple[str, int]:
 
 def _kind(p: ParameterSchema) -> str:
     kind = " | ".join(str(c) for c in p.choices) if p.choices else p.kind
-    return f"{kind}, required" if p.default is None else f"{kind} = {p.shown(p.default)}"
+    return f"{kind}, required" if p.default is None else f"{kind} = {p.format_value(p.default)}"
 
 
 def _range(p: ParameterSchema) -> str:
-    bounds = [f"{word} {p.shown(bound)}" for word, bound in (("from", p.minimum), ("to", p.maximum)) if bound is not None]
+    bounds = [f"{word} {p.format_value(bound)}" for word, bound in (("from", p.minimum), ("to", p.maximum)) if bound is not None]
     return f" ({' '.join(bounds)})" if bounds else ""
 
 

@@ -12,7 +12,7 @@ from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Vector
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, attempted
+from thingc.driver.environment import Environment, with_environment
 from thingc.geometry.print_slices import UPRIGHT
 from thingc.tools.cli import console
 
@@ -44,17 +44,17 @@ def run(arguments: argparse.Namespace) -> int:
     console.require_document(arguments.document)
     rows: list[PrintMeasurements] = []
 
-    def measured(environment: Environment) -> list[Diagnostic]:
+    def measure(environment: Environment) -> list[Diagnostic]:
         compilation = pipeline.compile(environment)
         report, workspace = compilation.report, environment.workspace
         if compilation.assembly is not None and workspace is not None and not report.failed:
             from thingc.tools.workshop.plates import prints_of
 
             prints, _ = prints_of(compilation.assembly, environment.store, workspace.bed, report)
-            rows.extend(map(_measured, prints))
+            rows.extend(map(_measure_part, prints))
         return console.final(report, strict=arguments.strict)
 
-    found = attempted(arguments.document, console.options_of(arguments), measured)
+    found = with_environment(arguments.document, console.options_of(arguments), measure)
     lines = _table(rows) if rows else () if console.exit_code(found) else ["no parts are printed"]
     return console.print_result(arguments, found, lines, prints=[asdict(one) for one in rows])
 
@@ -77,7 +77,7 @@ class PrintMeasurements(FrozenStruct):
     better_support: float | None
 
 
-def _measured(one: Print) -> PrintMeasurements:
+def _measure_part(one: Print) -> PrintMeasurements:
     from thingc.tools.workshop.plates import upright
     from thingc.tools.workshop.supports import directions, support_of
 

@@ -42,9 +42,9 @@ def run(arguments: argparse.Namespace) -> int:
     console.require_document(arguments.document)
     workspace = Workspace.find(os.path.abspath(arguments.document), report)
     if workspace is None:
-        return console.print_text(report.ordered(), stream=sys.stdout, debug=False)
+        return console.print_text(report.sorted_diagnostics(), stream=sys.stdout, debug=False)
     sight = index_workspace(workspace, {}, disk=cache(on_disk))  # read each file only once
-    declared = _named(sight, arguments.document, arguments.path)
+    declared = _find_name(sight, arguments.document, arguments.path)
     try:
         done = rename_edits(sight, declared, arguments.name)
     except RenameRefused as fault:
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
             console.say_diff(shown_path(file), before[file], text)
     if not arguments.diff:
         marks = {file: mark if beginning(file, 3) == (mark := b"\xef\xbb\xbf") else b"" for file in before}
-        with signals.held():
+        with signals.delay_signals():
             replace_files({file: (marks[file] + before[file].encode(), marks[file] + text.encode()) for file, text in done.texts.items()})
         for file in done.texts:
             count = sum(span.file == file for span in done.places)
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _named(sight: WorkspaceIndex, document: str, path: str) -> Name:
+def _find_name(sight: WorkspaceIndex, document: str, path: str) -> Name:
     """Return the name that a document declares at the given path. Raises `WrongCommandLine` if the document does not declare this name."""
     keys = tuple(path.split("."))
     written = sight.documents.get(os.path.abspath(document))

@@ -17,7 +17,7 @@ from thingc.base.diagnostics import Code, Diagnostic, shown_path
 from thingc.base.filesystem import write_whole
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, attempted
+from thingc.driver.environment import Environment, with_environment
 from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.model.robot.types import Robot
 from thingc.targets.render.picture import Shot, picture, ready
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     console.require_document(arguments.document)
     options = replace(console.options_of(arguments), compat=())  # pictures need only the model for MuJoCo
     check_output(arguments.output)
-    diagnostics = attempted(arguments.document, options, partial(_render, arguments))
+    diagnostics = with_environment(arguments.document, options, partial(_render, arguments))
     return console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
 
 

@@ -9,7 +9,7 @@ from thingc.base.numeric import hypot
 from thingc.base.pose import NO_POSE, Pose, Vector, cross, turned_about, turned_x
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.pipeline import UnknownChoice
-from thingc.model.robot.kinematics import carried
+from thingc.model.robot.kinematics import body_pose
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
 from thingc.targets.render.frames import Mark, frame_mark, joint_mark
@@ -51,7 +51,7 @@ def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
     for mate in robot.assembly.mates:
         body, pose = _on_body(robot, q, mate.parent, mate.X_PJ)
         for number, joint in enumerate(mate.joints):
-            label = _dotted(mate.name or joint.path) + (f"[{number}]" if len(mate.joints) > 1 else "")
+            label = _component_path(mate.name or joint.path) + (f"[{number}]" if len(mate.joints) > 1 else "")
             yield joint_mark(label=label, body=body, pose=pose @ _along(joint.twist.axis), slides=not joint.twist.turns)
             if not joint.kind.at_once:  # exponential coordinates have fixed axes
                 pose = pose @ joint.twist.exponential(q.get(joint.path, 0.0) + joint.offset)
@@ -61,13 +61,13 @@ def root(robot: Robot) -> Iterator[Mark]:
     """Yield the coordinate frame of the root link of the mode."""
     choice = robot.mode.root
     body, pose = _on_body(robot, {}, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount].pose)
-    yield frame_mark(label=f"root {_dotted(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
+    yield frame_mark(label=f"root {_component_path(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
 
 
 def _mount(robot: Robot, q: Mapping[str, float], occurrence: int, name: str) -> Mark:
     one = robot.assembly.occurrences[occurrence]
     body, pose = _on_body(robot, q, occurrence, one.mounts[name].pose)
-    return frame_mark(label=f"{_dotted(one.path)}.{name}", body=body, pose=pose)
+    return frame_mark(label=f"{_component_path(one.path)}.{name}", body=body, pose=pose)
 
 
 def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) -> tuple[str, Pose]:
@@ -79,7 +79,7 @@ def _on_body(robot: Robot, q: Mapping[str, float], occurrence: int, pose: Pose) 
     body = next(body for body in robot.bodies if body.link == number)
     pose = in_link(assembly)[occurrence] @ pose
     while body.parent is not None and body.link in assembly.between:
-        pose = carried(body, NO_POSE, {joint.path: q.get(joint.path, 0.0) for joint in body.joints}) @ pose
+        pose = body_pose(body, NO_POSE, {joint.path: q.get(joint.path, 0.0) for joint in body.joints}) @ pose
         body = robot.bodies[body.parent]
     return assembly.links[body.link].name, pose
 
@@ -95,7 +95,7 @@ def _along(axis: Vector) -> Pose:
     return Pose(rotation=turned_about((across[0] / size, across[1] / size, across[2] / size), math.atan2(size, axis[2])))
 
 
-def _dotted(path: str) -> str:
+def _component_path(path: str) -> str:
     return path.replace("/", ".")
 
 

@@ -12,10 +12,10 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.base.filesystem import beginning
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.source import line_of
 from thingc.driver.environment import Options
-from thingc.driver.up_to_date import packed, unpacked
+from thingc.driver.up_to_date import from_plain, to_plain
 from thingc.tools.cli import console
 from thingc.tools.importing.import_request import ENDINGS, ImportRequest
 
@@ -141,12 +141,12 @@ def _remark(path: str, source: ImportRequest, losses: int) -> str | None:
     words += [("--repair", f"inertia={source.repair}")] if source.repair else []
     options = [*(text for pair in words for text in pair), *([] if source.meshes else ["--no-meshes"])]
     command = shlex.join(["thingc", "import", path, *options, "--check"])
-    return f"{path}: {counted(losses, 'element')} not checked, listed by `{command}`"
+    return f"{path}: {format_count(losses, 'element')} not checked, listed by `{command}`"
 
 
 def check_confined(path: str, options: Options, source: ImportRequest, *, strict: bool, seconds: float) -> Result:
     """Check an untrusted robot file in a sandboxed process, without reading its meshes. A xacro file is not checked, because it is code."""
-    from thingc.tools.cli.sandboxed_check import confined
+    from thingc.tools.cli.sandboxed_check import run_confined
 
     if path.lower().endswith(".xacro"):
         report, message = Report(), "the file was not checked, because xacro evaluates Python expressions"
@@ -158,7 +158,7 @@ def check_confined(path: str, options: Options, source: ImportRequest, *, strict
 
     def work() -> object:
         diagnostics, remark = check_robot(path, options, replace(source, meshes=False), strict=strict)
-        return list(map(packed, diagnostics)), remark
+        return list(map(to_plain, diagnostics)), remark
 
-    answer = confined(work, seconds)
-    return ([replace(answer, path=path)], None) if isinstance(answer, Diagnostic) else (list(map(unpacked, answer[0])), answer[1])
+    answer = run_confined(work, seconds)
+    return ([replace(answer, path=path)], None) if isinstance(answer, Diagnostic) else (list(map(from_plain, answer[0])), answer[1])

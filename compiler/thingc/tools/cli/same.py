@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from msgspec import to_builtins
 
 from thingc.tools.cli import console, robot_files
-from thingc.tools.diff.arguments import asked
+from thingc.tools.diff.arguments import parse_sides
 from thingc.tools.diff.checkouts import BrokenSide, laid_out
 from thingc.tools.same.comparison import TOLERANCE, MechanismComparison, compare_mechanisms
 from thingc.tools.same.sides import mechanisms
@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc same`, and return the exit code: 0 if all compared robots are the same mechanism, otherwise 1."""
     options = console.options_of(arguments)
     results: list[tuple[str, MechanismComparison]] = []
-    wanted = asked(arguments.side, arguments.behind)
+    wanted = parse_sides(arguments.side, arguments.behind)
     names = (wanted.old.name, wanted.new.name)
     with ExitStack() as stack:
         for pair in laid_out(wanted, stack, code=options.code):

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from thingc.base.diagnostics import Code, Diagnostic
-from thingc.driver.up_to_date import packed, unpacked
+from thingc.driver.up_to_date import from_plain, to_plain
 from thingc.tools.cli import console
 
 MEMORY = 900_000_000
@@ -42,14 +42,14 @@ class SandboxRefusal(Exception):
     """
 
 
-def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -> Any | Diagnostic:
+def run_confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -> Any | Diagnostic:
     """Call the function `work` in a sandboxed child process, and return the result of the function as JSON values.
 
     The child process can use `seconds` of CPU time and `memory` bytes. If the child process ends early, the result is a diagnostic. On
     Windows, which has no `os.fork`, `work` runs in this process without limits.
     """
     if not hasattr(os, "fork"):
-        return _done(work)
+        return _run(work)
     sys.stdout.flush()
     sys.stderr.flush()
     reading, writing = os.pipe()
@@ -58,7 +58,7 @@ def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -
         os.close(reading)
         _in_child(work, seconds, memory, writing)
     os.close(writing)
-    data, in_time = _collected(reading, child, seconds * PATIENCE)
+    data, in_time = _collect(reading, child, seconds * PATIENCE)
     if not in_time:
         with contextlib.suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL)
@@ -66,16 +66,16 @@ def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -
     if not in_time or status != 0:
         return _costly(in_time, status, seconds, memory)
     kind, value = json.loads(data)
-    return unpacked(value) if kind == "failed" else value
+    return from_plain(value) if kind == "failed" else value
 
 
-def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
+def _collect(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
     """Read the output of the child process. Return the output, and whether the child finished.
 
     The second result is False if the child neither wrote output nor used CPU time for `patience` seconds.
     """
     pieces: list[bytes] = []
-    computed = _computed(child)
+    computed = _cpu_time(child)
     with os.fdopen(reading, "rb", buffering=0) as stream:
         while True:
             if select.select([stream], [], [], patience)[0]:
@@ -84,12 +84,12 @@ def _collected(reading: int, child: int, patience: float) -> tuple[bytes, bool]:
                     return b"".join(pieces), True
                 pieces.append(piece)
                 continue
-            before, computed = computed, _computed(child)
+            before, computed = computed, _cpu_time(child)
             if computed == before:
                 return b"", False
 
 
-def _computed(child: int) -> int:
+def _cpu_time(child: int) -> int:
     """Return the CPU time that a process has used, in clock ticks, or 0 if unknown."""
     try:
         with open(f"/proc/{child}/stat", "rb") as stream:
@@ -125,10 +125,10 @@ def _in_child(work: Callable[[], Any], seconds: float, memory: int, writing: int
     code = 1
     try:
         sys.dont_write_bytecode = True
-        _bound(seconds, memory)
+        _limit_resources(seconds, memory)
         sys.addaudithook(_refuse)
-        answer = _done(work)
-        data = json.dumps(["failed", packed(answer)] if isinstance(answer, Diagnostic) else ["done", answer]).encode()
+        answer = _run(work)
+        data = json.dumps(["failed", to_plain(answer)] if isinstance(answer, Diagnostic) else ["done", answer]).encode()
         view = memoryview(data)
         while view:
             view = view[os.write(writing, view):]
@@ -141,7 +141,7 @@ def _in_child(work: Callable[[], Any], seconds: float, memory: int, writing: int
         os._exit(code)
 
 
-def _done(work: Callable[[], Any]) -> Any | Diagnostic:
+def _run(work: Callable[[], Any]) -> Any | Diagnostic:
     try:
         return work()
     except MemoryError:
@@ -150,7 +150,7 @@ def _done(work: Callable[[], Any]) -> Any | Diagnostic:
         return console.of_exception(fault)
 
 
-def _bound(seconds: float, memory: int) -> None:
+def _limit_resources(seconds: float, memory: int) -> None:
     import resource
 
     with contextlib.suppress(OSError, ValueError), open("/proc/self/statm", "rb") as stream:

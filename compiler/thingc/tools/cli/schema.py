@@ -12,7 +12,7 @@ import sys
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report, shown_path
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.documents.load.discovery import is_document
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.driver.environment import Options, geometry_of
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     options = console.options_of(arguments)
     for workspace, only in _workspaces(arguments.place, report):
         _write(workspace, only, arguments.no_model, options)
-    return console.print_text(report.ordered(), stream=sys.stderr, debug=arguments.debug)
+    return console.print_text(report.sorted_diagnostics(), stream=sys.stderr, debug=arguments.debug)
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
@@ -88,7 +88,7 @@ def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options
     same = len(outcome.documents) - len(outcome.written) - len(outcome.kept)
     said = [f"{len(outcome.written)} written", f"{same} unchanged"]
     said += [f"{len(outcome.removed)} removed"] if outcome.removed else []
-    console.say(f"{folder}: schemas of {counted(len(outcome.documents), 'document')}: {', '.join(said)}")
+    console.say(f"{folder}: schemas of {format_count(len(outcome.documents), 'document')}: {', '.join(said)}")
     for name in outcome.kept:
         document = shown_path(os.path.join(workspace.root, name))
         console.say(f"{document}: the document or one of its parts has a syntax error; the previous schema is unchanged")

@@ -43,16 +43,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument(
-        "--of", metavar="RESULT,...", type=_listed, default=["mass", "centre"], help="results such as mass, centre.z (or com.z), inertia, "
+        "--of", metavar="RESULT,...", type=_split, default=["mass", "centre"], help="results such as mass, centre.z (or com.z), inertia, "
         "box, length.JOINT, torque_margin, site:MOUNT.z, tests.NAME or tests.* (default: mass,centre)",
     )
-    parser.add_argument("--by", metavar="NAME,...", type=_listed, default=[], help="parameters or paths (default: all numeric parameters)")
+    parser.add_argument("--by", metavar="NAME,...", type=_split, default=[], help="parameters or paths (default: all numeric parameters)")
     parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first)")
     console.add_format(parser)
     console.add_compiling(parser)
 
 
-def _listed(text: str) -> list[str]:
+def _split(text: str) -> list[str]:
     words = [word.strip() for word in text.split(",")]
     if not all(words):
         raise argparse.ArgumentTypeError(f"expected names separated by commas, found `{text}`")

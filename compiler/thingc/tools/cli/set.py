@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostic_output import OPTIONS
 from thingc.base.diagnostics import Diagnostic, shown_path
-from thingc.driver.edit_document import EditResult, named, write_values
+from thingc.driver.edit_document import EditResult, parameter_name, write_values
 from thingc.driver.environment import Options
 from thingc.tools.cli import console
 
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def settings(words: Sequence[str]) -> dict[str, str]:
     """Convert the arguments `PATH=VALUE` to a mapping from paths to values. Raises `WrongCommandLine` for an invalid argument."""
-    return console.paths(words, "PATH=VALUE", "'joints.elbow.limit.upper=90 deg'", "`{}` is set twice", named)
+    return console.paths(words, "PATH=VALUE", "'joints.elbow.limit.upper=90 deg'", "`{}` is set twice", parameter_name)
 
 
 def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
@@ -51,7 +51,7 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
     `given` maps paths or names of parameters to values as strings. `arguments` must have the attributes `format` and `debug`, and can have
     the attribute `strict`.
     """
-    typed = {named(path): f"{path}={text}" for path, text in given.items()}
+    typed = {parameter_name(path): f"{path}={text}" for path, text in given.items()}
     outcome = write_values(document, given, options, strict=getattr(arguments, "strict", False), dry=diff)
     return report_edit(replace(outcome, found=tuple(_as_typed(one, typed) for one in outcome.found)), arguments, diff=diff)
 

@@ -29,13 +29,13 @@ IMPORTING = "<frozen importlib._bootstrap>"
 """File name of stack frames in Python's import system."""
 
 
-def heed(*, ignored: bool = False) -> None:
+def install_handlers(*, ignored: bool = False) -> None:
     """Install a signal handler that raises `KeyboardInterrupt` on SIGINT and SIGTERM.
 
     If a signal arrives during an import, the exception is delayed. If the parent process ignores a signal, this process ignores it, too,
     unless `ignored` is true. Shells ignore SIGINT in background jobs.
     """
-    sys.unraisablehook = _dropped
+    sys.unraisablehook = _repeat_interrupt
     if ALARM is not None:
         signal.signal(ALARM, _interrupt)
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -67,7 +67,7 @@ def spare_the_child_of_glfw() -> None:
 
 
 @contextmanager
-def held() -> Iterator[None]:
+def delay_signals() -> Iterator[None]:
     """A context manager that delays Ctrl-C and SIGTERM until the exit of the context, for example to write several files completely."""
     global _held, _late
     _held = True
@@ -111,7 +111,7 @@ def _raise() -> NoReturn:
     raise KeyboardInterrupt
 
 
-def _dropped(dropped: UnraisableHookArgs) -> None:
+def _repeat_interrupt(dropped: UnraisableHookArgs) -> None:
     """The `sys.unraisablehook` of this process, which repeats interrupts that Python ignores, for example in callbacks of weak references.
     """
     if issubclass(dropped.exc_type, KeyboardInterrupt):

@@ -9,10 +9,10 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Diagnostic, Severity, Stage, UserError, shown_path
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, attempted
+from thingc.driver.environment import Environment, with_environment
 from thingc.driver.pipeline import UnknownChoice
 from thingc.tools.cli import console
 
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     name = "thingc"
     try:
         console.require_document(arguments.document)
-        diagnostics, name = attempted(arguments.document, console.options_of(arguments), partial(_run, arguments, results))
+        diagnostics, name = with_environment(arguments.document, console.options_of(arguments), partial(_run, arguments, results))
     except UserError as fault:
         diagnostics = [fault.diagnostic]
     _tell(arguments, name, results, diagnostics)
@@ -127,7 +127,7 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], d
     console.print_text(diagnostics, stream=sys.stdout, debug=arguments.debug)
     passed = sum(1 for result in results if result.passed)
     if results:
-        console.say(f"{counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
+        console.say(f"{format_count(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
     elif not console.exit_code(list(diagnostics)):
         chosen = " in the selected modes" if arguments.mode else ""
         console.say(f"{shown_path(arguments.document)}: no tests{chosen}")

@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise console.WrongCommandLine("-0 cannot be combined with --format json", "use only one of the two options")
     paths: Sequence[str]
     if arguments.robot_files:
-        paths = changed_robots(_changed(arguments.files, arguments.since))
+        paths = changed_robots(_changed_paths(arguments.files, arguments.since))
     else:
         paths = documents(arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store)
     shown = [shown_path(path) for path in paths]
@@ -64,14 +64,14 @@ def documents(
     Raises `WrongCommandLine` if neither files nor a revision are given, if an argument is a folder, or if git fails.
     """
     from thingc.driver.environment import Options, store_of
-    from thingc.tools.affected.dependents import touched
+    from thingc.tools.affected.dependents import affected_documents
 
-    changed = _changed(files, since) if files or since is not None or not everything else []
-    affected = touched(None if everything else changed, os.getcwd(), store_of(Options(store=store)))
+    changed = _changed_paths(files, since) if files or since is not None or not everything else []
+    affected = affected_documents(None if everything else changed, os.getcwd(), store_of(Options(store=store)))
     return affected.roots if roots else affected.documents
 
 
-def _changed(files: Sequence[str], since: str | None) -> list[str]:
+def _changed_paths(files: Sequence[str], since: str | None) -> list[str]:
     """Return the absolute paths of `files`, and of the files changed since a git revision. Raises `WrongCommandLine`."""
     from thingc.tools.affected.dependents import NotARepository, changed_since
 

@@ -21,7 +21,7 @@ from thingc.documents.load.discovery import documents_near, is_document
 from thingc.documents.workspace import Workspace
 from thingc.driver import pipeline
 from thingc.driver.build_document import BuildRequest
-from thingc.driver.environment import Environment, Options, attempted
+from thingc.driver.environment import Environment, Options, with_environment
 from thingc.geometry.store.local import cache_root
 from thingc.targets.artifact import MANIFEST
 from thingc.targets.html.emit import Page, page_of
@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
         console.require_document(arguments.against)
         beside = not os.path.samefile(arguments.against, arguments.document)
         if not beside:
-            before, diagnostics = attempted(arguments.against, plain, _page)
+            before, diagnostics = with_environment(arguments.against, plain, _page)
             if before is None:
                 return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
     wish = BuildRequest(targets=(), modes=arguments.mode, strict=arguments.strict)
@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     def hear(made: Rebuild) -> None:
         with turn:
-            made, page, diagnostics = _shown(live, made)
+            made, page, diagnostics = _show_rebuild(live, made)
         server.tell(page, made.seconds, diagnostics, kernel=made.kernel)
         lines.say(made)
         if made.number == 1 and not hopeless(made):
@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
         return until_interrupted(live, hear)
 
 
-def _shown(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
+def _show_rebuild(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
     """Return the result of a rebuild, the page that shows the robot (None after errors), and the diagnostics for the page."""
     environment = live.environment
     assert environment is not None
@@ -145,7 +145,7 @@ def _overlay(arguments: argparse.Namespace, options: Options, turn: threading.Lo
             if stop.is_set():
                 return
             with turn:
-                made, page, diagnostics = _shown(live, made)
+                made, page, diagnostics = _show_rebuild(live, made)
             server.tell_against(page, diagnostics)
             lines.say(made)
 

@@ -31,10 +31,10 @@ def view_robot_file(arguments: argparse.Namespace, options: Options, server: Ser
     """Serve the page of a robot file until Ctrl-C. Return the exit code, which is 2 if the file cannot be opened."""
     source, path = robot_files.import_request(arguments), arguments.document
     watched = FileWatcher([path], content=state_of)
-    signals.heed(ignored=True)
+    signals.install_handlers(ignored=True)
     first = True
     with server, suppress(KeyboardInterrupt):
-        for saved in looks(watched.changed, threading.Event(), PAUSE):
+        for saved in looks(watched.take_changes, threading.Event(), PAUSE):
             if not (saved or first):
                 continue
             time.sleep(0.0 if first else QUIET)
@@ -74,12 +74,12 @@ def _page(
 def _with_places(page: Page, document: ImportedDocument, root: Document, workspace: Workspace | None) -> Page:
     """Replace the locations in the data of a page by locations in the source file."""
 
-    def located(value: Any) -> Any:
+    def locate(value: Any) -> Any:
         if isinstance(value, list):
-            return [located(one) for one in value]
+            return [locate(one) for one in value]
         if not isinstance(value, dict):
             return value
-        found = {key: located(one) for key, one in value.items()}
+        found = {key: locate(one) for key, one in value.items()}
         if found.get("file") == root.relative and isinstance(found.get("line"), int):
             line = found["line"]
             column = len(text := root.line(line)) - len(text.lstrip()) + 1
@@ -88,4 +88,4 @@ def _with_places(page: Page, document: ImportedDocument, root: Document, workspa
                 found |= {"file": workspace.relative(where.file), "line": where.line}
         return found
 
-    return Page(name=page.name, data=in_script(located(json.loads(page.data))), glb=page.glb)
+    return Page(name=page.name, data=in_script(locate(json.loads(page.data))), glb=page.glb)

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostic_output import as_json
 from thingc.base.diagnostics import Diagnostic, shown_path
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.safe_text import json_text
 from thingc.driver import pipeline
 from thingc.driver.build_document import BuildRequest
@@ -69,7 +69,7 @@ def live_of(arguments: argparse.Namespace) -> RebuildLoop:
 
 def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int:
     """Run rebuilds until Ctrl-C or SIGTERM, and then stop the worker processes. Return the exit code."""
-    signals.heed(ignored=True)
+    signals.install_handlers(ignored=True)
     with contextlib.suppress(KeyboardInterrupt), live:
         for made in live.rounds(threading.Event()):
             hear(made)
@@ -126,9 +126,9 @@ class Lines:
             console.print_text(made.diagnostics, stream=sys.stderr, debug=self._arguments.debug)
         self._said = made.diagnostics
         if made.number > 1:
-            saved = _enumerated([shown_path(path) for path in made.saved])
+            saved = _enumerate([shown_path(path) for path in made.saved])
             outcome = _outcome(made) if self._built or not made.good else f"built in {made.seconds:.2f} s"
-            stand = f"; {counted(len(made.diagnostics), 'warning')} unchanged" if known and made.diagnostics else ""
+            stand = f"; {format_count(len(made.diagnostics), 'warning')} unchanged" if known and made.diagnostics else ""
             of = f"{self._of}, " if self._of is not None else ""
             console.say(f"{time.strftime('%H:%M:%S')} {saved}: {of}{outcome}{stand}", stream=sys.stderr)
         if made.built is not None and made.folder is not None and not self._built:
@@ -144,12 +144,12 @@ def _outcome(made: Rebuild) -> str:
         return f"not built ({made.seconds:.2f} s); {'the last successful build remains' if made.kept else 'no successful build yet'}"
     modelled = sorted(made.modelled.values())
     said = ["errors fixed"] if made.recovered else []
-    said += [f"modelled {_enumerated(modelled)}"] if modelled else []
+    said += [f"modelled {_enumerate(modelled)}"] if modelled else []
     if made.folder is not None:
-        changed = f"{counted(len(made.changed), 'file')} changed ({_enumerated(made.changed)})"
+        changed = f"{format_count(len(made.changed), 'file')} changed ({_enumerate(made.changed)})"
         said.append(changed if made.changed else "no file changed")
     return f"{'; '.join(said) or 'compiled'} in {made.seconds:.2f} s"
 
 
-def _enumerated(names: Sequence[str]) -> str:
+def _enumerate(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= 3 else f"{', '.join(names[:2])} and {len(names) - 2} more"

@@ -11,7 +11,7 @@ from functools import partial
 from thingc.base.diagnostics import Diagnostic, shown_path
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, attempted
+from thingc.driver.environment import Environment, with_environment
 from thingc.driver.pipeline import Compilation
 from thingc.targets.artifact import Loss
 from thingc.tools.cli import console
@@ -43,11 +43,11 @@ def run(arguments: argparse.Namespace) -> int:
         help = "write, for example, `thingc why assemblies/arm.yaml hand/cap`"
         raise console.WrongCommandLine("missing: OCCURRENCE, or --losses", help)
     console.require_document(arguments.document)
-    diagnostics = attempted(arguments.document, console.options_of(arguments), partial(_answered, arguments))
+    diagnostics = with_environment(arguments.document, console.options_of(arguments), partial(_answer, arguments))
     return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
 
 
-def _answered(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
+def _answer(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
     """Print why a part was built or reused, or print the export losses of targets. Return the diagnostics."""
     compilation = pipeline.compile(environment)
     diagnostics = console.final(compilation.report, strict=arguments.strict)

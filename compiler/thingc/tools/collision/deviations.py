@@ -78,27 +78,27 @@ def farthest(solid: Any, other: Any) -> float:
     outside = solid - other
     if outside.is_empty():
         return 0.0
-    points, _ = _sampled(outside)
-    samples, triangles = _sampled(other)
+    points, _ = _sample_surface(outside)
+    samples, triangles = _sample_surface(other)
     tree = cKDTree(samples)
 
-    def apart(points: NDArray[Any], neighbours: int) -> NDArray[Any]:
+    def point_distances(points: NDArray[Any], neighbours: int) -> NDArray[Any]:
         nearest = triangles[tree.query(points, k=min(neighbours, len(samples)))[1]]
         asked = np.repeat(points, nearest.shape[1], axis=0)
         there = trimesh.triangles.closest_point(nearest.reshape(-1, 3, 3), asked)  # type: ignore[no-untyped-call]
         return np.asarray(np.linalg.norm(there - asked, axis=1).reshape(-1, nearest.shape[1]).min(axis=1))
 
-    upper, largest = apart(points, FEW), 0.0
+    upper, largest = point_distances(points, FEW), 0.0
     order = np.argsort(-upper, kind="stable")
     for start in range(0, len(order), AGAIN):  # the distance to few triangles can be too large
         some = order[start : start + AGAIN]
         if upper[some[0]] <= largest:
             break
-        largest = max(largest, float(apart(points[some], MANY).max()))
+        largest = max(largest, float(point_distances(points[some], MANY).max()))
     return largest
 
 
-def _sampled(solid: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+def _sample_surface(solid: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return points (n, 3) on the surface of a solid, and the triangle (n, 3, 3) that contains each point."""
     import numpy as np
     import trimesh

@@ -48,7 +48,7 @@ class ComparisonRequest(FrozenStruct):
     documents: tuple[str, ...] = ()
 
 
-def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
+def parse_sides(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
     """Parse the arguments of `thingc diff` or `thingc same`, and return the two sides and the documents to compare.
 
     `documents` are the command-line arguments after `--`. Raises `UnknownComparison` and `NotARepository`.
@@ -62,15 +62,15 @@ def asked(words: Sequence[str], documents: Sequence[str]) -> ComparisonRequest:
     if len(sides) > 2:
         raise UnknownComparison(f"expected two states, found `{' '.join(words)}`", "write `OLD..NEW`, or two arguments")
     if len(sides) == 1 and sides[0].kind in _FILES and not documents:
-        return _asked([_revision("HEAD"), sides[0]], ())
+        return _parse_sides([_revision("HEAD"), sides[0]], ())
     if len(sides) == 1:
         if sides[0].kind != "revision":
             raise UnknownComparison(f"`{words[0]}` is only one state: expected two states", "write two states, the old state first")
         sides.append(Side(kind="checkout", name=CHECKOUT))
-    return _asked(sides, documents)
+    return _parse_sides(sides, documents)
 
 
-def _asked(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest:
+def _parse_sides(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest:
     old, new = sides
     kinds = {old.kind, new.kind}
     if documents and not kinds <= {"revision", "checkout"}:

@@ -100,7 +100,7 @@ def snapshot_of_lock(path: str) -> Snapshot:
     report = Report()
     lock = read_lock_file(path, report)
     if lock is None:
-        raise UnreadableSide(f"`{path}` cannot be read", tuple(report.ordered()))
+        raise UnreadableSide(f"`{path}` cannot be read", tuple(report.sorted_diagnostics()))
     things: dict[str, SnapshotElement] = {}
     occurrences: dict[str, OccurrenceSnapshot] = {}
     for reference in sorted(lock.things):
@@ -111,10 +111,10 @@ def snapshot_of_lock(path: str) -> Snapshot:
                 f"params.{one.name}": one.default, f"params.{one.name}.min": one.minimum, f"params.{one.name}.max": one.maximum,
                 f"params.{one.name}.kind": one.kind,
             }
-        things[reference] = _stated(reference, facts, path)
+        things[reference] = _read_element(reference, facts, path)
         for record in lock.relatives(reference):
             own = facts if record.text == reference else {}
-            things[record.text] = _stated(record.text, {**own, **_said(record)}, path)
+            things[record.text] = _read_element(record.text, {**own, **_properties_of(record)}, path)
             occurrences[record.text] = _of_record(record)
     return Snapshot(
         name=os.path.basename(path), nodes=tuple(_node(text, text) for text in things),
@@ -122,14 +122,14 @@ def snapshot_of_lock(path: str) -> Snapshot:
     )
 
 
-def _stated(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement:
+def _read_element(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement:
     span = line_of(file)
     return SnapshotElement(
         what="component", path=text, facts={key: Fact(value=value) for key, value in facts.items()}, label=text, span=span
     )
 
 
-def _said(record: PartRecord) -> dict[str, Value]:
+def _properties_of(record: PartRecord) -> dict[str, Value]:
     """Return the properties of a part in a lock file, such as the material. The result does not include the shape."""
     said: dict[str, Value] = {"material": record.material, "color": record.color}
     for key, stated in (("mass", record.mass), ("com", record.com), ("density", record.density)):

@@ -11,7 +11,7 @@ from msgspec import convert, to_builtins
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Severity
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.source import Document
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
@@ -30,7 +30,7 @@ class BrokenDocument(Exception):
     """Raised if a document cannot be compiled. `diagnostics` contains its errors."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
-        super().__init__(counted(len(diagnostics), "error"))
+        super().__init__(format_count(len(diagnostics), "error"))
         self.diagnostics = tuple(diagnostics)
 
 
@@ -43,7 +43,7 @@ class Subject:
     def __init__(self, document: str, options: Options) -> None:
         self._environment = Environment(document, options)
         self._compilation: Compilation = pipeline.compile(self._environment)
-        errors = [d for d in self._compilation.report.ordered() if d.severity is Severity.ERROR]
+        errors = [d for d in self._compilation.report.sorted_diagnostics() if d.severity is Severity.ERROR]
         if errors or self._compilation.assembly is None:
             self._environment.__exit__()
             raise BrokenDocument(errors)
@@ -72,7 +72,7 @@ class Subject:
         assert self._compilation.assembly is not None
         return self._compilation.assembly
 
-    def tested(self) -> Snapshot:
+    def snapshot_with_tests(self) -> Snapshot:
         """Run the tests in the document, and return the snapshot of the robot with the test results. The test results are cached."""
         key = self._key()
         earlier = self.store.get_json("diff-tests", key)

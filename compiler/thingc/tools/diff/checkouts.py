@@ -16,7 +16,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
-from thingc.tools.affected.dependents import changed_paths, touched
+from thingc.tools.affected.dependents import affected_documents, changed_paths
 from thingc.tools.diff.arguments import ComparisonRequest, SideKind, UnknownComparison
 from thingc.tools.diff.build_folder_snapshot import UnreadableSide, outline, snapshot_of_build, snapshot_of_lock
 from thingc.tools.diff.cached_snapshots import BrokenDocument, Subject
@@ -96,14 +96,14 @@ def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[
                 message = f"there is no document `{document}` in {asked.old.name} or {asked.new.name}"
                 raise UnknownComparison(message, did_you_mean(path, known, what="documents") if known else "use a document")
     else:
-        paths = _concerned(repository, asked, states, here)
+        paths = _affected_documents(repository, asked, states, here)
     for state in states:
         if state is not None:
             state.lay_out(paths)
     return [
         DocumentPair(
             name=os.path.relpath(os.path.join(repository.top, path)),
-            old=_laid(repository, states[0], path), new=_laid(repository, states[1], path),
+            old=_check_out(repository, states[0], path), new=_check_out(repository, states[1], path),
         )
         for path in paths
     ]
@@ -113,14 +113,14 @@ def _has(repository: Repository, state: Revision | None, path: str) -> bool:
     return os.path.isfile(os.path.join(repository.top, path)) if state is None else state.has(path)
 
 
-def _laid(repository: Repository, state: Revision | None, path: str) -> Checkout | None:
+def _check_out(repository: Repository, state: Revision | None, path: str) -> Checkout | None:
     if not _has(repository, state, path):
         return None
     kind: SideKind = "model" if path.lower().endswith(ENDINGS) else "document"
     return Checkout(path=os.path.join(repository.top, path) if state is None else state.file(path), revision=state, kind=kind)
 
 
-def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequence[Revision | None], here: str) -> list[str]:
+def _affected_documents(repository: Repository, asked: ComparisonRequest, states: Sequence[Revision | None], here: str) -> list[str]:
     """Return the documents below the working folder that depend on a changed file. Nested documents without modes are omitted."""
     changed = changed_paths(here, asked.old.place, *filter(None, [asked.new.place]), trusted=repository.trusted)
     if not changed:
@@ -133,13 +133,13 @@ def _concerned(repository: Repository, asked: ComparisonRequest, states: Sequenc
             state.lay_out(state.documents(folder or "."))
         below = os.path.join(top, *folder.split("/")) if folder else top
         if os.path.isdir(below):
-            roots = touched([os.path.join(top, path) for path in changed], below, None).roots
+            roots = affected_documents([os.path.join(top, path) for path in changed], below, None).roots
             inside = (os.path.relpath(os.path.realpath(path), os.path.realpath(top)) for path in roots)
             documents |= dict.fromkeys(path.replace(os.sep, "/") for path in inside)
     return sorted(documents)
 
 
-def compared(
+def compare_versions(
     both: DocumentPair, options: Options, source: ImportRequest, *, tests: bool, names: tuple[str, str], draw: bool = False,
 ) -> Comparison | BrokenSide:
     """Compare the old and the new version of a document. If one side cannot be compiled, return the errors of this side.
@@ -164,7 +164,7 @@ def compared(
             except BrokenDocument as broken:
                 return broken_side(laid, name, broken)
         old, new = sides
-        answer = _compared(old, new, options, tests=tests)
+        answer = _compare_robots(old, new, options, tests=tests)
         if answer.changes and isinstance(old, Subject) and isinstance(new, Subject):
             answer = replace(answer, mechanism=_same_mechanism(old, new))
             if draw and options.code:
@@ -174,7 +174,7 @@ def compared(
         return replace(answer, changes=tuple(_with_home(change, homes[::-1]) for change in answer.changes))
 
 
-def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
+def _compare_robots(old: Subject | Snapshot, new: Subject | Snapshot, options: Options, *, tests: bool) -> Comparison:
     """Compare two versions of a robot.
 
     If one version is a build folder or a lock file, compare only the information that both versions contain.
@@ -186,7 +186,7 @@ def _compared(old: Subject | Snapshot, new: Subject | Snapshot, options: Options
         return compare(old.snapshot, new.snapshot)
     farthest = SurfaceDistances(new.store).farthest
     comparison = compare(old.snapshot, new.snapshot, farthest)
-    return compare(old.tested(), new.tested(), farthest) if tests and comparison.changes else comparison
+    return compare(old.snapshot_with_tests(), new.snapshot_with_tests(), farthest) if tests and comparison.changes else comparison
 
 
 def _same_mechanism(old: Subject, new: Subject) -> str:
@@ -236,7 +236,7 @@ def _robot_file(laid: Checkout, options: Options, source: ImportRequest, stack: 
     report = Report()
     document = stack.enter_context(imported_document(laid.path, options, report, source))
     if document is None:
-        raise BrokenDocument([one for one in report.ordered() if one.severity is Severity.ERROR])
+        raise BrokenDocument([one for one in report.sorted_diagnostics() if one.severity is Severity.ERROR])
     robot = stack.enter_context(Subject(document.path, document.options))
     return robot, partial(document.source_span, root=robot.document)
 
@@ -260,7 +260,7 @@ def broken_side(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide
     """
     texts: dict[str, str] = {}
 
-    def named(span: Span | None) -> Span | None:
+    def name_span(span: Span | None) -> Span | None:
         if span is None or laid.revision is None or laid.home(span.file) == span.file:
             return span
         called = f"{name}:{os.path.relpath(span.file, laid.revision.root)}"
@@ -270,7 +270,7 @@ def broken_side(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide
         return replace(span, file=called)
 
     diagnostics = tuple(
-        replace(d, span=named(d.span), notes=tuple(replace(note, span=named(note.span)) for note in d.notes), fixes=())
+        replace(d, span=name_span(d.span), notes=tuple(replace(note, span=name_span(note.span)) for note in d.notes), fixes=())
         for d in broken.diagnostics
     )
     return BrokenSide(name=name, diagnostics=diagnostics, texts=texts)

@@ -71,7 +71,7 @@ class _Following:
 
     # --- parts -------------------------------------------------------------------------------------------------------
 
-    def _made(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> dict[str, None]:
+    def _definition_changes(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> dict[str, None]:
         """Return the changes in the definition or the parameters of a part that may have changed the shape of the part.
 
         If only the code of the part changed, the result is empty.
@@ -84,18 +84,18 @@ class _Following:
         if one == other or one is None and other is None:
             return
         paths = (old.path, new.path)
-        because, span = self._made(old, new), _code_location(other)
+        because, span = self._definition_changes(old, new), _code_location(other)
         if one is None or other is None:
             volume, now = (None if shape is None else shape.volume for shape in (one, other))
             self._add("geometry", paths, ("volume", volume, now), because, span)
             return
         assert one.box is not None and other.box is not None
-        alike = _near(one.inertia, other.inertia) and _near(one.centre, other.centre, _size(one.box))
+        alike = _nearly_equal(one.inertia, other.inertia) and _nearly_equal(one.centre, other.centre, _size(one.box))
         fields: list[Difference] = []
         for field, size, now in (("volume", one.volume, other.volume), ("area", one.area, other.area)):
-            if not _near(size, now):
+            if not _nearly_equal(size, now):
                 fields.append((field, size, now))
-        if not _near(one.box, other.box, _size(one.box)):
+        if not _nearly_equal(one.box, other.box, _size(one.box)):
             fields.append(("box", one.box, other.box))
         if not fields and not alike:
             fields.append(("centre", one.centre, other.centre))
@@ -114,16 +114,16 @@ class _Following:
             if before is not None and after is not None and _same_pose(before, after):
                 continue
             if because is None:
-                because = self._made(old, new) or self.changes.causes("geometry", paths)
+                because = self._definition_changes(old, new) or self.changes.causes("geometry", paths)
             how: How = "added" if before is None else "removed" if after is None else "moved"
-            difference = ("pose", _told(before), _told(after))
+            difference = ("pose", _format_pose(before), _format_pose(after))
             self._add("mount", (f"{old.path}/{name}", f"{new.path}/{name}"), difference, because, _code_location(new.shape), how)
 
     def _mass(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
         fields: list[Difference] = []
         if old.properties is not None and new.properties is not None:
             fields += _masses(old.properties, new.properties, "")
-        elif not _near(old.mass, new.mass):
+        elif not _nearly_equal(old.mass, new.mass):
             fields.append(("mass", old.mass, new.mass))
         if old.source != new.source:
             fields.append(("mass_source", old.source, new.source))
@@ -132,7 +132,8 @@ class _Following:
         paths = (old.path, new.path)
         materials = [one.material for one in (old, new) if one.material is not None]
         because = {
-            **self._made(old, new), **self.changes.causes("component", paths, WEIGHED), **self.changes.causes("geometry", paths),
+            **self._definition_changes(old, new), **self.changes.causes("component", paths, WEIGHED),
+            **self.changes.causes("geometry", paths),
             **self.changes.causes("material", materials, ("density", "process.")),
         }
         for difference in fields:
@@ -218,10 +219,10 @@ class _Following:
             because: dict[str, None] | None = None
             for difference in _masses(one.properties, other.properties, "link."):
                 if because is None:
-                    because = self._weighed([*one.members, *other.members]) or self.changes.structure()
+                    because = self._mass_changes([*one.members, *other.members]) or self.changes.structure()
                 self._add("mass", (one.name, other.name), difference, because)
 
-    def _weighed(self, paths: Sequence[str]) -> dict[str, None]:
+    def _mass_changes(self, paths: Sequence[str]) -> dict[str, None]:
         causes = self.changes.causes("mass", paths)
         causes |= self.changes.causes("component", [above for path in paths for above in above_of(path)], ("place", "turn", *MADE))
         return causes
@@ -231,11 +232,11 @@ class _Following:
             return
         fields = list(_masses(self.old.whole, self.new.whole, "robot."))
         if fields:
-            because = self._weighed([*self.old.occurrences, *self.new.occurrences]) or self.changes.structure()
+            because = self._mass_changes([*self.old.occurrences, *self.new.occurrences]) or self.changes.structure()
             for difference in fields:
                 self._add("mass", ("", ""), difference, because)
         one, other = _reach(self.old), _reach(self.new)
-        if not _near(one, other):
+        if not _nearly_equal(one, other):
             moved = self.changes.causes("mount", [f"{path}/{name}" for path, one in self.new.occurrences.items() for name in one.mounts])
             moved |= self.changes.causes("component", [*self.old.occurrences, *self.new.occurrences], ("place", "turn"))
             self._add("geometry", ("", ""), ("robot.reach", one, other), moved or self.changes.structure())
@@ -264,10 +265,10 @@ class _Following:
         causes: dict[str, None] = {}
         for definition in {**olds, **news}:
             ones, others = olds.get(definition, []), news.get(definition, [])
-            for one, other in _paired(ones, others, lambda path: self.pairing.path("component", path)):
+            for one, other in _pair_rows(ones, others, lambda path: self.pairing.path("component", path)):
                 members = [*(one.members if one else ()), *(other.members if other else ())]
                 if one is None or other is None:
-                    because = self._listed(members)
+                    because = self._row_changes(members)
                     causes |= because
                     row = one or other
                     assert row is not None
@@ -279,7 +280,7 @@ class _Following:
                 for field in ("quantity", "make", "material"):
                     before, after = getattr(one, field), getattr(other, field)
                     if before != after:
-                        because = self._listed(members)
+                        because = self._row_changes(members)
                         causes |= because
                         self._add("bom", (definition, definition), (field, before, after), because)
                 if one.number != other.number:
@@ -289,7 +290,7 @@ class _Following:
             self._add("bom", (definition, definition), ("number", one.number, other.number), because)
         self._prints()
 
-    def _listed(self, members: Sequence[str]) -> dict[str, None]:
+    def _row_changes(self, members: Sequence[str]) -> dict[str, None]:
         """Return the user's changes that explain the changes in a row of the bill of materials.
 
         `members` are the paths of the parts that the row counts.
@@ -320,19 +321,19 @@ class _Following:
                 row = before or after
                 assert row is not None
                 self.changes.add(Change(
-                    what="file", change="removed" if after is None else "added", path=path, because=tuple(self._listed(row.members)),
+                    what="file", change="removed" if after is None else "added", path=path, because=tuple(self._row_changes(row.members)),
                 ))
                 continue
             # an equal definition with another shape means that the code of the part has changed
             because = self.changes.causes("geometry", [*before.members, *after.members])
-            if because and self._reshaped(before, after):
+            if because and self._is_reshaped(before, after):
                 self.changes.add(Change(what="file", change="changed", path=path, because=tuple(because)))
 
-    def _reshaped(self, old: Row, new: Row) -> bool:
+    def _is_reshaped(self, old: Row, new: Row) -> bool:
         one, other = (side.occurrences[row.members[0]].shape for side, row in ((self.old, old), (self.new, new)))
         return one is not None and other is not None and one.box is not None and not (
-            _near(one.volume, other.volume) and _near(one.area, other.area) and _near(one.inertia, other.inertia)
-            and _near(one.box, other.box, _size(one.box))
+            _nearly_equal(one.volume, other.volume) and _nearly_equal(one.area, other.area) and _nearly_equal(one.inertia, other.inertia)
+            and _nearly_equal(one.box, other.box, _size(one.box))
         )
 
     def _outcomes(self) -> None:
@@ -357,19 +358,19 @@ class _Following:
                 self._add("test", paths, (f"passed{at}", old.passed, new.passed), because)
             for name in {**old.measured, **new.measured}:
                 before, after = old.measured.get(name), new.measured.get(name)
-                if before is None or after is None or not _near(before, after, 1e-2):  # ignores changes below about a nanometre
+                if before is None or after is None or not _nearly_equal(before, after, 1e-2):  # ignores changes below about a nanometre
                     self._add("test", paths, (f"measured.{name}{at}", before, after), because)
 
 
 def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
     """Return the differences between the mass properties of the old and the new body. If one body is massless, compare only the masses."""
     told: list[tuple[str, DisplayValue, DisplayValue]] = []
-    if not _near(old.mass, new.mass):
+    if not _nearly_equal(old.mass, new.mass):
         told.append((f"{prefix}mass", old.mass, new.mass))
     if old.mass or new.mass:
         if not all(abs(a - b) < 1e-9 for a, b in zip(old.centre, new.centre, strict=True)):
             told.append((f"{prefix}centre", old.centre, new.centre))
-        if not _near(old.inertia, new.inertia):
+        if not _nearly_equal(old.inertia, new.inertia):
             told.append((f"{prefix}inertia", old.inertia, new.inertia))
     return told
 
@@ -386,11 +387,11 @@ def _reach(robot: Snapshot) -> float:
     )
 
 
-def _near(old: DisplayValue, new: DisplayValue, scale: float = 0.0) -> bool:
+def _nearly_equal(old: DisplayValue, new: DisplayValue, scale: float = 0.0) -> bool:
     """Return whether two values are equal within the numerical precision of the volume integrals that computed them."""
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, largest(old), largest(new))
-        return len(old) == len(new) and all(_near(one, other, scale) for one, other in zip(old, new, strict=True))
+        return len(old) == len(new) and all(_nearly_equal(one, other, scale) for one, other in zip(old, new, strict=True))
     if isinstance(old, (int, float)) and isinstance(new, (int, float)):
         return abs(old - new) <= SHAPES * max(abs(old), abs(new), scale) or abs(old - new) < 1e-18
     return equal(old, new)
@@ -413,7 +414,7 @@ def _same(old: Sequence[float], new: Sequence[float]) -> bool:
     return all(abs(a - b) < 1e-9 for a, b in zip(old, new, strict=True))
 
 
-def _told(pose: Pose | None) -> DisplayValue:
+def _format_pose(pose: Pose | None) -> DisplayValue:
     return None if pose is None else (tuple(pose.translation), tuple(rpy_of(pose.rotation)))
 
 
@@ -424,7 +425,7 @@ def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
     return grouped
 
 
-def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:
+def _pair_rows(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:
     """Match rows of the old and the new bill of materials that have the same part definition.
 
     Rows that have a part in common are matched first. The remaining rows are matched in order.

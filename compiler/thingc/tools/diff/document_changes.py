@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from thingc.base.joints.kinds import KINDS
 from thingc.base.units import Dimension, Quantity, UnitError, parse_quantity
 from thingc.tools.diff.name_mapping import NameMapping, Pair
-from thingc.tools.diff.snapshot import PERHAPS, Change, Fact, How, Named, Snapshot, SnapshotElement, Value, What, told
+from thingc.tools.diff.snapshot import PERHAPS, Change, Fact, How, Named, Snapshot, SnapshotElement, Value, What, display_value
 from thingc.tools.diff.source_locations import names_in
 
 POSITIONS = frozenset({"limit.lower", "limit.upper", "limit.cone", "offset"})
@@ -15,9 +15,9 @@ LONGEST = 40
 """Maximum number of characters of a value that is displayed as in the document."""
 
 
-def worded(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Snapshot, Snapshot]) -> tuple[str, str] | None:
+def format_values(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Snapshot, Snapshot]) -> tuple[str, str] | None:
     """Format the old and the new value of a property with units. Return None if the physical dimension of the property is unknown."""
-    words = tuple(_said(fact) for fact in (old, new))
+    words = tuple(_format_fact(fact) for fact in (old, new))
     if words[0] is not None and words[1] is not None:
         return (words[0], words[1])
     dimensions = [_dimension(thing, key, robot) for thing, robot in zip((pair.old, pair.new), robots, strict=True)]
@@ -27,7 +27,7 @@ def worded(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tup
     return (_number(values[0], dimensions[0]), _number(values[1], dimensions[0]))
 
 
-def _said(fact: Fact | None) -> str | None:
+def _format_fact(fact: Fact | None) -> str | None:
     if fact is None:
         return None
     if fact.words is not None:
@@ -148,7 +148,7 @@ class StatedChanges:
                 self._alone(thing, how)
         for pair in pairing.pairs:
             if pair.new_path is not None:
-                self._renamed(pair)
+                self._add_rename(pair)
         for thing, how in alone:
             if thing.what != "component":
                 self._alone(thing, how)
@@ -163,13 +163,15 @@ class StatedChanges:
             return
         owner = thing.path.rpartition("/")[0] if thing.what == "component" else thing.of if inner else ""
         because = tuple(self.changes.causes("component", [owner])) if owner else ()
-        label = thing.label if thing.label is not None else told(next(iter(thing.facts.values())).value) if len(thing.facts) == 1 else None
+        label = thing.label if thing.label is not None else display_value(
+            next(iter(thing.facts.values())).value,
+        ) if len(thing.facts) == 1 else None
         self.changes.add(Change(
             what=thing.what, change=how, path=thing.path, old=label if how == "removed" else None, new=label if how == "added" else None,
             because=because, span=thing.span,
         ))
 
-    def _renamed(self, pair: Pair) -> None:
+    def _add_rename(self, pair: Pair) -> None:
         """Add a change for an element that was renamed.
 
         If an assembly was renamed, the new paths of its elements are consequences of this change.
@@ -196,7 +198,7 @@ class StatedChanges:
         changed = [(key, before, after) for key, before, after in pairing.facts(old, new) if not pairing.same(before, after)]
         made = {key for key, _, _ in changed if key in _MADE_OF}
         # add changed texts first, because they may cause other changes
-        changed.sort(key=lambda one: _written(old.facts.get(pairing.old_fact(old, one[0]))) == _written(new.facts.get(one[0])))
+        changed.sort(key=lambda one: _source_of(old.facts.get(pairing.old_fact(old, one[0]))) == _source_of(new.facts.get(one[0])))
         for key, before, after in changed:
             if made and key.startswith("params."):
                 continue  # the parameters are now parameters of another part class
@@ -206,8 +208,9 @@ class StatedChanges:
             else:
                 because = self._because(pair, key, earlier, later, made)
             self.changes.add(Change(
-                what=_what(new, key), change="changed", path=old.path, new_path=pair.new_path, field=key, old=told(before), new=told(after),
-                because=because, words=worded(pair, key, earlier, later, (pairing.old, pairing.new)), span=later and later.span or new.span,
+                what=_what(new, key), change="changed", path=old.path, new_path=pair.new_path, field=key, old=display_value(before),
+                new=display_value(after), because=because, words=format_values(pair, key, earlier, later, (pairing.old, pairing.new)),
+                span=later and later.span or new.span,
             ))
 
     def _unknown(self, joint: str) -> bool:
@@ -221,19 +224,19 @@ class StatedChanges:
         does not contain the property, the causes are changes of the component or of the drive.
         """
         before, after = (fact.value if fact is not None else None for fact in (old, new))
-        if new is not None and new.written is not None and _written(old) == new.written:
-            return self._meant(new) or self._alive(before, after) or tuple(self.changes.structure())
-        if _written(old) is None and _written(new) is None:
+        if new is not None and new.written is not None and _source_of(old) == new.written:
+            return self._referenced_changes(new) or self._alive(before, after) or tuple(self.changes.structure())
+        if _source_of(old) is None and _source_of(new) is None:
             if pair.new.what == "component" and made and key not in made:
                 return tuple(self.changes.causes("component", [pair.new.path], _MADE_OF))
             if pair.new.what == "joint" and key.startswith(("limit.", "dynamics.", "drive.")):
-                return self._driven(pair)
+                return self._drive_changes(pair)
             if pair.new.what == "mode" and key == "poses":
                 return tuple(self.changes.causes("mode", [pair.new.path], ("pose",))) or self._alive(before, after)
             return self._alive(before, after)
         return ()
 
-    def _meant(self, fact: Fact) -> tuple[str, ...]:
+    def _referenced_changes(self, fact: Fact) -> tuple[str, ...]:
         """Return the changes of elements to which an expression refers: parameters, mounts, joints, poses and modes of a document."""
         causes: dict[str, None] = {}
         for name in names_in(fact.written or ""):
@@ -243,7 +246,7 @@ class StatedChanges:
                 causes |= self.changes.causes(what, [path])
         return tuple(causes)
 
-    def _driven(self, pair: Pair) -> tuple[str, ...]:
+    def _drive_changes(self, pair: Pair) -> tuple[str, ...]:
         """Return the changes of a drive that affected values that a joint inherits from the drive."""
         own = self.changes.causes("joint", [pair.new.path], ("type", "drive", "drive.", "limit.", "dynamics."))
         drives = [
@@ -289,7 +292,7 @@ def _what(thing: SnapshotElement, key: str) -> What:
     return "parameter" if key.startswith("params.") else "bom" if key.startswith("bom.") else thing.what
 
 
-def _written(fact: Fact | None) -> str | None:
+def _source_of(fact: Fact | None) -> str | None:
     return fact.written if fact is not None else None
 
 

@@ -124,7 +124,7 @@ class _Matching:
         If `exact` is true, the names of the mounts must also be equal. Return whether the method found a match.
         """
         before = len(self.found)
-        sides = (self._signed(self.old, what, self._old_name, exact), self._signed(self.new, what, self._back.get, exact))
+        sides = (self._group_by_mates(self.old, what, self._old_name, exact), self._group_by_mates(self.new, what, self._back.get, exact))
         for signature, ones in sides[0].items():
             others = sides[1].get(signature, [])
             if len(ones) == len(others) == 1 and (exact or self._in_one_place(ones[0], others[0])):
@@ -133,7 +133,7 @@ class _Matching:
                 self._take(ones[0], others[0], f"{words}, {how}", perhaps=not (exact and what is _definition))
         return len(self.found) > before
 
-    def _signed(
+    def _group_by_mates(
         self, side: _Side, what: Callable[[ComponentNode], Hashable], known: Callable[[str], str | None], exact: bool,
     ) -> dict[tuple[Hashable, tuple[tuple[tuple[str, ...], str], ...]], list[str]]:
         """Group the unmatched components by the value of the function `what` and by their mates to matched components.
@@ -169,13 +169,13 @@ class _Matching:
         """
         if not self.old.left or not self.new.left:
             return False
-        colours = self._refined(what)
-        shared = self._shared(lambda number, path: colours[number, path])
+        colours = self._refine_colours(what)
+        shared = self._group_by(lambda number, path: colours[number, path])
         alone = [(ones[0], others[0]) for ones, others in shared if len(ones) == len(others) == 1]
         if alone:
             # without matched neighbours, the old component may have been removed and the new component added
             for one, other in alone:
-                self._take(one, other, f"{words} and mates", perhaps=not self._met(one))
+                self._take(one, other, f"{words} and mates", perhaps=not self._has_matched_neighbour(one))
             return True
         if shared:
             ones, others = min(shared, key=lambda pair: (len(pair[0]) + len(pair[1]), min(pair[0])))
@@ -185,7 +185,7 @@ class _Matching:
             return True
         return self._by_definition(what, words)
 
-    def _shared(self, key: Callable[[int, str], Hashable]) -> list[tuple[list[str], list[str]]]:
+    def _group_by(self, key: Callable[[int, str], Hashable]) -> list[tuple[list[str], list[str]]]:
         """Group the unmatched components of each robot by the function `key`. Return the groups whose key occurs in both robots."""
         groups: dict[Hashable, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
         for number, side in enumerate((self.old, self.new)):
@@ -198,7 +198,7 @@ class _Matching:
 
         Use this method if no colour occurs in both robots.
         """
-        shared = self._shared(lambda number, path: what((self.old, self.new)[number].nodes[path]))
+        shared = self._group_by(lambda number, path: what((self.old, self.new)[number].nodes[path]))
         before = len(self.found)
         for ones, others in shared:
             if len(ones) == len(others) == 1 and self._in_one_place(ones[0], others[0]):
@@ -207,11 +207,11 @@ class _Matching:
                 self._by_place(ones, others, f"{words} in the same place", within=SAME_PLACE)
         return len(self.found) > before
 
-    def _met(self, path: str) -> bool:
+    def _has_matched_neighbour(self, path: str) -> bool:
         """Return whether a mate connects a component of the old robot to a component that is already matched."""
         return any(other in self.found for how, other in self.old.beside[path] if how[1] == "mate")
 
-    def _refined(self, what: Callable[[ComponentNode], Hashable]) -> dict[tuple[int, str], int]:
+    def _refine_colours(self, what: Callable[[ComponentNode], Hashable]) -> dict[tuple[int, str], int]:
         """Refine the colours of the unmatched components. Return a mapping from robot (0: old, 1: new) and component path to colour."""
         numbers: dict[Hashable, int] = {}
 

@@ -92,17 +92,17 @@ class NameMapping:
         olds = {thing.path: thing for thing in self.old.things.values() if thing.what == what}
         news = {thing.path: thing for thing in self.new.things.values() if thing.what == what}
         for path, thing in list(olds.items()):
-            there = self._called(thing)
+            there = self._expected_path(thing)
             if there is not None and there in news:
                 counterpart = self.components.get(path) if what == "component" else None
                 self._take(thing, news.pop(there), counterpart.reason if counterpart else "", counterpart.perhaps if counterpart else False)
                 del olds[path]
         if what not in _OWNED:
-            self._renamed(what, olds, news)
+            self._match_renamed(what, olds, news)
         self.gone += olds.values()
         self.come += news.values()
 
-    def _called(self, thing: SnapshotElement) -> str | None:
+    def _expected_path(self, thing: SnapshotElement) -> str | None:
         """Return the expected path in the new robot of an element of the old robot, or None if the component of the element was removed."""
         if thing.what in _OWNED:
             return self._paths["component"].get(thing.path)
@@ -115,7 +115,7 @@ class NameMapping:
         self.pairs.append(Pair(old=old, new=new, reason=reason if old.path != new.path else "", perhaps=perhaps))
         self._paths[old.what].setdefault(old.path, new.path)
 
-    def _renamed(self, what: What, olds: dict[str, SnapshotElement], news: dict[str, SnapshotElement]) -> None:
+    def _match_renamed(self, what: What, olds: dict[str, SnapshotElement], news: dict[str, SnapshotElement]) -> None:
         """Match a removed element with an added element if both have equal content. Also match joints that connect the same components."""
         tests = [(self._says_the_same, "equal definition", False)]
         if what == "joint":
@@ -143,17 +143,17 @@ class NameMapping:
         return self._paths["component"].get(old.of) == new.of
 
     def _says_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
-        return self._in_one_document(old, new) and bool(new.facts) and self._shared(old, new) == len([*self.facts(old, new)])
+        return self._in_one_document(old, new) and bool(new.facts) and self._count_equal(old, new) == len([*self.facts(old, new)])
 
     def _says_nearly_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
-        return self._in_one_document(old, new) and 2 * self._shared(old, new) > len([*self.facts(old, new)])
+        return self._in_one_document(old, new) and 2 * self._count_equal(old, new) > len([*self.facts(old, new)])
 
     def _connects_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
         return "parent" in old.facts and "parent" in new.facts and all(
             self.same(old.facts[key].value, new.facts[key].value) for key in ("parent", "child")
         )
 
-    def _shared(self, old: SnapshotElement, new: SnapshotElement) -> int:
+    def _count_equal(self, old: SnapshotElement, new: SnapshotElement) -> int:
         """Return the number of properties that have the same value in the old and the new element."""
         return sum(1 for _, before, after in self.facts(old, new) if self.same(before, after))
 

@@ -27,7 +27,7 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
     if not points:
         return {}
     changes = list(changes)
-    overlay = with_removed((coloured(new[0], colours(changes)), new[1]), old, changes)
+    overlay = with_removed((set_colours(new[0], colours(changes)), new[1]), old, changes)
     drawn = {"before": old, "after": new, "overlay": overlay}
     return {name: small_picture(xml, assets, None, points, seen[1][1], SIZE) for name, (xml, assets) in drawn.items()}
 
@@ -50,7 +50,7 @@ def colours(changes: Iterable[Change]) -> dict[str, str]:
     return by_path
 
 
-def coloured(xml: str, colours: Mapping[str, str]) -> str:
+def set_colours(xml: str, colours: Mapping[str, str]) -> str:
     """Set the colours of the changed parts in a MuJoCo model. All other visual geoms get a pale colour."""
     root = ElementTree.fromstring(xml)
     for geom in root.iter("geom"):

@@ -11,7 +11,7 @@ from thingc.base.diagnostics import shown_path
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Span
-from thingc.driver.up_to_date import packed, unpacked
+from thingc.driver.up_to_date import from_plain, to_plain
 from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
 from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.snapshot import Change
@@ -38,7 +38,7 @@ class DiffResult(OneLineRepr, FrozenStruct):
         return (*alone, *(change for _, comparison in self.documents for change in comparison.changes))
 
 
-def answered(
+def compare_documents(
     old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison | BrokenSide],
 ) -> DiffResult | BrokenSide:
     """Compare all documents of two sides, and return the result. If one side cannot be compiled, return the errors of this side instead."""
@@ -82,7 +82,7 @@ def _entry(change: Change) -> dict[str, object]:
 def pack(answer: Comparison | BrokenSide) -> list[Any]:
     """Convert the result of comparing one document to plain JSON values, for transfer between processes. Pictures are omitted."""
     if isinstance(answer, BrokenSide):
-        return ["broken", answer.name, [packed(d) for d in answer.diagnostics], dict(answer.texts)]
+        return ["broken", answer.name, [to_plain(d) for d in answer.diagnostics], dict(answer.texts)]
     return ["compared", answer.name, to_builtins(answer.changes), list(answer.unknown), answer.mechanism]
 
 
@@ -90,7 +90,7 @@ def unpack(values: list[Any]) -> Comparison | BrokenSide:
     """Convert the JSON values that `pack` returns to the result of comparing one document."""
     kind, name, inner, more, *mechanism = values
     if kind == "broken":
-        return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)
+        return BrokenSide(name=name, diagnostics=tuple(from_plain(one) for one in inner), texts=more)
     return Comparison(name=name, changes=tuple(map(_change, inner)), unknown=tuple(more), mechanism="".join(mechanism))
 
 

@@ -79,7 +79,7 @@ class Revision:
 
     def __init__(self, repository: Repository, name: str, commit: str) -> None:
         self.repository, self.name, self.commit = repository, name, commit
-        self._files = _listed(repository.top, commit)
+        self._files = _list_files(repository.top, commit)
         self._there: set[str] = set()
         self._folder = tempfile.TemporaryDirectory(prefix="thingc-diff-")
         self.root = os.path.realpath(self._folder.name)
@@ -166,7 +166,7 @@ class Revision:
             at = end + 2 + size
 
 
-def _listed(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
+def _list_files(top: str, commit: str) -> Mapping[str, tuple[str, str]]:
     """Return the mode and the hash of each file in a commit, keyed by path. Submodules and files with invalid names are omitted.
 
     Raises `NotARepository` if a path is both a file and a folder.

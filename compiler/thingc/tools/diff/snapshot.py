@@ -232,11 +232,11 @@ class Snapshot(OneLineRepr, FrozenStruct):
     lacks: frozenset[str] = frozenset()
 
 
-def told(value: Value) -> DisplayValue:
+def display_value(value: Value) -> DisplayValue:
     """Convert a value in a snapshot to the corresponding value in a report."""
     if isinstance(value, Named):
         return value.text
-    return tuple(map(told, value)) if isinstance(value, tuple) else value
+    return tuple(map(display_value, value)) if isinstance(value, tuple) else value
 
 
 def field_values(key: str, kind: type[FrozenStruct], of: FrozenStruct | None) -> dict[str, Any]:

@@ -37,10 +37,10 @@ class SurfaceDistances:
         if pair not in self._known:
             key = " ".join(pair)
             kept = self._store.get_json("diff-surfaces", key)
-            self._known[pair] = float(kept) if isinstance(kept, (int, float)) else self._measured(*pair, key)
+            self._known[pair] = float(kept) if isinstance(kept, (int, float)) else self._measure(*pair, key)
         return self._known[pair]
 
-    def _measured(self, old: str, new: str, key: str) -> float | None:
+    def _measure(self, old: str, new: str, key: str) -> float | None:
         try:
             (points, faces), (others, between) = (arrays(self._store.read(sha256)) for sha256 in (old, new))
         except BlobMissing:
@@ -58,10 +58,10 @@ def _from_surface(points: Array, triangles: Array) -> float:
     import numpy as np
 
     step = max(1, AT_ONCE // len(triangles))
-    return max(float(np.sqrt(_squared(points[at : at + step], triangles).max())) for at in range(0, len(points), step))
+    return max(float(np.sqrt(_squared_distances(points[at : at + step], triangles).max())) for at in range(0, len(points), step))
 
 
-def _squared(points: Array, triangles: Array) -> Array:
+def _squared_distances(points: Array, triangles: Array) -> Array:
     """Return the squared distance [m^2] of each point `(n, 3)` from the nearest triangle `(m, 3, 3)`.
 
     If a point projects into a triangle, its distance is the distance to the plane of the triangle, else the distance to the nearest edge.

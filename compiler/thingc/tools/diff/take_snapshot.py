@@ -9,7 +9,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.interfaces import described
+from thingc.base.interfaces import format_interface
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Origin, Span
 from thingc.driver.pipeline import Compilation
@@ -138,7 +138,7 @@ class _Reader:
         for name, mount in component.mounts.items():
             self._add("mount", f"{path}/{name}", {
                 **{key: fact(value, "mounts", name, key) for key, value in _pose(mount.pose)},
-                "interface": fact(described(mount.interface, mount.features) or None, "mounts", name, "interface"),
+                "interface": fact(format_interface(mount.interface, mount.features) or None, "mounts", name, "interface"),
             }, of=path, span=mount.origin[0])
 
     def _placement(self, prefix: str, definition: AssemblyDefinition, component: Component, path: str, fact: Any) -> None:
@@ -212,7 +212,7 @@ class _Reader:
                 self._mode(definition, mode)
         for pose in assembly.poses:
             self._add("pose", pose.name, {
-                path: self._placed(value, pose.origins.get(path, ())) for path, value in pose.values.items()
+                path: self._make_fact(value, pose.origins.get(path, ())) for path, value in pose.values.items()
             }, span=pose.origin[0])
         for sensor in assembly.sensors:
             section = self.written.section(definition.document, "sensors", sensor.path)
@@ -233,7 +233,7 @@ class _Reader:
             self._add("test", test.name, facts, span=test.origin[0])
         self._materials(definition)
 
-    def _placed(self, value: Value, origin: Origin) -> Fact:
+    def _make_fact(self, value: Value, origin: Origin) -> Fact:
         """Create a `Fact` for a value in the top-level document, with the first source location in `origin`."""
         span = origin[0] if origin else None
         return Fact(value=value, written=self.written.words_at(span), span=span)
@@ -281,13 +281,13 @@ class _Reader:
             "at.on": fact("floor" if mode.on_floor else None, "at", "on"),
             "gravity": fact(tuple(mode.gravity), "gravity"),
             "pose": fact(None if mode.pose is None else Named(what="pose", path=mode.pose), "pose"),
-            "poses": fact(_sorted(Named(what="pose", path=name) for name in mode.poses), "poses"),
+            "poses": fact(_sort_names(Named(what="pose", path=name) for name in mode.poses), "poses"),
             "actuators": fact(
-                None if mode.actuators is None else _sorted(Named(what="joint", path=path) for path in mode.actuators), "actuators",
+                None if mode.actuators is None else _sort_names(Named(what="joint", path=path) for path in mode.actuators), "actuators",
             ),
-            "exclude": fact(tuple(sorted((_sorted(component(one) for one in pair) for pair in mode.exclude), key=repr)), "exclude"),
-            "cut": fact(_sorted(Named(what="joint", path=cut.joint) for cut in mode.cut), "cut"),
-            "standing_on": fact(None if standing is None else _sorted(component(mount) for mount in standing.mounts), "standing_on"),
+            "exclude": fact(tuple(sorted((_sort_names(component(one) for one in pair) for pair in mode.exclude), key=repr)), "exclude"),
+            "cut": fact(_sort_names(Named(what="joint", path=cut.joint) for cut in mode.cut), "cut"),
+            "standing_on": fact(None if standing is None else _sort_names(component(mount) for mount in standing.mounts), "standing_on"),
             "standing_on.friction": fact(None if standing is None else standing.friction, "standing_on", "friction"),
         }
         for pair in mode.pairs:
@@ -295,7 +295,7 @@ class _Reader:
             for key, setting in (("friction", pair.friction), ("margin", pair.margin), ("gap", pair.gap)):
                 facts[f"pairs.[{ends}].{key}"] = fact(setting, "contacts", "pairs")
         for group in mode.groups:
-            facts[f"groups.{group.name}.components"] = fact(_sorted(map(component, group.members)), "contacts", "groups", group.name)
+            facts[f"groups.{group.name}.components"] = fact(_sort_names(map(component, group.members)), "contacts", "groups", group.name)
             facts[f"groups.{group.name}.collide"] = fact(tuple(sorted(group.collides)), "contacts", "groups", group.name)
         for hold in mode.holds:
             value = (*(part for _, part in _pose(hold.pose)),) if hold.pose is not None else "here"
@@ -377,5 +377,5 @@ def _pose(pose: Pose) -> Iterator[tuple[str, Value]]:
     yield "rpy", tuple(rpy_of(((xx, xy, xz), (yx, yy, yz), (zx, zy, zz))))
 
 
-def _sorted(names: Iterator[Named]) -> tuple[Named, ...]:
+def _sort_names(names: Iterator[Named]) -> tuple[Named, ...]:
     return tuple(sorted(names, key=lambda one: one.text))

@@ -11,8 +11,8 @@ from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist, hypot
-from thingc.base.one_line_repr import counted
-from thingc.base.pose import placed, turn_of
+from thingc.base.one_line_repr import format_count
+from thingc.base.pose import make_pose, turn_of
 from thingc.base.safe_text import escape_control, html_text, some
 from thingc.base.units import ANGLE, LENGTH, MASS, Quantity
 from thingc.documents.checks import kinds
@@ -58,7 +58,7 @@ class ReportLine(FrozenStruct):
     @property
     def named(self) -> str:
         """The paths of the changed elements as text, abbreviated if the list is long."""
-        return _listed(self.paths)
+        return _join_paths(self.paths)
 
 
 def as_text(answer: DiffResult) -> Iterator[str]:
@@ -73,15 +73,15 @@ def as_text(answer: DiffResult) -> Iterator[str]:
             continue
         yield f"{name}: {answer.old} -> {answer.new}"
         yield from (f"  {line}" for line in _mechanism(comparison))
-        yield from (f"  {line.sign} {line.what} {line.named}{line.words}" for line in made(comparison))
+        yield from (f"  {line.sign} {line.what} {line.named}{line.words}" for line in user_changes(comparison))
         sentences = list(following(comparison))
         if sentences:
             yield "  effects:"
             for line in sentences[:FOLLOWING]:
-                because = f" (because of {_listed(line.because)})" if line.because else ""
+                because = f" (because of {_join_paths(line.because)})" if line.because else ""
                 yield f"  {line.sign} {line.what} {line.named}{line.words}{because}"
             if len(sentences) > FOLLOWING:
-                yield f"    and {counted(len(sentences) - FOLLOWING, 'line')} more, see --format json"
+                yield f"    and {format_count(len(sentences) - FOLLOWING, 'line')} more, see --format json"
         yield from (f"  not compared: {unknown}" for unknown in comparison.unknown)
 
 
@@ -116,7 +116,7 @@ def _markdown(answer: DiffResult, most: int, pictures: Callable[[str, str], str]
             yield from (f"![{_plain(name)}, {key}]({pictures(name, key)})" for key in comparison.pictures)
             yield ""
         yield from (f"- {_code(line)}" for line in _mechanism(comparison))
-        yield from _items(list(made(comparison)), most)
+        yield from _items(list(user_changes(comparison)), most)
         outcomes, kinds = outcomes_and_more(comparison)
         if outcomes:
             yield ""
@@ -130,7 +130,7 @@ def _markdown(answer: DiffResult, most: int, pictures: Callable[[str, str], str]
 
 def _items(lines: Sequence[ReportLine], most: int) -> Iterator[str]:
     for line in lines[:most]:
-        because = f" — because of {_code(_listed(line.because))}" if line.because else ""
+        because = f" — because of {_code(_join_paths(line.because))}" if line.because else ""
         sign = {"+": "**new** ", "-": "**gone** ", "~": ""}.get(line.sign, "")
         yield f"- {sign}{line.what} {_code(line.named)}{_code(line.words.strip(' :')) if line.words else ''}{because}".replace("``", "` `")
     if len(lines) > most:
@@ -147,11 +147,11 @@ def _code(text: str) -> str:
     return f"`{escape_control(text).replace('`', chr(39))}`"
 
 
-def _listed(paths: Sequence[str]) -> str:
+def _join_paths(paths: Sequence[str]) -> str:
     return some([path or "robot" for path in paths], SHOWN)
 
 
-def made(comparison: Comparison) -> Iterator[ReportLine]:
+def user_changes(comparison: Comparison) -> Iterator[ReportLine]:
     """Return the changes that the user made in documents."""
     return _lines(change for change in comparison.changes if not change.caused)
 
@@ -200,8 +200,8 @@ def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
         if words == MOVED:
             distance, angle = (max(motion) for motion in zip(*map(_motion, ones), strict=True))
             words = ": " + " and ".join([
-                *([f"moved by up to {Quantity(distance, LENGTH).shown(3)}"] if distance or not angle else []),
-                *([f"turned by up to {Quantity(angle, ANGLE).shown(3)}"] if angle else []),
+                *([f"moved by up to {Quantity(distance, LENGTH).format(3)}"] if distance or not angle else []),
+                *([f"turned by up to {Quantity(angle, ANGLE).format(3)}"] if angle else []),
             ])
         paths = dict.fromkeys(one.path for one in ones)
         causes = dict.fromkeys(word for one in ones for word in one.because if word != PERHAPS)
@@ -216,7 +216,7 @@ def _motion(change: Change) -> tuple[float, float]:
     """
     values: Any = (change.old, change.new)
     pairs = {"place": [(value, (0.0,) * 3) for value in values], "turn": [((0.0,) * 3, value) for value in values]}
-    old, new = (placed(*pair) for pair in pairs.get(change.field or "", values))
+    old, new = (make_pose(*pair) for pair in pairs.get(change.field or "", values))
     angle = hypot(*turn_of((old.inverse() @ new).quaternion()))
     return dist(old.translation, new.translation), angle if angle > 1e-9 else 0.0
 
@@ -319,7 +319,7 @@ def _body(differences: DiffResult) -> Iterator[str]:
                 "oninput=\"this.parentNode.style.setProperty('--at', this.value + '%')\"></div>"
             )
         yield from (f"<p>{html_text(line)}</p>" for line in _mechanism(comparison))
-        yield from _list(made(comparison))
+        yield from _list(user_changes(comparison))
         outcomes, kinds = outcomes_and_more(comparison)
         if outcomes:
             yield from _list(outcomes)

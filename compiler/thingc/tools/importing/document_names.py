@@ -99,9 +99,9 @@ class DocumentNaming:
             self.magnets |= distinct(on, "magnet", taken=taken, earlier=self._paths(on))
         taken += self.magnets.values()
         places = {one.name: (one.link, one.pose) for one in robot.sensors if one.kind == "camera" and one.link is not None}
-        self.cameras = self._placed(places, "camera", taken)
+        self.cameras = self._name_mounts(places, "camera", taken)
         around = [step.around for one in robot.tendons for step in one.steps if step.around is not None]
-        self.centres = self._placed({one.name: (one.link, one.pose) for one in around}, "shape", [*taken, *self.cameras.values()])
+        self.centres = self._name_mounts({one.name: (one.link, one.pose) for one in around}, "shape", [*taken, *self.cameras.values()])
         joints = [*self.joints.values(), *self.loops.values()]
         self.tendons = distinct([one.name for one in robot.tendons], "tendon", taken=joints)
         stems = [word.rpartition("_")[0] for word in (*joints, *self.tendons.values())]  # `wrist_0` is a drive of the differential `wrist`
@@ -115,7 +115,7 @@ class DocumentNaming:
         self.driven = [(word, one.name, one.drive) for word, one in both if one.drive is not None]
         drives = [word for name, word in (*self.joints.items(), *self.tendons.items()) if name != word]
         drives += [word for word, _, _ in self.driven]
-        self.added = self._added(drives)
+        self.added = self._name_added(drives)
         self.poses = distinct([one.name for one in robot.poses], "pose")
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
@@ -150,7 +150,7 @@ class DocumentNaming:
                 named[link.name] = distinct([word], "link", taken=taken)[word]
         return named
 
-    def _added(self, drives: list[str]) -> dict[tuple[str, str], str]:
+    def _name_added(self, drives: list[str]) -> dict[tuple[str, str], str]:
         """Return the names of the elements that are added to the MuJoCo model unchanged, keyed by section and source name.
 
         The names of drives in `drives` are not used for actuators.
@@ -173,7 +173,7 @@ class DocumentNaming:
         wanted = Counter([*names, *mounts.values()])
         return {name: mount for name, mount in mounts.items() if wanted[mount] == 1 and mount.lower() not in RESERVED}
 
-    def _placed(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
+    def _name_mounts(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
         """Return the name of a mount for each pose in `places`. If a mount with the same pose exists, its name is returned.
 
         `places` maps source names to a link and a pose in the frame of the link.
@@ -208,7 +208,8 @@ class DocumentNaming:
             "tendons": [(word, name, word) for name, word in self.tendons.items()],
             "actuators": [(word, drive.name, name) for word, name, drive in self.driven],
             "equalities": [
-                (word.rpartition(":")[0], name, word) for name, word in self._tied().items() if word.endswith((":mimic", ":loop"))
+                (word.rpartition(":")[0], name, word) for name,
+                word in self._name_equalities().items() if word.endswith((":mimic", ":loop"))
             ],
             "sensors": [
                 named for one, word in zip(self.robot.sensors, self.sensors, strict=True)
@@ -237,7 +238,7 @@ class DocumentNaming:
         second |= {name: f"{self.links[link.name]}.origin" for link in self.robot.links for name in link.frames}
         kinds = {
             "sites": self.sites | second, "loops": self.loops, "tendons": self.tendons,
-            "actuators": drives | magnets | self._of("actuator"), "equalities": self._tied(),
+            "actuators": drives | magnets | self._of("actuator"), "equalities": self._name_equalities(),
             "sensors": parts | self._of("sensor"), "poses": self.poses,
         }
         kinds["geoms"] = {
@@ -262,7 +263,7 @@ class DocumentNaming:
         name = shape.name
         return name if name is not None and name not in self.repeated and name != self.usual[id(shape)] and is_file_name(name) else None
 
-    def _tied(self) -> dict[str, str]:
+    def _name_equalities(self) -> dict[str, str]:
         """Map the source name of each MuJoCo equality to the default name of the equality in generated models."""
         tied = {one.follows.name: f"{self.joints[one.name]}:mimic" for one in self.moving if one.follows}
         tied |= {one.equality: f"{self.loops[one.name]}:loop" for one in self.robot.loops} | self._of("equality")

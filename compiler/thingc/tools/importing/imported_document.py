@@ -47,7 +47,7 @@ class ImportedDocument(FrozenStruct):
     def report_at_source(self, compilation: Compilation, report: Report) -> None:
         """Add the diagnostics of a compilation of the document to `report`, at the elements of the source file."""
         root = None if compilation.documents is None else compilation.documents.root
-        for one in compilation.report.ordered():
+        for one in compilation.report.sorted_diagnostics():
             if one.code not in _OF_TEXT:
                 report.say(self._at_source(one, root))
 

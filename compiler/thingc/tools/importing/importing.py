@@ -23,8 +23,8 @@ from thingc.base.source import Path, Span
 from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.document_names import plain_name
 from thingc.tools.importing.import_request import ENDINGS, PLAIN, ImportRequest
-from thingc.tools.importing.inertias import RepairedLink, repaired, warn_of_mirror_pairs
-from thingc.tools.importing.meshes import gathered, matter_of, warn_of_units
+from thingc.tools.importing.inertias import RepairedLink, repair_inertias, warn_of_mirror_pairs
+from thingc.tools.importing.meshes import matter_of, read_meshes, warn_of_units
 from thingc.tools.importing.mjcf.reader import read_mjcf
 from thingc.tools.importing.packages import Packages
 from thingc.tools.importing.quantities import dimensions_of
@@ -32,7 +32,7 @@ from thingc.tools.importing.sdf import read_sdf
 from thingc.tools.importing.source_model import SourceLoss, SourceRobot
 from thingc.tools.importing.tree import warn_of_depth
 from thingc.tools.importing.update_import import RECORD, PreviousImport
-from thingc.tools.importing.urdf import expanded, read_urdf
+from thingc.tools.importing.urdf import expand_xacro, read_urdf
 from thingc.tools.importing.write_document import DocumentWriter
 from thingc.tools.importing.xml_source import MOST_BYTES, read_xml
 
@@ -110,12 +110,14 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
         return None
     roots = list(dict.fromkeys(roots))
     places = Packages(path, request.packages, os.environ, request.mesh_roots, robot.mesh_folder)
-    robot, mended = repaired(robot, roots, repair, report, matter_of(places)) if meshes else repaired(robot, roots, repair, report)
+    robot, mended = repair_inertias(
+        robot, roots, repair, report, matter_of(places),
+    ) if meshes else repair_inertias(robot, roots, repair, report)
     if report.failed:
         return None
     warn_of_mirror_pairs(robot, report)
     warn_of_depth(robot, report)
-    placed_meshes, files, left_out = gathered(robot, places if meshes else None, report)
+    placed_meshes, files, left_out = read_meshes(robot, places if meshes else None, report)
     warn_of_units(robot, files, placed_meshes, report)
     if report.failed:
         return None
@@ -152,7 +154,7 @@ def _load_source(
 ) -> SourceRobot | None:
     """Read the robot with the reader that supports the suffix of the file. A file with the suffix `.xml` can be MJCF or URDF."""
     if path.lower().endswith(".xacro"):
-        made = expanded(path, arguments, packages.given, report)
+        made = expand_xacro(path, arguments, packages.given, report)
         return None if made is None else read_urdf(path, made[0], report, files=made[1])
     if path.lower().endswith(".xml"):
         root = read_xml(path, data, report)

@@ -42,7 +42,7 @@ class RepairedLink(FrozenStruct):
     how: Repair
 
 
-def repaired(
+def repair_inertias(
     robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report, matter: Matter = lambda _: None,
 ) -> tuple[SourceRobot, tuple[RepairedLink, ...]]:
     """Repair the invalid inertias of an imported robot. Return the robot and the links that were repaired.
@@ -50,27 +50,27 @@ def repaired(
     The function checks the bodies in the mode `source` and in one mode for each link in `roots`. If `how` is None, or if the method `how`
     cannot repair an inertia, the function reports an error. The function `matter` computes the mass properties of a shape's mesh.
     """
-    between = _between(robot)
+    between = _intermediate_links(robot)
     bodies, done = _bodies(robot), dict[str, RepairedLink]()
     head = {link.name: body for body, members in bodies.items() for link, _ in members}
     still = {None if robot.base == "free" else robot.root, *(head[name] for name in roots)}
     for body, members in bodies.items():
         if body in between:
             continue
-        judged = _misstated if still == {body} else _fault
+        judged = _find_fault if still == {body} else _fault
         fault = judged(members)
         if fault is None:
             continue
         worst = [link for link, _ in members if link.weight is not None and physical_fault(link.weight.properties.inertia) is not None]
         worst = worst or [members[0][0]]
-        changed = [one for link in worst if (one := _mended(link, how, matter)) is not None]
-        new = {one.link.name: _with(one) for one in changed}
+        changed = [one for link in worst if (one := _repair(link, how, matter)) is not None]
+        new = {one.link.name: _repaired_link(one) for one in changed}
         if how is not None and judged([(new.get(link.name, link), pose) for link, pose in members]) is None:
             done.update((one.link.name, one) for one in changed)
         else:
             moves = "does not move, but" if still == {body} else "moves, but cannot be simulated:"
             _refuse(f"link `{body}` {moves} {fault}", worst, [link for link, _ in members], how, report)
-    links = tuple(_with(done[link.name]) if link.name in done else link for link in robot.links)
+    links = tuple(_repaired_link(done[link.name]) if link.name in done else link for link in robot.links)
     return replace(robot, links=links), tuple(done.values())
 
 
@@ -91,7 +91,7 @@ def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
     return bodies
 
 
-def _between(robot: SourceRobot) -> set[str]:
+def _intermediate_links(robot: SourceRobot) -> set[str]:
     """Return the names of the massless intermediate links, which only connect two joints."""
     links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
     return {
@@ -114,7 +114,7 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
     return fault
 
 
-def _misstated(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
+def _find_fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
     """Return the reason why the inertia of a fixed body is invalid, or None if the inertia is valid or not specified."""
     stated = [link.weight.properties.inertia for link, _ in members if link.weight is not None]
     if all(one == ZERO or physical_fault(one) is None for one in stated):
@@ -141,12 +141,12 @@ def _refuse(said: str, worst: Sequence[SourceLink], members: Sequence[SourceLink
     report.add(Code.SOURCE_INERTIA, said, where, help=help, notes=notes)
 
 
-def _with(one: RepairedLink) -> SourceLink:
+def _repaired_link(one: RepairedLink) -> SourceLink:
     where = one.link.where if one.link.weight is None else one.link.weight.where
     return replace(one.link, weight=Weight(properties=one.new, where=where))
 
 
-def _mended(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLink | None:
+def _repair(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLink | None:
     """Repair the inertia of a link. Return None if the method `how` cannot repair the inertia."""
     old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
     if how is None:

@@ -15,8 +15,8 @@ from thingc.base.filesystem import beginning
 from thingc.base.inertia import MassProperties
 from thingc.base.numeric import dist
 from thingc.documents.load.paths import libraries
-from thingc.geometry.mesh_bounds import BadMesh, bounded
-from thingc.geometry.meshes.cache import measured
+from thingc.geometry.mesh_bounds import BadMesh, check_mesh_file
+from thingc.geometry.meshes.cache import mesh_record
 from thingc.geometry.meshes.files import mesh_file
 from thingc.tools.importing.document_names import distinct
 from thingc.tools.importing.packages import MOST_BYTES, NotFound, Packages
@@ -42,11 +42,11 @@ def matter_of(packages: Packages) -> Callable[[SourceShape], MassProperties | No
     """
 
     def matter(shape: SourceShape) -> MassProperties | None:
-        from thingc.geometry.store.shared_store import opened
+        from thingc.geometry.store.shared_store import open_store
 
         try:
             path, (x, y, z) = packages.find(shape.mesh or ""), shape.size
-            record = measured(mesh_file(path, f"{FOLDER}/{os.path.basename(path)}", (x, y, z)), opened(None))
+            record = mesh_record(mesh_file(path, f"{FOLDER}/{os.path.basename(path)}", (x, y, z)), open_store(None))
         except (NotFound, OSError, BadMesh):
             return None
         return None if record is None else record.matter
@@ -93,7 +93,7 @@ def _stem(uri: str) -> str:
     return own if own == stem else re.sub(r"-[0-9a-f]{8}$", "", own)
 
 
-def gathered(
+def read_meshes(
     robot: SourceRobot, packages: Packages | None, report: Report,
 ) -> tuple[Mapping[str, str], dict[str, bytes], tuple[SourceLoss, ...]]:
     """Read the meshes of an imported robot.
@@ -118,7 +118,7 @@ def gathered(
             if os.path.splitext(uri)[1].lower() not in READ:
                 raise NotFound(f"`{uri}` is not a supported mesh: {', '.join(f'`{one}`' for one in READ)}", "use `--no-meshes`")
             contents[uri] = packages.read(uri)[1]
-            bounded(os.path.splitext(uri)[1].lower(), contents[uri])
+            check_mesh_file(os.path.splitext(uri)[1].lower(), contents[uri])
         except BadMesh as fault:
             report.add(Code.SOURCE_FILE, f"`{uri}` {fault}", shape.where, help="export the mesh again, or use `--no-meshes`")
         except NotFound as fault:

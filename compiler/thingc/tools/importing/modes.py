@@ -52,7 +52,7 @@ def mode_sections(words: DocumentNaming, roots: Sequence[str]) -> dict[str, Iter
 
 def _modes(words: DocumentNaming, roots: Sequence[str], begin: str) -> Iterator[str]:
     """Yield the lines of the modes. `begin` contains the key of the pose in which they begin, if any."""
-    at, shared = pose_words(words.robot.pose), _shared(words)
+    at, shared = pose_words(words.robot.pose), _common_values(words)
     place, more = (f", at: {{{at}}}" if at else ""), "".join(f", {key}: {value}" for key, value in shared.items())
     moved = {words.poses[state.name]: pose_words(state.at) or "xyz: 0 0 0" for state in words.robot.poses if state.at is not None}
     place += f", at_in: {{{', '.join(f'{name}: {{{said}}}' for name, said in moved.items())}}}" if moved else ""
@@ -103,7 +103,7 @@ def _state(words: DocumentNaming, state: SourcePose) -> dict[str, str]:
     return said
 
 
-def _shared(words: DocumentNaming) -> dict[str, str]:
+def _common_values(words: DocumentNaming) -> dict[str, str]:
     """Return the keys and values that all modes have in common. Default values are omitted."""
     robot, contacts = words.robot, []
     if robot.excluded:

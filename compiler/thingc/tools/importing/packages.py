@@ -135,7 +135,7 @@ class Packages:
             yield self.given[name]
             return
         for folder in self._above():
-            if os.path.basename(folder) == name or _called(folder) == name:
+            if os.path.basename(folder) == name or _package_name(folder) == name:
                 yield folder
             yield os.path.join(folder, name)
         yield from (os.path.join(folder, name) for folder in self.shared)
@@ -150,7 +150,7 @@ def _format_paths(paths: Sequence[str]) -> str:
     return ", ".join(f"`{shown_path(path)}`" for path in paths[:6])
 
 
-def _called(folder: str) -> str | None:
+def _package_name(folder: str) -> str | None:
     """Return the name of a package according to the manifest in its folder. Return None if the folder has no manifest."""
     try:
         with open(os.path.join(folder, MANIFEST), "rb") as stream:

@@ -41,8 +41,8 @@ def _format_decimal(value: Decimal) -> str:
     return "0" if value == 0 else text
 
 
-def scaled(value: float, power: int, beside: float = 0.0) -> str:
-    """Multiply a number by a power of ten, and format the exact product: `scaled(0.0388353, 3)` is `38.8353`.
+def scale_number(value: float, power: int, beside: float = 0.0) -> str:
+    """Multiply a number by a power of ten, and format the exact product: `scale_number(0.0388353, 3)` is `38.8353`.
 
     The function removes rounding errors. If a larger number `beside` was part of the same computation, the rounding error of the larger
     number applies.
@@ -61,13 +61,13 @@ def _short(value: float, within: float) -> Decimal:
 
 def length(value: float) -> str:
     """Format a length, given in metres, as a quantity such as `38.8353 mm`. A zero length becomes `0`."""
-    return "0" if abs(value) < NOISE else f"{scaled(value, 3)} mm"
+    return "0" if abs(value) < NOISE else f"{scale_number(value, 3)} mm"
 
 
 def lengths(values: Sequence[float]) -> str:
     """Format three lengths, given in metres, as one quantity with a common unit: `38.8353 0 62.4 mm`."""
     largest = max(map(abs, values), default=0.0)
-    return _shared([scaled(value, 3, largest) if abs(value) >= NOISE else "0" for value in values], "mm")
+    return _share_unit([scale_number(value, 3, largest) if abs(value) >= NOISE else "0" for value in values], "mm")
 
 
 def dimensions_of(kind: ShapeKind, size: Sequence[float]) -> Sequence[float]:
@@ -97,13 +97,13 @@ def same_place(one: Pose, other: Pose) -> bool:
     return all(abs(a - b) < NOISE for a, b in numbers)
 
 
-def _shared(words: Sequence[str], unit: str) -> str:
+def _share_unit(words: Sequence[str], unit: str) -> str:
     return " ".join(words) if set(words) == {"0"} else f"{' '.join(words)} {unit}"
 
 
 def mass(value: float) -> str:
     """Format a mass, given in kilograms, as a quantity: `6.9 kg`, `820 g`."""
-    return f"{scaled(value, 0)} kg" if value >= 1.0 else f"{scaled(value, 3)} g"
+    return f"{scale_number(value, 0)} kg" if value >= 1.0 else f"{scale_number(value, 3)} g"
 
 
 def _degrees(value: float) -> str | None:
@@ -117,7 +117,7 @@ def angle(value: float) -> str:
     if abs(value) < NOISE:
         return "0"
     degrees = _degrees(value)
-    return f"{scaled(value, 0)} rad" if degrees is None else f"{degrees} deg"
+    return f"{scale_number(value, 0)} rad" if degrees is None else f"{degrees} deg"
 
 
 def angles(values: Sequence[float]) -> str:
@@ -125,13 +125,13 @@ def angles(values: Sequence[float]) -> str:
     values = [0.0 if abs(value) < NOISE else math.pi if value == -math.pi else value for value in values]
     degrees = [_degrees(value) for value in values]
     if None in degrees:
-        return _shared([scaled(round(value, FIXED_ANGLE), 0) for value in values], "rad")
-    return _shared([word for word in degrees if word is not None], "deg")
+        return _share_unit([scale_number(round(value, FIXED_ANGLE), 0) for value in values], "rad")
+    return _share_unit([word for word in degrees if word is not None], "deg")
 
 
 def quantity(value: float, unit: str) -> str:
     """Format a number and its unit as text. Zero is written without a unit."""
-    return "0" if value == 0.0 else f"{scaled(value, 0)} {unit}".rstrip()
+    return "0" if value == 0.0 else f"{scale_number(value, 0)} {unit}".rstrip()
 
 
 def si_unit(dimension: units.Dimension) -> str:

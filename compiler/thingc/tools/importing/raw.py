@@ -98,10 +98,10 @@ def name_lines(words: DocumentNaming) -> Iterator[str]:
     """Yield the lines of the section `names:`. Yield nothing if all elements have default names in generated models."""
     for kind, names in words.in_files().items():
         yield f"  {kind}:"
-        yield from (f"    {word}: {quoted(name)}" for word, name in names.items())
+        yield from (f"    {word}: {quote(name)}" for word, name in names.items())
 
 
-def quoted(name: str) -> str:
+def quote(name: str) -> str:
     """Format a string for YAML. Quotes are added unless the string is a plain word."""
     plain = re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) and isinstance(core_value(name), str)
     return name if plain else json.dumps(name, ensure_ascii=False)
@@ -121,7 +121,7 @@ def raw_lines(words: DocumentNaming) -> Iterator[str]:
         yield from (f"      {_text(name)}: {_flow(values)}" for name, values in things.items())
     if orders:
         yield "    order:"
-        yield from (f"      {kind}: [{', '.join(map(quoted, order.values()))}]" for kind, order in orders.items())
+        yield from (f"      {kind}: [{', '.join(map(quote, order.values()))}]" for kind, order in orders.items())
     if added:
         yield "    add:"
     for section in dict.fromkeys(one.section for one in added):

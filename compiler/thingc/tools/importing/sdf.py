@@ -20,7 +20,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing import source_model
 from thingc.tools.importing.packages import NotFound, Packages
 from thingc.tools.importing.sdf_frames import WORLD, Frames, NamedFrame, key_of
-from thingc.tools.importing.tree import look_at_mimics, root_of, spanned
+from thingc.tools.importing.tree import look_at_mimics, root_of, span_tree
 from thingc.tools.importing.xml_source import Losses, SourceElement, read_robot, read_xml
 from thingc.tools.importing.xml_values import ChildValues
 
@@ -231,14 +231,14 @@ class _Sdf:
             help = "write `<mass>` and `<inertia>` of the link; `gz sdf -p FILE` computes them"
             self.values.fault(inertial, "auto", "automatic inertias are not supported", help)
             return None
-        pose, moments = self.frames.stated(inertial), self.values.one(inertial, "inertia")
+        pose, moments = self.frames.read_pose(inertial), self.values.one(inertial, "inertia")
         mass = self.values.from_zero(inertial, "mass", 1.0)
         if moments is None or mass is None:
             return None if mass is None else replace(_USUAL, mass=mass, centre=pose.translation)
         return self.values.inertia(moments, mass, pose, usual=1.0)
 
     def _shape(self, element: SourceElement, link: str) -> source_model.SourceShape | None:
-        pose, geometry = self.frames.stated(element), self.values.one(element, "geometry")
+        pose, geometry = self.frames.read_pose(element), self.values.one(element, "geometry")
         form = None if geometry is None else next(iter(geometry.children), None)
         if form is None:
             help = "write <geometry><box><size>...</size></box></geometry>"
@@ -260,10 +260,10 @@ class _Sdf:
 
     def _color(self, visual: SourceElement) -> tuple[float, float, float, float] | None:
         material = self.values.one(visual, "material")
-        key = next((key for key in ("diffuse", "ambient") if material is not None and self.values.written(material, key)), None)
+        key = next((key for key in ("diffuse", "ambient") if material is not None and self.values.text_of(material, key)), None)
         if material is None or key is None:
             return None
-        count = len((self.values.written(material, key) or "").split())
+        count = len((self.values.text_of(material, key) or "").split())
         rgba = self.values.numbers(material, key, 3 if count == 3 else 4)
         return None if rgba is None else (rgba[0], rgba[1], rgba[2], rgba[3] if count == 4 else 1.0)
 
@@ -271,7 +271,7 @@ class _Sdf:
         inner: SourceElement | None = collision
         for tag in ("surface", "friction", "ode"):
             inner = None if inner is None else self.values.one(inner, tag)
-        mu = None if inner is None or self.values.written(inner, "mu") is None else self.values.from_zero(inner, "mu")
+        mu = None if inner is None or self.values.text_of(inner, "mu") is None else self.values.from_zero(inner, "mu")
         return () if mu is None else (mu,)
 
     def _coordinates(self, key: str) -> list[str]:
@@ -375,7 +375,7 @@ class _Sdf:
 
         The element `thread_pitch` [rad/m] has the opposite sign.
         """
-        older = self.values.written(screw, "screw_thread_pitch") is None and self.values.written(screw, "thread_pitch") is not None
+        older = self.values.text_of(screw, "screw_thread_pitch") is None and self.values.text_of(screw, "thread_pitch") is not None
         tag = "thread_pitch" if older else "screw_thread_pitch"
         pitch = self.values.number(screw, tag)
         if pitch == 0.0:
@@ -388,17 +388,18 @@ class _Sdf:
         stated = "" if xyz is None else xyz.attributes.get("expressed_in", "").strip()
         within = key
         if stated and xyz is not None:
-            within = self.frames.known(xyz, "expressed_in", stated, frame.scope)
+            within = self.frames.find_frame(xyz, "expressed_in", stated, frame.scope)
         elif self._is(axis, tag := "use_parent_model_frame") or axis.where.file in self.old_axes and not any(axis.all(tag)):
             within = frame.scope
-        return _rounded(rotate((here @ self.frames.poses[within]).rotation, direction))
+        return _round(rotate((here @ self.frames.poses[within]).rotation, direction))
 
     def _ends(self, axis: SourceElement) -> source_model.SourceLimits:
         limit = self.values.one(axis, "limit")
         if limit is None:
             return source_model.SourceLimits()
         lower, upper, effort, velocity = (
-            None if self.values.written(limit, key) is None else self._bound(limit, key) for key in ("lower", "upper", "effort", "velocity")
+            None if self.values.text_of(limit, key) is None else self._read_limit(limit, key)
+            for key in ("lower", "upper", "effort", "velocity")
         )
         if (lower is None) != (upper is None):
             self.losses.note("a single limit of a joint", "the other limit is missing, but a joint needs both or none", limit.where)
@@ -410,9 +411,9 @@ class _Sdf:
             velocity=None if velocity is None or velocity < 0.0 else velocity,
         )
 
-    def _bound(self, limit: SourceElement, key: str) -> float | None:
+    def _read_limit(self, limit: SourceElement, key: str) -> float | None:
         """Read the lower or upper limit of a joint. Return None if this limit is infinite."""
-        if (self.values.written(limit, key) or "").strip().lower().lstrip("+-") in ("inf", "infinity"):
+        if (self.values.text_of(limit, key) or "").strip().lower().lstrip("+-") in ("inf", "infinity"):
             return None
         value = self.values.number(limit, key)
         return None if value is None or abs(value) >= ENDLESS else value
@@ -450,14 +451,14 @@ class _Sdf:
         placed = self.values.one(model, "pose")
         if placed is not None and placed.attributes.get("relative_to", "").strip() not in ("", WORLD):
             self.losses.note("`relative_to` of the model's pose", "the pose is read relative to the world", placed.where)
-        here, grounded = self.frames.placed("", model), [one for one in hangings if one.parent == WORLD]
+        here, grounded = self.frames.pose_of("", model), [one for one in hangings if one.parent == WORLD]
         if len(grounded) == 1 and not grounded[0].joints:
             hangings = [one for one in hangings if one is not grounded[0]]
         elif grounded:
             links = [source_model.SourceLink(name=WORLD, where=model.place("name")), *links]
             hangings = [replace(one, pose=_clean(here @ one.pose)) if one in grounded else one for one in hangings]
         screws = [one for one in hangings if any(joint.kind == "screw" for joint in one.joints)]
-        tree, closing = spanned([*screws, *(one for one in hangings if one not in screws)])  # a joint that is not in the tree closes a loop
+        tree, closing = span_tree([*screws, *(one for one in hangings if one not in screws)])  # other joints close loops
         root = root_of(links, tree, model.where, self.report)
         if root is None:
             return None
@@ -487,11 +488,11 @@ class _Sdf:
         return source_model.SourceLoop(name=one.name, kind=kind, ends=ends, where=one.where)
 
 
-def _rounded(vector: Vector) -> Vector:
+def _round(vector: Vector) -> Vector:
     """Round a position to 15 decimals, to remove the rounding errors of composed poses."""
     x, y, z = (round(one, 15) + 0.0 for one in vector)
     return (x, y, z)
 
 
 def _clean(pose: Pose) -> Pose:
-    return Pose(translation=_rounded(pose.translation), rotation=pose.rotation)
+    return Pose(translation=_round(pose.translation), rotation=pose.rotation)

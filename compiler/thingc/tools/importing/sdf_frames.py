@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Note
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.graphs import circle_words
-from thingc.base.pose import NO_POSE, Pose, placed
+from thingc.base.pose import NO_POSE, Pose, make_pose
 from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.xml_source import SourceElement
 from thingc.tools.importing.xml_values import ChildValues
@@ -77,7 +77,7 @@ class Frames:
         pose = self.values.one(frame.element, "pose")
         for attribute in ("relative_to", "frame"):  # before SDF 1.7, the attribute was called `frame`
             if pose is not None and pose.attributes.get(attribute, "").strip():
-                return self.known(pose, attribute, pose.attributes[attribute], frame.scope)
+                return self.find_frame(pose, attribute, pose.attributes[attribute], frame.scope)
         return self._carrier(frame)
 
     def _carrier(self, frame: NamedFrame) -> str:
@@ -87,10 +87,10 @@ class Frames:
         attached to the enclosing model.
         """
         attribute = {"joint": "child", "frame": "attached_to"}.get(frame.element.tag)
-        name = None if attribute is None else self.values.written(frame.element, attribute)
-        return frame.scope if attribute is None or not name else self.known(frame.element, attribute, name, frame.scope)
+        name = None if attribute is None else self.values.text_of(frame.element, attribute)
+        return frame.scope if attribute is None or not name else self.find_frame(frame.element, attribute, name, frame.scope)
 
-    def known(self, element: SourceElement, attribute: str, name: str, scope: str) -> str:
+    def find_frame(self, element: SourceElement, attribute: str, name: str, scope: str) -> str:
         """Return the key of the frame to which a name in the model `scope` refers.
 
         If the frame does not exist, report an error and return `scope`.
@@ -116,24 +116,24 @@ class Frames:
             way[key] = self.named[key]
             key = way[key].relative_to
         for key, frame in reversed(way.items()):
-            self.poses[key] = self.poses[frame.relative_to] @ self.placed(key, frame.element)
+            self.poses[key] = self.poses[frame.relative_to] @ self.pose_of(key, frame.element)
 
-    def placed(self, key: str, element: SourceElement) -> Pose:
+    def pose_of(self, key: str, element: SourceElement) -> Pose:
         """Return the pose of an element relative to its reference frame.
 
         If a model has the attribute `placement_frame`, its `<pose>` is the pose of that frame.
         """
-        name, pose, inner = element.attributes.get("placement_frame", "").strip(), self.stated(element), NO_POSE
+        name, pose, inner = element.attributes.get("placement_frame", "").strip(), self.read_pose(element), NO_POSE
         if element.tag == "model" and name and key not in self.offsets:
-            at, way = self.known(element, "placement_frame", name, key), set[str]()
+            at, way = self.find_frame(element, "placement_frame", name, key), set[str]()
             while at != key and at not in way:  # cycles are reported elsewhere
                 way.add(at)
-                inner = self.placed(at, self.named[at].element) @ inner
+                inner = self.pose_of(at, self.named[at].element) @ inner
                 at = self.named[at].relative_to
             self.offsets[key] = inner.inverse()
         return pose @ self.offsets.get(key, NO_POSE)
 
-    def stated(self, element: SourceElement) -> Pose:
+    def read_pose(self, element: SourceElement) -> Pose:
         """Read the pose in the child element `<pose>` of an XML element. The default is the identity."""
         pose = self.values.one(element, "pose")
         if pose is None or not pose.text:
@@ -147,7 +147,7 @@ class Frames:
             return Pose(translation=(x, y, z), rotation=self.values.rotation(element, "pose", turn))
         degrees = pose.attributes.get("degrees", "").strip().lower() in ("1", "true")
         roll, pitch, yaw = (math.radians(one) if degrees else one for one in turn)
-        return placed((x, y, z), (roll, pitch, yaw))
+        return make_pose((x, y, z), (roll, pitch, yaw))
 
     def link_of(self, key: str) -> str | None:
         """Return the name of the link to which a frame is attached, or None.

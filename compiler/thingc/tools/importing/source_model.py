@@ -244,7 +244,7 @@ class Attachment(SourceThing):
     joints: tuple[SourceJoint, ...] = ()
     floating: bool = False
 
-    def turned(self) -> Attachment:
+    def reverse(self) -> Attachment:
         """Return the same attachment with parent and child exchanged.
 
         The value of the joint coordinate q does not change. The attachment must have at most one joint.

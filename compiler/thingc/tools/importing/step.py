@@ -18,8 +18,8 @@ from thingc.base.filesystem import without_suffix
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.installed_packages import package_folder
 from thingc.base.numeric import dist
-from thingc.base.pose import Pose, Vector, added, along, dot
-from thingc.base.safe_text import quoted
+from thingc.base.pose import Pose, Vector, add_scaled, along, dot
+from thingc.base.safe_text import quote_names
 from thingc.base.source import MappingNode, node_at
 from thingc.documents.format.formatting import format_document
 from thingc.documents.load.documents import read_tree
@@ -58,10 +58,10 @@ def feature_mounts(features: Features) -> tuple[FeatureMount, ...]:
         line, centre = first.line, _mean([one.line.point for one in circle])
         radius = dist(centre, line.point)
         words = f"bolt circle: {len(circle)} holes of {_mm(2.0 * first.radius)} mm on {_mm(2.0 * radius)} mm"
-        mounts.append(FeatureMount(name=f"bolts_{number}", pose=along(line.axis, added(centre, line.axis, first.upper)), what=words))
+        mounts.append(FeatureMount(name=f"bolts_{number}", pose=along(line.axis, add_scaled(centre, line.axis, first.upper)), what=words))
         holes = [one for one in holes if one not in circle]
     for number, hole in enumerate(holes, 1):
-        pose = along(hole.line.axis, added(hole.line.point, hole.line.axis, hole.upper))
+        pose = along(hole.line.axis, add_scaled(hole.line.point, hole.line.axis, hole.upper))
         mounts.append(FeatureMount(name=f"hole_{number}", pose=pose, what=f"through hole of {_mm(2.0 * hole.radius)} mm"))
     for number, face in enumerate(_outermost(features.planes), 1):
         mounts.append(FeatureMount(name=f"face_{number}", pose=along(face.normal, face.centre), what="planar face"))
@@ -144,7 +144,7 @@ def import_step(path: str, store: Store, report: Report) -> ImportedAssembly | N
         help = f"to use the file as one part, write `{{file: {name}}}` in a document" if flat else "export the assembly again as STEP"
         report.add(Code.SOURCE_XML, f"`{name}`: {refused}", None, help=help, detail=answer.get("detail"))
         return None
-    return StepDocuments(convert(answer["answer"]["assembly"], StepAssembly), name, digest, store).imported()
+    return StepDocuments(convert(answer["answer"]["assembly"], StepAssembly), name, digest, store).write_files()
 
 
 class StepDocuments:
@@ -161,7 +161,7 @@ class StepDocuments:
         self.components = [distinct_words([child.name for child in group.children], "part") for group in assembly.assemblies]
         self.stock = stock_materials()
 
-    def imported(self) -> ImportedAssembly:
+    def write_files(self) -> ImportedAssembly:
         """Return the contents of all files."""
         assembly, root = self.assembly, self.documents[self.assembly.root]
         files = {f"{self.documents[number]}.yaml": self._document(number) for number in range(len(assembly.assemblies))}
@@ -239,7 +239,7 @@ class StepDocuments:
         """Yield a message for everything that is not in the documents, or that was assumed."""
         unknown = {self.files[number]: part.material for number, part in enumerate(self.assembly.parts) if self._material(part) == UNKNOWN}
         if unknown:
-            parts = quoted([f"{file} ({material})" if material else file for file, material in unknown.items()], 8)
+            parts = quote_names([f"{file} ({material})" if material else file for file, material in unknown.items()], 8)
             yield f"no density in the file, assumed {UNKNOWN_DENSITY:g} kg/m^3, see `{UNKNOWN}` in {MATERIALS}: {parts}"
         for number, part in enumerate(self.assembly.parts):
             if len(part.colors) > 1:

@@ -13,7 +13,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.source import MappingNode, Node, Path, ScalarNode, SequenceNode, Span, dotted, node_at
+from thingc.base.source import MappingNode, Node, Path, ScalarNode, SequenceNode, Span, format_path, node_at
 from thingc.documents.format.value_edits import last_line
 from thingc.documents.load.documents import read_tree
 from thingc.documents.load.text import Source
@@ -29,7 +29,7 @@ class Text(FrozenStruct):
     source: Source
     tree: MappingNode
 
-    def written(self, path: Path) -> str:
+    def text_at(self, path: Path) -> str:
         """Return the text of the value at a path of keys on one line. Long texts are shortened."""
         node = node_at(self.tree, path)
         text = NOTHING if node is None else inline(self, node)
@@ -69,7 +69,7 @@ class Merge:
         self.kept: list[Path] = []
         self.conflicts: list[tuple[Path, str, str]] = []
 
-    def merged(self) -> Merged:
+    def merge(self) -> Merged:
         """Merge both versions of the document, and return the merged text and the conflicts. Raises `MergeConflict`."""
         expected = self._whole((), self.base.tree.plain(), self.new.tree.plain(), self.ours.tree.plain())
         text = self.ours.source.text
@@ -79,9 +79,9 @@ class Merge:
             at = end
         whole = "".join([*parts, text[at:]])
         after = read_text(self.ours.source.file, whole, Report())
-        wrong = [] if after is None else [*_changed((), expected, after.tree.plain())] if after.tree.plain() != expected else None
+        wrong = [] if after is None else [*_changed_paths((), expected, after.tree.plain())] if after.tree.plain() != expected else None
         if wrong is not None:
-            place = dotted(wrong[0]) if wrong else "the document"
+            place = format_path(wrong[0]) if wrong else "the document"
             raise MergeConflict(f"`{place}` uses an anchor, or YAML syntax that thingc cannot edit")
         return Merged(text=whole, taken=tuple(self.taken), kept=tuple(self.kept), conflicts=tuple(self.conflicts))
 
@@ -92,15 +92,15 @@ class Merge:
         """
         if _alike(new, base) or _alike(new, ours):
             if not _alike(ours, base) and not _alike(new, ours):
-                self.kept += _changed(path, base, ours)
+                self.kept += _changed_paths(path, base, ours)
             return ours
         inner = _keys(base, new, ours)
         if inner is not None:
             return self._inside(path, base, new, ours, inner)
         if _alike(ours, base):
-            self.taken.append((path, self.ours.written(path), self.new.written(path)))
+            self.taken.append((path, self.ours.text_at(path), self.new.text_at(path)))
             return new
-        self.conflicts.append((path, self.ours.written(path), self.new.written(path)))
+        self.conflicts.append((path, self.ours.text_at(path), self.new.text_at(path)))
         return ours
 
     def _inside(self, path: Path, base: Any, new: Any, ours: Any, keys: Sequence[Any]) -> Any:
@@ -234,7 +234,7 @@ def _get(values: Any, key: Any) -> Any:
     return values[key] if isinstance(values, list) else values.get(key, MISSING)
 
 
-def _changed(path: Path, base: Any, ours: Any) -> Iterator[Path]:
+def _changed_paths(path: Path, base: Any, ours: Any) -> Iterator[Path]:
     """Yield the path of each value that differs between two documents. Nested mappings are compared key by key."""
     keys = _keys(base, base, ours)
     if keys is None:
@@ -243,7 +243,7 @@ def _changed(path: Path, base: Any, ours: Any) -> Iterator[Path]:
     for key in keys:
         one, other = _get(base, key), _get(ours, key)
         if not _alike(one, other):
-            yield from _changed((*path, key), one, other)
+            yield from _changed_paths((*path, key), one, other)
 
 
 def _is_flow(text: Text, node: Node) -> bool:

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.graphs import DisjointSets, circle_words, find_cycles
-from thingc.base.safe_text import quoted
+from thingc.base.safe_text import quote_names
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.source_model import Attachment, SourceLink, SourceRobot
@@ -50,7 +50,7 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
     _circles(named, above, report)
     roots = [link for link in links if link.name not in above]
     if len(roots) > 1:
-        names = quoted([link.name for link in roots], 6)
+        names = quote_names([link.name for link in roots], 6)
         report.add(
             Code.SOURCE_TREE, f"the robot has {len(roots)} roots (links without a parent): {names}", roots[1].where,
             notes=[Note(message="the first root is here", span=roots[0].where)], help="connect the roots by a joint, or split the file",
@@ -77,7 +77,7 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
             waiting.append((one.child, there))
 
 
-def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
+def span_tree(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
     """Split the joints of a robot with closed loops into a spanning tree and the joints that close loops.
 
     In the tree, parent and child of a joint are exchanged if necessary. The tree also contains joints that are not connected to the root,
@@ -93,7 +93,7 @@ def spanned(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tup
             closing.append(one)
             continue
         if one.child in below and one.parent not in below:
-            one = one.turned()
+            one = one.reverse()
         below.add(one.child)
         tree.append(one)
     return tuple(tree), tuple(closing)

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Report, shown_path
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.replacement import Change
-from thingc.base.source import dotted, span_at
+from thingc.base.source import format_path, span_at
 from thingc.tools.importing.import_request import Repair
 from thingc.tools.importing.three_way_merge import Merge, MergeConflict, Merged, Text, read_text
 
@@ -41,7 +41,7 @@ class PreviousImport(FrozenStruct):
     with_meshes: bool
     keep: bool
 
-    def edited(self) -> tuple[str, ...]:
+    def edited_files(self) -> tuple[str, ...]:
         """Return the names of the files that the user has changed since the import. Deleted files are omitted."""
         written = {self.document: _sha256(self.text.encode()), **self.meshes}
         return tuple(name for name, sha256 in written.items() if (data := self.read(name)) is not None and _sha256(data) != sha256)
@@ -108,7 +108,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
     if len(texts) < 3:
         return None
     try:
-        one = Merge(*texts).merged()
+        one = Merge(*texts).merge()
         if ours == earlier.text:  # the comments in the new document may have changed, too
             one = replace(one, text=new)
     except MergeConflict as fault:
@@ -116,7 +116,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         return None
     _say_conflicts(one, read_text(path, one.text, Report()) or texts[2], report)
     written = _changed_meshes(earlier, {name: data for name, data in files.items() if name not in (document, RECORD)}, report)
-    kept = tuple(name for name in earlier.edited() if name != earlier.document)
+    kept = tuple(name for name in earlier.edited_files() if name != earlier.document)
     written[document] = held, one.text.encode()
     written[RECORD] = earlier.read(RECORD), files[RECORD]
     for name, before in earlier.meshes.items():
@@ -149,7 +149,7 @@ def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report
 
 def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
     for path, ours, new in one.conflicts:
-        message = f"`{dotted(path)}` is {ours} here, but now {new} in the source: your value remains"
+        message = f"`{format_path(path)}` is {ours} here, but now {new} in the source: your value remains"
         help = "set the correct value: both values have changed since the last import"
         report.add(Code.SOURCE_CONFLICT, message, span_at(after.tree, path), help=help)
 

@@ -109,16 +109,16 @@ class _Urdf:
         root = root_of(links, hangings, self.root.where, self.report)
         if root is None:
             return None
-        links, sensors = self._sensed(links, hangings)
+        links, sensors = self._add_sensor_frames(links, hangings)
         transmissions = tuple(self._transmissions(hangings))
         robot = source_model.SourceRobot(
             name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=self.losses.all(),
             mesh_folder=self.blocks.meshes, sensors=sensors, transmissions=transmissions,
             base="free" if self.blocks.free else "fixed",
         )
-        return self._grounded(robot)
+        return self._remove_world_link(robot)
 
-    def _sensed(
+    def _add_sensor_frames(
         self, links: tuple[source_model.SourceLink, ...], hangings: tuple[source_model.Attachment, ...],
     ) -> tuple[tuple[source_model.SourceLink, ...], tuple[source_model.SourceSensor, ...]]:
         """Add the frames of the sensors to the links. Return the changed links and the sensors.
@@ -328,7 +328,7 @@ class _Urdf:
             return source_model.SourceLimits(effort=effort, velocity=velocity)
         return source_model.SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
 
-    def _grounded(self, robot: source_model.SourceRobot) -> source_model.SourceRobot:
+    def _remove_world_link(self, robot: source_model.SourceRobot) -> source_model.SourceRobot:
         """Remove an empty root link with only one child. The child must be floating, or a fixed child of a root link called `world`."""
         first = [one for one in robot.hangings if one.parent == robot.root]
         world = next(link for link in robot.links if link.name == robot.root)
@@ -350,7 +350,7 @@ _ARGUMENTS = tuple(map(re.compile, (r"<xacro:arg\s[^>]*?\bname\s*=\s*[\"']([^\"'
 """Regular expressions for declarations and uses of arguments in a xacro file."""
 
 
-def expanded(path: str, arguments: Mapping[str, str], packages: Mapping[str, str], report: Report) -> tuple[bytes, list[str]] | None:
+def expand_xacro(path: str, arguments: Mapping[str, str], packages: Mapping[str, str], report: Report) -> tuple[bytes, list[str]] | None:
     """Expand the xacro file at an absolute path. Return the URDF text and the paths of the xacro files that were read.
 
     If xacro fails, report an error and return None. Each element of the URDF has an attribute with its source location.

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from typing import Literal
 
 from thingc.base.diagnostics import Code
-from thingc.base.pose import Pose, placed
+from thingc.base.pose import Pose, make_pose
 from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.source_model import SourceSensor, SourceTransmission
 from thingc.tools.importing.xml_source import Losses, SourceElement
@@ -62,7 +62,7 @@ class Blocks:
         self.transmissions: dict[str, SourceTransmission] = {}
         for block in root.all("gazebo"):
             self._gazebo(block)
-        driven = {name for name, block in (*self._transmitted(), *self._controlled()) if self._is_joint(name, block)}
+        driven = {name for name, block in (*self._transmission_joints(), *self._commanded_joints()) if self._is_joint(name, block)}
         said = any(one.tag in ("transmission", "ros2_control") for one in root.children)
         self.driven = driven if said else None
         self.meshes: str | None = None
@@ -114,7 +114,7 @@ class Blocks:
         if len(numbers) != 6:
             self.values.fault(pose or element, None, f"`<pose>`: expected 6 numbers separated by spaces, found {len(numbers)}")
         x, y, z, roll, pitch, yaw = (one or 0.0 for one in (*numbers, *[0.0] * 6)[:6])
-        at, fovy = placed((x, y, z), (roll, pitch, yaw)), 0.0
+        at, fovy = make_pose((x, y, z), (roll, pitch, yaw)), 0.0
         if known == "camera":
             at, fovy = at @ LOOKING, self._fovy(element)
             if not 0.0 < fovy < MOST_VIEW:
@@ -158,7 +158,7 @@ class Blocks:
             self.values.report.warn(Code.SOURCE_DOUBT, message, block.place("name"), help=did_you_mean(name, joints, what="joints"))
         return name in joints
 
-    def _transmitted(self) -> Iterator[tuple[str, SourceElement]]:
+    def _transmission_joints(self) -> Iterator[tuple[str, SourceElement]]:
         """Yield the name and the XML element of each joint in a `<transmission>`."""
         for block in self.root.all("transmission"):
             faces = [one.text for part in block.children for one in part.all("hardwareInterface")]
@@ -166,10 +166,10 @@ class Blocks:
                 name = joint.attributes.get("name", "")
                 yield name, joint
                 self._interfaces(name, {kind for kind in COMMANDS for face in faces if kind in face.lower()}, joint)
-            self._geared(block, " ".join(one.text for one in block.all("type")), "mechanicalReduction")
+            self._read_reductions(block, " ".join(one.text for one in block.all("type")), "mechanicalReduction")
             self._rest((one for one in block.children if one.tag not in ("joint", "actuator", "type")), "of `<transmission>`")
 
-    def _controlled(self) -> Iterator[tuple[str, SourceElement]]:
+    def _commanded_joints(self) -> Iterator[tuple[str, SourceElement]]:
         """Yield the name and the XML element of each joint that `<ros2_control>` commands."""
         for block in self.root.all("ros2_control"):
             for joint in block.all("joint"):
@@ -181,10 +181,10 @@ class Blocks:
                 if bounds:
                     self.losses.note(f"the command limits of joint `{name}`", "the limits of the joint apply", bounds[0].where)
             for one in block.all("transmission"):
-                self._geared(one, " ".join(plugin.text for plugin in one.all("plugin")), "mechanical_reduction")
+                self._read_reductions(one, " ".join(plugin.text for plugin in one.all("plugin")), "mechanical_reduction")
             self._rest((one for one in block.children if one.tag not in ("joint", "transmission")), "of `<ros2_control>`")
 
-    def _geared(self, block: SourceElement, kind: str, tag: str) -> None:
+    def _read_reductions(self, block: SourceElement, kind: str, tag: str) -> None:
         """Read the reductions of a `<transmission>`, which are elements `tag`. `kind` contains the name of its plugin in ROS.
 
         Transmissions with a ratio of 1 are ignored. If the reductions cannot be imported, they are recorded as a loss.

@@ -15,14 +15,14 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.base.diagnostics import Report
 from thingc.base.joints.twist import SLIDE, TURN
-from thingc.base.pose import MATE, NO_POSE, Pose, Vector, along, shifted
+from thingc.base.pose import MATE, NO_POSE, Pose, Vector, along, make_translation
 from thingc.base.source import Path, Span
 from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.format.formatting import format_document
 from thingc.tools.importing.document_names import DocumentNaming
 from thingc.tools.importing.modes import drive_words, dynamics_words, mode_sections, sensor_lines, tendon_lines, transmission_lines
 from thingc.tools.importing.quantities import TURNS, angle, flow, length, lengths, mass, pose_words, quantity, shape_words, si_unit, was
-from thingc.tools.importing.raw import name_lines, quoted, raw_lines
+from thingc.tools.importing.raw import name_lines, quote, raw_lines
 from thingc.tools.importing.source_model import Attachment, SourceJoint, SourceLink, SourceRobot, SourceShape
 from thingc.tools.importing.update_import import PreviousImport
 
@@ -56,7 +56,7 @@ class DocumentWriter(DocumentNaming):
         """Return the text of the generated document in canonical layout."""
         sections = {
             "components": self._components(), "joints": self._joints(), "tendons": tendon_lines(self),
-            "transmissions": transmission_lines(self), "mounts": self._shown(), **mode_sections(self, self.roots),
+            "transmissions": transmission_lines(self), "mounts": self._mount_lines(), **mode_sections(self, self.roots),
             "sensors": sensor_lines(self), "names": name_lines(self), "raw": raw_lines(self),
         }
         head = f"# From {self.origin}. Losses are listed in import.json.\nthingc: assembly/1\nname: {self.name}\n"
@@ -129,7 +129,7 @@ class DocumentWriter(DocumentNaming):
                 friction = {key: quantity(one, "") for key, one in zip(FRICTION, touch.friction, strict=False)}
                 said.append(f"friction: {flow(friction)}")
             name = self.title(touch or shape)
-            said += [] if name is None else [f"name: {quoted(name)}"]
+            said += [] if name is None else [f"name: {quote(name)}"]
             yield f"      - {{{', '.join(said)}}}"
 
     def _geometry(self, shape: SourceShape) -> str:
@@ -234,7 +234,7 @@ class DocumentWriter(DocumentNaming):
         if joint.drive is not None and driven:
             yield from _mapping("drive", drive_words(joint.drive, turns))
 
-    def _shown(self) -> Iterator[str]:
+    def _mount_lines(self) -> Iterator[str]:
         """Yield the lines of the section `mounts`, which lists the mounts that the document exports."""
         frames = [(self.above[name].parent, word, self.link_of[name]) for name, word in self.frames.items()]
         sites = [(link.name, self.sites[site.name], site) for link in self.robot.links for site in link.sites]
@@ -251,12 +251,12 @@ def _mapping(key: str, values: Mapping[str, str]) -> Iterator[str]:
 def _parent_mount(one: Attachment, joint: SourceJoint) -> str:
     """Format the pose of the mount on the parent link to which a joint is attached."""
     onto = _onto(joint)
-    return pose_words(one.pose @ shifted(*joint.anchor) @ onto, one.rpy if onto == NO_POSE else None)
+    return pose_words(one.pose @ make_translation(*joint.anchor) @ onto, one.rpy if onto == NO_POSE else None)
 
 
 def _child_mount(joint: SourceJoint) -> str:
     """Format the pose of the mount on the child link to which a joint is attached."""
-    return pose_words(shifted(*joint.anchor) @ _onto(joint) @ (MATE if joint.kind in FACING else NO_POSE))
+    return pose_words(make_translation(*joint.anchor) @ _onto(joint) @ (MATE if joint.kind in FACING else NO_POSE))
 
 
 def _onto(joint: SourceJoint) -> Pose:

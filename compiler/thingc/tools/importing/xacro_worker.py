@@ -64,7 +64,7 @@ def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
     sandbox.begin(asked["scratch"], asked["readable"])
-    return _Expanding(asked["path"], asked["packages"]).expanded(asked["arguments"])
+    return _Expanding(asked["path"], asked["packages"]).expand(asked["arguments"])
 
 
 class _Expanding:
@@ -73,7 +73,7 @@ class _Expanding:
         self.files: list[str] = []
         self.found: dict[str, str] = {}
 
-    def expanded(self, arguments: dict[str, str]) -> dict[str, object]:
+    def expand(self, arguments: dict[str, str]) -> dict[str, object]:
         """Expand the xacro file, and return the response for the parent process."""
         import xacro
         from xacro import substitution_args

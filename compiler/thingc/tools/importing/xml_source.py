@@ -142,11 +142,11 @@ class _Reading:
         self.parser.EntityDeclHandler = self._entity
         self.parser.StartDoctypeDeclHandler = self._doctype
 
-    def _here(self, width: int = 0) -> Span:
+    def _span_at(self, width: int = 0) -> Span:
         return _span(self.path, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1, width)
 
     def _refuse(self, message: str, help: str) -> None:
-        self.report.add(Code.SOURCE_XML, message, self._here(), help=help)
+        self.report.add(Code.SOURCE_XML, message, self._span_at(), help=help)
         raise _Stop
 
     def _begin(self, tag: str, attributes: dict[str, str]) -> None:
@@ -155,7 +155,7 @@ class _Reading:
             self._refuse(f"elements nest more than {MOST_LEVELS} levels deep", "reduce the nesting")
         if self.count > MOST_ELEMENTS:
             self._refuse(f"the file has more than {MOST_ELEMENTS:,} elements", "split it")
-        where, source, start = self._here(len(tag) + 1), self.data, self.parser.CurrentByteIndex
+        where, source, start = self._span_at(len(tag) + 1), self.data, self.parser.CurrentByteIndex
         mark = attributes.pop(MARK, "").split(":") if self.files else []
         if len(mark) == 4 and all(one.isdecimal() for one in mark) and int(mark[0]) < len(self.files):
             number, line, column, start = map(int, mark)

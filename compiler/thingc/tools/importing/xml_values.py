@@ -10,7 +10,7 @@ from typing import Literal
 from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties, symmetric
 from thingc.base.numeric import hypot
-from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, placed, rotation_of, transpose
+from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, make_pose, multiply, rotation_of, transpose
 from thingc.base.source import Span
 from thingc.base.suggestions import Hint
 from thingc.tools.importing.document_names import plain_name
@@ -27,7 +27,7 @@ class Values:
     def __init__(self, report: Report) -> None:
         self.report = report
 
-    def written(self, element: SourceElement, key: str) -> str | None:
+    def text_of(self, element: SourceElement, key: str) -> str | None:
         """Return the text of an attribute, or None if the attribute is missing."""
         return element.attributes.get(key)
 
@@ -46,7 +46,7 @@ class Values:
 
     def word(self, element: SourceElement, attribute: str) -> str | None:
         """Read a required attribute that contains a name. If the attribute is missing, report an error and return None."""
-        text = (self.written(element, attribute) or "").strip()
+        text = (self.text_of(element, attribute) or "").strip()
         if not text:
             self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f"write {self.example(attribute, '...')}")
         return text or None
@@ -90,7 +90,7 @@ class Values:
 
         If the attribute is invalid, or missing without a default, report an error and return None.
         """
-        text = self.written(element, attribute)
+        text = self.text_of(element, attribute)
         if text is None:
             if default is None:
                 help = f"write {self.example(attribute, ' '.join(['0'] * count))}"
@@ -145,7 +145,7 @@ class Values:
         xyz, rpy = self.vector(origin, "xyz"), self.vector(origin, "rpy")
         quaternion = self.numbers(origin, "quat_xyzw", 4, (0.0, 0.0, 0.0, 1.0))
         if "quat_xyzw" not in origin.attributes or quaternion is None:
-            return placed(xyz, rpy), rpy
+            return make_pose(xyz, rpy), rpy
         if "rpy" in origin.attributes:
             self.fault(origin, "quat_xyzw", "this `<origin>` has both `rpy` and `quat_xyzw`", "remove `rpy` or `quat_xyzw`")
         return Pose(translation=xyz, rotation=self.rotation(origin, "quat_xyzw", quaternion)), None
@@ -178,7 +178,7 @@ class Values:
         `form` is the geometry element, and `file` is the name of the attribute that contains the URI of a mesh. Return None if the shape is
         invalid or has no volume. A shape without volume is recorded as a loss.
         """
-        sized, mesh = self._sized(form), self.word(form, file) if form.tag == "mesh" else None
+        sized, mesh = self._read_size(form), self.word(form, file) if form.tag == "mesh" else None
         if sized is None or form.tag == "mesh" and mesh is None:
             return None
         kind, size = sized
@@ -188,7 +188,7 @@ class Values:
         use: Literal["visual", "collision"] = "visual" if element.tag == "visual" else "collision"
         return SourceShape(kind=kind, use=use, size=size, pose=pose, where=form.where, mesh=mesh)
 
-    def _sized(self, form: SourceElement) -> tuple[ShapeKind, tuple[float, ...]] | None:
+    def _read_size(self, form: SourceElement) -> tuple[ShapeKind, tuple[float, ...]] | None:
         """Read the kind and the size [m] of a geometry element. Return None if the element is invalid or not supported."""
         match form.tag:
             case "box" | "ellipsoid":
@@ -227,7 +227,7 @@ class Values:
 class ChildValues(Values):
     """Parses values from the text of child elements, as in SDF. Names are parsed from attributes."""
 
-    def written(self, element: SourceElement, key: str) -> str | None:
+    def text_of(self, element: SourceElement, key: str) -> str | None:
         """Return the text of the child element with this name. If no such element exists, return the text of the attribute."""
         child = next(element.all(key), None)
         return element.attributes.get(key) if child is None else child.text

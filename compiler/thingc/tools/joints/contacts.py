@@ -48,7 +48,7 @@ class Contact(FrozenStruct):
     holes: tuple[tuple[CentreLine, float], ...] = ()
 
 
-def placed(features: Features, pose: Pose) -> Features:
+def place_features(features: Features, pose: Pose) -> Features:
     """Transform the features of a part to the frame of the robot."""
     cylinders = []
     for one in features.cylinders:

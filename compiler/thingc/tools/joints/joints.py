@@ -9,7 +9,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose, along
 from thingc.base.source import Document, MappingNode, node_at
 from thingc.base.suggestions import did_you_mean
-from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, set_values, without
+from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, remove_value, set_values
 from thingc.driver import pipeline
 from thingc.driver.edit_document import EditResult, write_texts
 from thingc.driver.environment import Environment, Options
@@ -17,7 +17,7 @@ from thingc.geometry.features import CentreLine, Features
 from thingc.geometry.record import AssemblyFailed
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.tools.importing.quantities import length, pose_entries
-from thingc.tools.joints.contacts import CLEARANCE, Contact, contact, placed
+from thingc.tools.joints.contacts import CLEARANCE, Contact, contact, place_features
 from thingc.tools.joints.proposals import ComponentBody, JointProposal, JointSearch, Pair, round_axes
 
 
@@ -39,7 +39,7 @@ def propose_joints(path: str, options: Options, *, strict: bool = False) -> Join
     """Compile a document, and propose joints between its components. A nested document counts as one rigid component."""
     with Environment(path, options) as environment:
         compilation = pipeline.compile(environment)
-        found = tuple(compilation.report.judged(strict=strict).ordered())
+        found = tuple(compilation.report.apply_strict(strict=strict).sorted_diagnostics())
         assembly = compilation.assembly
         if assembly is None or compilation.documents is None or any(one.severity is Severity.ERROR for one in found):
             return JointProposals(found=found)
@@ -51,7 +51,7 @@ def propose_joints(path: str, options: Options, *, strict: bool = False) -> Join
             report.add(Code.INTERNAL, f"the CAD kernel cannot read a part: {fault.reason}", assembly.definition.origin, detail=fault.detail)
             return JointProposals(found=(*found, *report.diagnostics))
     bodies, contacts, moved = _bodies_and_contacts(assembly, features)
-    rigid, joined = _mated(assembly)
+    rigid, joined = _connected_pairs(assembly)
     search = JointSearch(bodies, contacts, [*rigid, *moved], joined)
     return JointProposals(
         found=found, document=compilation.documents.root, proposals=tuple(search.proposals()), frames=_frames(assembly),
@@ -77,7 +77,7 @@ def _bodies_and_contacts(
     }
     moved: list[Pair] = []
     parts = [
-        (one, placed(features[one.record.brep], assembly.rest[one.index]), assembly.rest[one.index].around(one.box))
+        (one, place_features(features[one.record.brep], assembly.rest[one.index]), assembly.rest[one.index].around(one.box))
         for one in assembly.occurrences if one.record is not None and one.record.brep is not None and one.box is not None
     ]
     members: dict[str, list[tuple[Occurrence, Features]]] = {_component(one): [] for one in assembly.occurrences}
@@ -107,7 +107,7 @@ def _body(name: str, parts: Sequence[tuple[Occurrence, Features]], assembly: Ass
     return ComponentBody(name=name, words=words, mass=sum(one.properties.mass for one, _ in parts), round_about=axes)
 
 
-def _mated(assembly: Assembly) -> tuple[list[Pair], list[Pair]]:
+def _connected_pairs(assembly: Assembly) -> tuple[list[Pair], list[Pair]]:
     """Return the pairs of components that mounts attach rigidly, and the pairs that joints connect."""
     rigid: list[Pair] = []
     joined: list[Pair] = []
@@ -163,7 +163,7 @@ def write_joints(
         changed = document
         for keys in removed:
             if node_at(changed.tree, keys) is not None:
-                changed = without(changed, keys)
+                changed = remove_value(changed, keys)
         changed = set_values(changed, values)
     except CannotSetValue as fault:
         return EditResult(found=(UserError(str(fault), "edit the document by hand").diagnostic,))

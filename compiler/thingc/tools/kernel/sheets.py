@@ -23,7 +23,7 @@ from OCP.TopoDS import TopoDS
 from thingc.base.pose import Vector, dot
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.feature_search import area_and_centre
-from thingc.geometry.worker.kernel.integrals import explored
+from thingc.geometry.worker.kernel.integrals import subshapes
 from thingc.tools.workshop.curves import Arc, Curve, Sheet, Spline, StraightEdge
 
 if TYPE_CHECKING:
@@ -39,12 +39,12 @@ SAMPLES = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 def sheet_of(shape: TopoDS_Shape) -> Sheet:
     """Return the outlines of a flat part, or the reason why a part is not flat."""
-    solids = list(explored(shape, TopAbs_SOLID))
+    solids = list(subshapes(shape, TopAbs_SOLID))
     if len(solids) != 1:
         return Sheet(reason=f"it has {len(solids)} solids")
     unified = ShapeUpgrade_UnifySameDomain(solids[0], True, True, False)
     unified.Build()
-    faces = [TopoDS.Face(face) for face in explored(unified.Shape(), TopAbs_FACE)]
+    faces = [TopoDS.Face(face) for face in subshapes(unified.Shape(), TopAbs_FACE)]
     normals = {face: _normals(face) for face in faces}
     flat = [face for face in faces if all(dot(normals[face][0], other) > 1.0 - PARALLEL for other in normals[face])]
     if not flat:
@@ -57,10 +57,10 @@ def sheet_of(shape: TopoDS_Shape) -> Sheet:
             levels[math.copysign(1.0, rises[0])].append((dot(up, area_and_centre(face)[1]), face))
         elif max(map(abs, rises)) > PARALLEL:
             return Sheet(reason="it has a face that is neither parallel nor perpendicular to its largest face")
-    return _outlined(up, levels)
+    return _outline(up, levels)
 
 
-def _outlined(up: Vector, levels: dict[float, list[tuple[float, TopoDS_Face]]]) -> Sheet:
+def _outline(up: Vector, levels: dict[float, list[tuple[float, TopoDS_Face]]]) -> Sheet:
     """Return the outlines of a part whose faces point along `up`, against it, or sideways. `levels` contains the heights of faces."""
     upper, lower = sorted(levels[1.0], key=lambda one: one[0]), sorted(levels[-1.0], key=lambda one: one[0])
     if lower[-1][0] - lower[0][0] > LEVEL or (upper[-1][0] - upper[0][0] <= LEVEL and up < (0.0, 0.0, 0.0)):
@@ -106,7 +106,7 @@ def _edges(faces: Any, place: TopLoc_Location) -> dict[tuple[Any, ...], Curve]:
     """Return the edges of faces as curves, without repetitions. Edges with equal keys are equal when rounded to 1 nm."""
     found: dict[tuple[Any, ...], Curve] = {}
     for face in faces:
-        for edge in explored(face, TopAbs_EDGE):
+        for edge in subshapes(face, TopAbs_EDGE):
             curve = curve_of(TopoDS.Edge(edge.Moved(place)))
             match curve:
                 case StraightEdge(start=start, end=end):

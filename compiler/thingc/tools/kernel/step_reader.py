@@ -30,7 +30,7 @@ from thingc.base.pose import NO_POSE, Pose
 from thingc.geometry.store.local import Store
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.feature_search import area_and_centre, features_of
-from thingc.geometry.worker.kernel.integrals import at_origin, compound_of, explored, measure, solids_of
+from thingc.geometry.worker.kernel.integrals import at_origin, compound_of, measure, solids_of, subshapes
 from thingc.geometry.worker.kernel.step_assembly import new_document, write_part
 from thingc.tools.importing.step_assembly import StepAssembly, StepChild, StepGroup, StepPart
 
@@ -172,7 +172,7 @@ class _Reading:
         """Return the colours of a solid and its faces, the colour of the largest area first."""
         whole = self._color(solid)
         areas: dict[str, float] = {}
-        for face in explored(solid, TopAbs_FACE):
+        for face in subshapes(solid, TopAbs_FACE):
             color = self._color(face) or whole
             if color is not None:
                 areas[color] = areas.get(color, 0.0) + area_and_centre(face)[0]
@@ -188,7 +188,7 @@ class _Outline:
         self.size = max(high - low for low, high in zip(*measures.box, strict=True))
         self.moments, self.axes = np.linalg.eigh(np.array(measures.inertia))
         self.numbers = np.array([measures.volume ** (1 / 3), measures.area ** 0.5, *np.maximum(self.moments, 0.0) ** 0.2])
-        faces = [area_and_centre(face) for face in explored(shape, TopAbs_FACE)]
+        faces = [area_and_centre(face) for face in subshapes(shape, TopAbs_FACE)]
         self.faces = np.array([(*centre, area ** 0.5) for area, centre in faces])
 
     def motion_to(self, other: _Outline) -> Pose | None:

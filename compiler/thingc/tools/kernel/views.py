@@ -14,7 +14,7 @@ from OCP.HLRBRep import HLRBRep_Algo, HLRBRep_HLRToShape, HLRBRep_PolyAlgo, HLRB
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS
 
-from thingc.geometry.worker.kernel.integrals import explored
+from thingc.geometry.worker.kernel.integrals import subshapes
 from thingc.tools.kernel.sheets import curve_of
 from thingc.tools.workshop.curves import VIEWS, Curve, View, Views
 
@@ -32,14 +32,14 @@ def views_of(shape: TopoDS_Shape) -> Views:
 
     The exact algorithm of the kernel takes minutes for free-form surfaces. Parts with such surfaces are projected as triangles.
     """
-    surfaces = (BRepAdaptor_Surface(TopoDS.Face(face)).GetType() for face in explored(shape, TopAbs_FACE))
+    surfaces = (BRepAdaptor_Surface(TopoDS.Face(face)).GetType() for face in subshapes(shape, TopAbs_FACE))
     exact = all(surface in EXACT for surface in surfaces)
     if not exact:
         BRepMesh_IncrementalMesh(shape, DEFLECTION, True, ANGLE)
     views: dict[str, View] = {}
     for name, (toward, right) in VIEWS.items():
         projector = HLRAlgo_Projector(gp_Ax2(gp_Pnt(), gp_Dir(*toward), gp_Dir(*right)))
-        edges = _projected(shape, projector) if exact else _projected_triangles(shape, projector)
+        edges = _project(shape, projector) if exact else _projected_triangles(shape, projector)
         views[name] = View(
             visible=_curves(edges.VCompound(), edges.OutLineVCompound()),
             hidden=() if name == "isometric" else _curves(edges.HCompound(), edges.OutLineHCompound()),
@@ -47,7 +47,7 @@ def views_of(shape: TopoDS_Shape) -> Views:
     return Views(by_name=views)
 
 
-def _projected(shape: TopoDS_Shape, projector: Any) -> Any:
+def _project(shape: TopoDS_Shape, projector: Any) -> Any:
     algorithm = HLRBRep_Algo()
     algorithm.Add(shape, 0)
     algorithm.Projector(projector)
@@ -71,5 +71,5 @@ def _curves(*compounds: Any) -> tuple[Curve, ...]:
     for compound in compounds:
         if compound is not None and not compound.IsNull():
             BRepLib.BuildCurves3d_s(compound)
-            found += [curve_of(TopoDS.Edge(edge)) for edge in explored(compound, TopAbs_EDGE)]
+            found += [curve_of(TopoDS.Edge(edge)) for edge in subshapes(compound, TopAbs_EDGE)]
     return tuple(sorted(found, key=repr))  # the kernel returns edges in the order of their addresses in memory

@@ -33,7 +33,7 @@ def moving(robot: Robot, motions: frozenset[str]) -> list[TreeJoint]:
     return [joint for body in robot.bodies for joint in body.joints if joint_cell(joint.kind) in motions]
 
 
-def driven(robot: Robot, name: Callable[[TreeJoint], str], motions: frozenset[str]) -> list[DrivenJoint]:
+def driven_joints(robot: Robot, name: Callable[[TreeJoint], str], motions: frozenset[str]) -> list[DrivenJoint]:
     """Return the joint coordinates with drives in a mode, in the order of the tree. `name` returns the name of a joint in files."""
     return [
         DrivenJoint(
@@ -66,7 +66,7 @@ def losses(robot: Robot, target: str, framework: str, motions: frozenset[str], *
 
     Also yield losses for the properties of drives in `EFFECTS`, except for delays if `delays` is True.
     """
-    for one in driven(robot, lambda joint: joint.path, motions):
+    for one in driven_joints(robot, lambda joint: joint.path, motions):
         for key, what in EFFECTS.items():
             if getattr(one.drive, key) and not (delays and key == "delay"):
                 yield Loss(target, None, one.joint.path, f"{what} of this drive", "omitted", one.drive.origin)

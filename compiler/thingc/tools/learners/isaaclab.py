@@ -12,7 +12,7 @@ from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.name_mangling import safe
-from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven, losses, moving, start
+from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven_joints, losses, moving, start
 from thingc.tools.learners.python_text import PythonCall, PythonExpression, assignment, constant, file_name, module
 
 MOTIONS = frozenset({"single"})
@@ -36,7 +36,7 @@ def usd_name(joint: TreeJoint) -> str:
 
 
 def _module(robot: Robot) -> bytes:
-    drives = driven(robot, usd_name, MOTIONS)
+    drives = driven_joints(robot, usd_name, MOTIONS)
     positions = {usd_name(joint): start(robot, joint) for joint in moving(robot, MOTIONS)}
     complete = len(positions) == sum(len(body.joints) for body in robot.bodies)
     actuators = {

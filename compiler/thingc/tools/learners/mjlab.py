@@ -12,9 +12,9 @@ from thingc.model.robot.types import Robot
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 from thingc.targets.mjcf.drives import delay_steps, time_step
-from thingc.targets.mjcf.lowering import lowered
-from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven, losses, moving, start
-from thingc.tools.learners.python_text import PythonCall, PythonExpression, assignment, constant, file_name, imported, module
+from thingc.targets.mjcf.lowering import mujoco_joints
+from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven_joints, losses, moving, start
+from thingc.tools.learners.python_text import PythonCall, PythonExpression, assignment, constant, file_name, import_line, module
 
 MOTIONS = frozenset({"single", "several", "universal", "screw"})
 """The types of motion of joints that mjlab supports. mjlab requires one position for each MuJoCo joint, and a ball joint has four."""
@@ -70,13 +70,13 @@ def _lost_sensors(robot: Robot) -> Iterator[Loss]:
 
 
 def _module(robot: Robot) -> bytes:
-    drives = driven(robot, lambda joint: mjlab_name(joint.path), MOTIONS)
-    positions = {mjlab_name(one.name): one.ratio * start(robot, joint) for joint in moving(robot, MOTIONS) for one in lowered(joint)}
+    drives = driven_joints(robot, lambda joint: mjlab_name(joint.path), MOTIONS)
+    positions = {mjlab_name(one.name): one.ratio * start(robot, joint) for joint in moving(robot, MOTIONS) for one in mujoco_joints(joint)}
     complete = not robot.moves and len(moving(robot, MOTIONS)) == sum(len(body.joints) for body in robot.bodies)
     classes = sorted({CLASSES[drive.drive.kind] for drive in drives})
     imports = [
-        "import mujoco", *([imported("mjlab.actuator", classes)] if classes else []),
-        imported("mjlab.entity", ["EntityArticulationInfoCfg", "EntityCfg"]),
+        "import mujoco", *([import_line("mjlab.actuator", classes)] if classes else []),
+        import_line("mjlab.entity", ["EntityArticulationInfoCfg", "EntityCfg"]),
     ]
     config = PythonCall("EntityCfg", {
         "init_state": PythonCall("EntityCfg.InitialStateCfg", {

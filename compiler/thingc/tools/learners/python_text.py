@@ -37,7 +37,7 @@ def module(robot: Robot, framework: str, imports: Iterable[str], body: Iterable[
     return ("\n\n".join([title, *imports, *body]) + "\n").encode()
 
 
-def imported(package: str, names: Iterable[str]) -> str:
+def import_line(package: str, names: Iterable[str]) -> str:
     """Return an import statement of names from a module."""
     flat = f"from {package} import {', '.join(names)}"
     return flat if len(flat) <= WIDTH else "\n".join([f"from {package} import (", *(f"{INDENT}{name}," for name in names), ")"])

@@ -12,7 +12,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.pipeline import UnknownChoice
 from thingc.driver.testing.collisions import Collisions, names_of
-from thingc.driver.testing.poses import joints_text, keyframe, posed, starting_pose
+from thingc.driver.testing.poses import joints_text, keyframe, pose_robot, starting_pose
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
 from thingc.model.resolve.types import JointRange
@@ -165,7 +165,7 @@ def posed_robot(robot: Robot, wanted: str | None) -> tuple[Robot, Keyframe]:
     if wanted is not None and wanted not in poses:
         raise UnknownChoice(f"there is no pose `{wanted}`", did_you_mean(wanted, list(poses), what="poses"))
     pose = poses[wanted] if wanted is not None else starting_pose(robot.assembly, robot.mode)
-    placed = posed(robot.assembly, robot.mode, [pose])
+    placed = pose_robot(robot.assembly, robot.mode, [pose])
     frame = keyframe(placed, pose) if placed is not None else None
     if placed is None or frame is None:
         raise UnknownChoice(f"the loops of mode `{robot.mode.name}` do not close in pose `{pose.name}`", "choose another pose with --pose")

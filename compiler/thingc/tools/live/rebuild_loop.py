@@ -122,12 +122,12 @@ class RebuildLoop:
         """Yield the result of the first build, and then the result of a rebuild after every save, until `stop` is set."""
         saved: tuple[str, ...] = ()
         first = True
-        for files in looks(self._watched.changed, stop, PAUSE):
+        for files in looks(self._watched.take_changes, stop, PAUSE):
             saved = tuple(dict.fromkeys((*saved, *files)))
             if not (saved or first):
                 continue
             if not self._small(saved):
-                saved = self._settled(saved)
+                saved = self._wait_for_saves(saved)
             with self._turn:
                 made, more = self._round(saved)
             if more:  # files changed during the round, so the round may have read old and new files
@@ -152,7 +152,7 @@ class RebuildLoop:
         of_parts = self._geometry is not None and one in self._geometry.inputs
         return (one in self._documents or of_parts) and (_time_and_size(one) or (0.0, 0))[1] > 0
 
-    def _settled(self, saved: tuple[str, ...]) -> tuple[str, ...]:
+    def _wait_for_saves(self, saved: tuple[str, ...]) -> tuple[str, ...]:
         """Wait until no file has been saved for the time `QUIET`. Return the paths of all saved files."""
         began = time.monotonic()
         while True:
@@ -160,7 +160,7 @@ class RebuildLoop:
             if not absent and (unquiet := _unquiet(saved)) == 0.0:
                 return saved
             time.sleep(0.01 if absent else unquiet)
-            saved = tuple(dict.fromkeys((*saved, *self._watched.changed())))
+            saved = tuple(dict.fromkeys((*saved, *self._watched.take_changes())))
 
     def _round(self, saved: tuple[str, ...]) -> tuple[Rebuild, tuple[str, ...]]:
         """Rebuild the document once. Return the result, and the paths of the files that were saved during the rebuild.
@@ -176,13 +176,13 @@ class RebuildLoop:
         good = False
         if self._failed or self._geometry is not None and not self._geometry.inputs.isdisjoint(saved):
             self._geometry = None
-        self.environment = Environment(self.document, self.options, self._lent, self._memo)
+        self.environment = Environment(self.document, self.options, self._take_service, self._memo)
         said: Sequence[Diagnostic]
         more: tuple[str, ...] = ()
         try:
             wish = self._wish()
             if isinstance(wish, BuildRequest):
-                built = self._built(wish)
+                built = self._build(wish)
                 said = built.diagnostics
             else:
                 said = wish
@@ -194,7 +194,7 @@ class RebuildLoop:
         except Exception as fault:  # the next save may fix the error
             said = [self._refused(fault)]
             more = self._look(clock, built) or self._abandoned
-        self._modelled |= _modelled(built)
+        self._modelled |= _built_parts(built)
         if more:
             return Rebuild(number=self._number, saved=saved, seconds=0.0, diagnostics=()), more
         now = _digests(built.files) if good and built is not None and built.files is not None else None
@@ -211,14 +211,14 @@ class RebuildLoop:
         self._failed, self._last = not good, now if now is not None else self._last
         return made, ()
 
-    def _built(self, wish: BuildRequest) -> BuildResult:
+    def _build(self, wish: BuildRequest) -> BuildResult:
         assert self.environment is not None
         with self._abandoning():
             try:
                 return build_document.build(self.environment, wish)
             except BlobMissing:  # the store is damaged: retry without caches
                 self._geometry, self._memo = None, Memo()
-                self.environment = Environment(self.document, self.options, self._lent, self._memo)
+                self.environment = Environment(self.document, self.options, self._take_service, self._memo)
                 return build_document.build(self.environment, wish)
             finally:
                 self._workers.forget()  # necessary if the build was interrupted
@@ -253,7 +253,7 @@ class RebuildLoop:
             if self._abandoned:
                 self._workers, self._geometry = self._fresh_workers(), None
 
-    def _lent(self, workspace: Workspace, store: Store) -> GeometryService:
+    def _take_service(self, workspace: Workspace, store: Store) -> GeometryService:
         """Return the geometry service of the last round, or a new geometry service if the last service cannot be reused."""
         if self._geometry is None or self._geometry.workspace != workspace:
             self._geometry = geometry_of(workspace, self.options, store, workers=self._workers)
@@ -278,10 +278,10 @@ class RebuildLoop:
         else:
             self._watched.note(paths)
         late = [path for path in fresh if (state := _time_and_size(path)) is not None and state[0] > clock - CLOCK]
-        return tuple(dict.fromkeys((*late, *self._watched.changed())))
+        return tuple(dict.fromkeys((*late, *self._watched.take_changes())))
 
 
-def _modelled(built: BuildResult | None) -> dict[str, str]:
+def _built_parts(built: BuildResult | None) -> dict[str, str]:
     """Return the labels of the newly built parts, keyed by the text of the part definition."""
     if built is None:
         return {}

@@ -52,7 +52,7 @@ class _Shown(FrozenStruct, kw_only=False):
     count: int = 0
     findings: tuple[Finding, ...] = ()
 
-    def after(self, page: Page | None, findings: Sequence[Finding]) -> _Shown:
+    def after_rebuild(self, page: Page | None, findings: Sequence[Finding]) -> _Shown:
         """Return the new state after a rebuild. `page` is None if the rebuild had errors."""
         return _Shown(page or self.page, self.count + (page is not None), tuple(findings))
 
@@ -144,7 +144,7 @@ class Server:
         [s], of which building parts took the time `kernel` [s].
         """
         with self._news:
-            self._own = self._own.after(page, findings)
+            self._own = self._own.after_rebuild(page, findings)
             self._seconds, self._kernel = seconds, kernel
             self._number += 1
             self._news.notify_all()
@@ -152,11 +152,11 @@ class Server:
     def tell_against(self, page: Page | None, findings: Sequence[Finding] = ()) -> None:
         """Send the result of a rebuild of the overlay to all browsers. Before the first rebuild of the document, nothing is sent."""
         with self._news:
-            self._other = self._other.after(page, findings)
+            self._other = self._other.after_rebuild(page, findings)
             self._number += 1 if self._number > 0 else 0
             self._news.notify_all()
 
-    def hosted(self, host: str | None) -> bool:
+    def is_own_host(self, host: str | None) -> bool:
         """Return whether the host name in an HTTP request is the name of this server."""
         return host in (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
 
@@ -183,9 +183,9 @@ class Server:
         """
         with self._news:
             self._news.wait_for(lambda: self._closed or self._number > after, SILENCE)
-            return None if self._closed else (self._number, self._told())
+            return None if self._closed else (self._number, self._state_json())
 
-    def _told(self) -> str:
+    def _state_json(self) -> str:
         """Return the current state of the page as JSON.
 
         `run` identifies the server process. `build` and `against` count the pages of the document and of the overlay.
@@ -253,7 +253,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, *, body: bool) -> None:
         self.server.wait_no_more(self.connection)
-        if not self.served.hosted(self.headers.get("Host")):
+        if not self.served.is_own_host(self.headers.get("Host")):
             return self._refuse(HTTPStatus.MISDIRECTED_REQUEST)
         name = self.served.inside(self.path)
         if name == "events":

@@ -172,7 +172,7 @@ def analyse(
     analysis = Analysis(
         path=path, open=opened, workspace=environment.workspace, documents=documents, schemas=compilation.schemas,
         model=compilation.model, records=compilation.records, assembly=compilation.assembly, robots=compilation.robots,
-        findings=tuple(one for one in report.ordered() if one.code is not Code.NOT_LOCKED or not options.code),
+        findings=tuple(one for one in report.sorted_diagnostics() if one.code is not Code.NOT_LOCKED or not options.code),
         looked_at=frozenset(looked_at),
     )
     return _remembering(analysis, last)
@@ -184,7 +184,7 @@ def _of_workspace(environment: Environment, opened: Mapping[str, OpenText], last
     general = workspace if workspace is not None else last.workspace if last is not None else None
     documents = load(path, general, Report(), kinds=("workspace",), texts=environment.options.texts) if general is not None else None
     return _remembering(Analysis(
-        path=path, open=opened, workspace=workspace, documents=documents, findings=tuple(environment.report.ordered()),
+        path=path, open=opened, workspace=workspace, documents=documents, findings=tuple(environment.report.sorted_diagnostics()),
         looked_at=frozenset([path]),
     ), last)
 

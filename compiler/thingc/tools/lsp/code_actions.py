@@ -11,7 +11,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.base.source import Span, entries_of
-from thingc.documents.format.autofix import CheckResult, TextEdit, located, safe_edits
+from thingc.documents.format.autofix import CheckResult, TextEdit, locate_edit, safe_edits
 from thingc.documents.format.formatting import format_document
 from thingc.documents.format.value_edits import CannotSetValue, set_values
 from thingc.documents.load.text import Source
@@ -44,7 +44,7 @@ def _start(lines: TextLines, number: int) -> int:
     return lines.starts[number] if number < len(lines.starts) else len(lines.text)
 
 
-def formatted(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
+def format_text(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the edits that format a document, or None if the text is not a well-formed document."""
     after = format_document(analysis.path, text.encode(errors="surrogatepass"), Report()) if analysis.documents is not None else None
     return None if after is None else edits(analysis.lines(), after.decode())
@@ -112,7 +112,7 @@ def actions(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any
 def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
     for fix in diagnostic.fixes:
         file = fix.span.file
-        stretch = located(fix, analysis.text_of(file)) if is_document_path(file) else None
+        stretch = locate_edit(fix, analysis.text_of(file)) if is_document_path(file) else None
         if stretch is not None:
             edit = {"range": analysis.lines(file).range_of(*stretch), "newText": fix.replacement}
             sure = any((one.file, one.start, one.end) == (file, *stretch) for one in _sure(diagnostic, analysis))

@@ -163,19 +163,19 @@ class _Asked:
                 yield self._item(word := str(value).lower(), word, _VALUE, rank=number)
             elif not self._own(value):
                 deep = 500 * max(0, value.count(".") - 1) if "/" not in value and ":" not in value else 0
-                rank = number + deep + (2000 if self._taken(value) else 1000 if value.endswith(".origin") else 0)
+                rank = number + deep + (2000 if self._is_used(value) else 1000 if value.endswith(".origin") else 0)
                 yield self._word(value, rank=rank, description=description)
-        yield from self._counted()
+        yield from self._indexed_items()
         dimensions = self._dimensions()
         if dimensions and not (self.cursor.toml and not self.cursor.quote and typed):
             low, high = bounds_of(self.analysis, self.cursor)
             for name, quantity in self._parameters():
                 if any(fits(quantity.dimension, one) for one in dimensions) and low <= quantity.value <= high:
-                    yield self._item(f"={name}", self._quoted(f"={name}"), _VARIABLE, rank=100, detail=quantity.shown(6))
+                    yield self._item(f"={name}", self._quote(f"={name}"), _VARIABLE, rank=100, detail=quantity.format(6))
 
     def _word(self, word: str, *, rank: int, description: str) -> CompletionItem:
         """Create a completion item for a word that the JSON Schema suggests, such as a name, a part or a document."""
-        kind, detail, text = _VALUE, "", self._quoted(word)
+        kind, detail, text = _VALUE, "", self._quote(word)
         if self.cursor.path[-1:] == ("part",):
             kind, detail = _CLASS, ", ".join(self.walk.parameters_of(word))
             module = f"{word.partition(':')[0]}:"
@@ -216,14 +216,14 @@ class _Asked:
             mounts = dict(self.walk.mounts_of(head.rstrip(".")))
         for number, (word, description) in enumerate(mounts.items()):
             rest = word[len(head) :]
-            rank = number + (2000 if self._taken(word) else 0) + (1000 if "." in rest else 0) + (500 if rest == "origin" else 0)
+            rank = number + (2000 if self._is_used(word) else 0) + (1000 if "." in rest else 0) + (500 if rest == "origin" else 0)
             item = self._item(rest, rest, _REFERENCE, rank=rank, detail=frame_words(self.analysis, word), description=description)
             yield replace(item, start=start)
-        for one in self._counted():
+        for one in self._indexed_items():
             if one.shown.startswith(head):
                 yield replace(one, shown=one.shown[len(head) :], text=one.text[len(head) :], start=start)
 
-    def _counted(self) -> Iterator[CompletionItem]:
+    def _indexed_items(self) -> Iterator[CompletionItem]:
         """Yield references that contain the index variable of a `repeat`, such as `plate.screw_$i` for the mounts `plate.screw_0` to `_3`.
         """
         path = self.cursor.path
@@ -243,7 +243,7 @@ class _Asked:
         for name, count in numbered.items():
             if count >= max(2, least):
                 yield self._item(
-                    name, self._quoted(name), _REFERENCE, rank=1000 if name.endswith(".origin") else -1, detail=f"{count} of them",
+                    name, self._quote(name), _REFERENCE, rank=1000 if name.endswith(".origin") else -1, detail=f"{count} of them",
                 )
 
     def _own(self, word: str) -> bool:
@@ -256,7 +256,7 @@ class _Asked:
             return word.partition(".")[0] == other.partition(".")[0]
         return len(path) > 2 and path[-1] in ("extends", "joint") and word == path[1]
 
-    def _taken(self, word: str) -> bool:
+    def _is_used(self, word: str) -> bool:
         """Return whether another value of the same kind already contains the word. Completion lists such words last."""
         kind = self.cursor.path[-1:]
         if kind not in (("drive",), ("parent",), ("child",)) and self.cursor.path[2:3] != ("attach",):
@@ -300,7 +300,7 @@ class _Asked:
         for name, value in self._parameters():
             fitting = (not wanted or any(fits(value.dimension, one) for one in wanted)) and low <= value.value <= high
             yield offer(
-                shown=name, text=name, kind=_VARIABLE, rank=0 if fitting else 100, detail=value.shown(6),
+                shown=name, text=name, kind=_VARIABLE, rank=0 if fitting else 100, detail=value.format(6),
                 description=self.cursor.scalars.get(("parameters", name, "doc"), ""),
             )
         if "repeat" in self.cursor.keys.get(self.cursor.path[:2], ()):
@@ -310,7 +310,7 @@ class _Asked:
             several = f"{least} to {most} values" if most > least else f"{least} value" + ("s" if least > 1 else "")
             yield offer(shown=name, text=f"{name}(", kind=_FUNCTION, rank=200, detail=several)
         for name, quantity in CONSTANTS.items():
-            yield offer(shown=name, text=name, kind=_CONSTANT, rank=201, detail=quantity.shown(6))
+            yield offer(shown=name, text=name, kind=_CONSTANT, rank=201, detail=quantity.format(6))
 
     def _parameters(self) -> Iterator[tuple[str, Quantity]]:
         """Yield the parameters to which the expression at the cursor can refer, with their values."""
@@ -329,7 +329,7 @@ class _Asked:
             shown=shown, text=text, start=start, end=self.cursor.end, kind=kind, rank=rank, detail=detail, description=description,
         )
 
-    def _quoted(self, word: str) -> str:
+    def _quote(self, word: str) -> str:
         """Add quotes to a word if the language of the document requires quotes, as TOML always does.
 
         If the cursor is already inside quotes, only a missing closing quote is added.

@@ -70,12 +70,12 @@ class TomlScan(Scan):
         if self.text[here] in "{[":
             after = self.brackets(here, path, 0)
         elif self.text[here] in "\"'":
-            after = self.quoted(here, path, 0)
+            after = self.scan_quoted(here, path, 0)
         else:
-            after = self.after(_BARE_ON_LINE, here)
+            after = self.match_end(_BARE_ON_LINE, here)
             written = self.text[here:after].rstrip(" \t")
             self.scalars[path] = written
-            self.token(CursorPlace(role="value", path=path, start=here, end=here + len(written)), after)
+            self.add_token(CursorPlace(role="value", path=path, start=here, end=here + len(written)), after)
         return self.behind_value(after)
 
     # --- brackets and quotes ------------------------------------------------------------------------------------------
@@ -218,7 +218,7 @@ class YamlScan(Scan):
         if top.column == column and not top.sequence and self.text[here] not in "{[":
             return self._word(here, end, top.path)
         if top.state == "open" and self.text[here] not in "{[\"'&!*|>=":
-            self.scalars[top.inner()] = self._written(here, end)
+            self.scalars[top.inner()] = self._text_until(here, end)
             after = self._word(here, end, top.inner(), either=True)
             top.state = "scalar"
             return after
@@ -226,23 +226,23 @@ class YamlScan(Scan):
             return self._word(here, end, top.path)
         return self._value(here, end, top.inner(), top)
 
-    def _written(self, here: int, end: int) -> str:
+    def _text_until(self, here: int, end: int) -> str:
         comment = _COMMENTED.search(self.text, here, end)
         return self.text[here : end if comment is None else comment.start()].rstrip(" \t")
 
     def _word(self, here: int, end: int, path: Path, *, either: bool = False) -> int:
         """Process the text from the offset `here`, which is not yet an entry of the mapping at a path."""
         quote = self.text[here] if self.text[here] in "\"'" else ""
-        start, stop = here + len(quote), here + len(self._written(here, end))
+        start, stop = here + len(quote), here + len(self._text_until(here, end))
         comment = self.text.find("#", stop, end)
         place = CursorPlace(role="key", path=path, start=start, end=max(start, stop), either=either, quote=quote)
-        self.token(place, end if comment < 0 else comment)
+        self.add_token(place, end if comment < 0 else comment)
         return self.rest(stop)
 
     def _value(self, at: int, end: int, path: Path, frame: _Frame) -> int:
         here = self.spaces(at)
         while here < end and self.text[here] in "&!":
-            here = self.spaces(self.after(_PROPERTY, here))
+            here = self.spaces(self.match_end(_PROPERTY, here))
         self.gap(at, here, "value", path)
         if here >= end or (self.text[here] == "#" and here > at):
             frame.state = "open"
@@ -255,15 +255,15 @@ class YamlScan(Scan):
             after = self.brackets(here, path, frame.column)
         elif character in "\"'":
             frame.state = "done"
-            after = self.quoted(here, path, frame.column)
+            after = self.scan_quoted(here, path, frame.column)
         else:
-            written = self._written(here, end)
+            written = self._text_until(here, end)
             joined = frame.state == "scalar" and path in self.scalars
             self.scalars[path] = f"{self.scalars[path]} {written}" if joined else written
             frame.state = "scalar"
             after = here + len(written)
             comment = _COMMENTED.search(self.text, after, end)
-            self.token(CursorPlace(role="value", path=path, start=here, end=after), end if comment is None else comment.start() + 1)
+            self.add_token(CursorPlace(role="value", path=path, start=here, end=after), end if comment is None else comment.start() + 1)
         return self.behind_value(after)
 
     def _text_block(self, end: int, frame: _Frame) -> int:
@@ -290,7 +290,7 @@ class YamlScan(Scan):
         if self.text[at] in "\"'":
             start, end, after = self.quotes(at, 0)
             return [Token(name=self.text[start:end], start=start, end=end, quote=self.text[at])], after
-        end = self.after(_PLAIN_KEY_IN_FLOW, at)
+        end = self.match_end(_PLAIN_KEY_IN_FLOW, at)
         name = self.text[at:end].rstrip(" \t")
         return [Token(name=name, start=at, end=at + len(name))], end
 

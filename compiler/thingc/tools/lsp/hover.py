@@ -15,8 +15,16 @@ from thingc.model.assembly.types import Assembly, JointEdge
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor, cursor_at
 from thingc.tools.lsp.positions import TextPlace
-from thingc.tools.lsp.schema_walk import SchemaWalk, described, described_as
-from thingc.tools.lsp.shown_values import direction_words, evaluate_expression, frame_words, in_words, length_words, parameters_of, shown
+from thingc.tools.lsp.schema_walk import SchemaWalk, described_as, find_description
+from thingc.tools.lsp.shown_values import (
+    direction_words,
+    evaluate_expression,
+    format_values,
+    frame_words,
+    in_words,
+    length_words,
+    parameters_of,
+)
 
 _CODES = {code.code: code for code in Code}
 
@@ -43,10 +51,10 @@ def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
     walk = None if schema is None else SchemaWalk(schema, cursor.keys, cursor.scalars)
     if cursor.role == "key":
         path = (*cursor.path, written)
-        return _of_name(known, path) or ("" if walk is None else described(walk.at(path)))
+        return _of_name(known, path) or ("" if walk is None else find_description(walk.at(path)))
     flats = [] if walk is None else walk.at(cursor.path)
-    parts = [_of_value(known, cursor, written), _referred(known, cursor.path, written) or described_as(flats, written)]
-    return "\n\n".join(part for part in parts if part) or described(flats)
+    parts = [_of_value(known, cursor, written), _describe_reference(known, cursor.path, written) or described_as(flats, written)]
+    return "\n\n".join(part for part in parts if part) or find_description(flats)
 
 
 def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
@@ -58,7 +66,7 @@ def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
         at = re.search(r"[A-Za-z]\w*$|$", cursor.typed)
         word = re.match(r"[A-Za-z]\w*|", written[at.start() if at is not None else 0 :])
         own = _of_parameter(analysis, word.group()) if word is not None and written != f"={word.group()}" else ""
-        return "\n\n".join((f"`{written}` = **{shown(values)}**", *([own] if own else [])))
+        return "\n\n".join((f"`{written}` = **{format_values(values)}**", *([own] if own else [])))
     value = " ".join(f"{one.value:.6g} {one.dimension.symbol}".strip() for one in values if isinstance(one, Quantity))
     return "" if value == written.strip() else f"`{written}` = {value}"
 
@@ -77,7 +85,7 @@ def _of_name(analysis: Analysis, path: Path) -> str:
     return ""
 
 
-def _referred(analysis: Analysis, path: Path, written: str) -> str:
+def _describe_reference(analysis: Analysis, path: Path, written: str) -> str:
     """Describe the element to which a reference in a document refers."""
     key = path[-1] if not isinstance(path[-1], int) else path[-2] if len(path) > 1 else ""
     if key in ("pose", "poses"):
@@ -100,7 +108,7 @@ def _of_parameter(analysis: Analysis, name: str) -> str:
     own = {key: str(one.plain()) for key, one in entries_of(node).items()}
     bounds = [f"at {word} `{own[key]}`" for key, word in (("min", "least"), ("max", "most")) if key in own]
     said = [own["doc"]] if "doc" in own else []
-    return "; ".join((f"**{name}** = {shown((parameter,))}", *bounds, *said))
+    return "; ".join((f"**{name}** = {format_values((parameter,))}", *bounds, *said))
 
 
 # --- components and mounts ---------------------------------------------------------------------------------------------
@@ -118,11 +126,11 @@ def _of_component(analysis: Analysis, name: str) -> str:
     if len(items) > 1 and name not in items:
         lines.append(f"{len(items)} copies, `{items[0]}` to `{items[-1]}`.")
     if analysis.assembly is not None:
-        lines += _measured(analysis.assembly, items[0] if name not in items else name)
+        lines += _describe_component(analysis.assembly, items[0] if name not in items else name)
     return "\n\n".join(lines)
 
 
-def _measured(assembly: Assembly, name: str) -> Iterator[str]:
+def _describe_component(assembly: Assembly, name: str) -> Iterator[str]:
     """Yield a text about the mass of a component, and a text about the pose of a component that is not an assembly."""
     path = name.replace(".", "/")
     inside = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
@@ -131,7 +139,7 @@ def _measured(assembly: Assembly, name: str) -> Iterator[str]:
     mass = sum_of(one.properties.mass for one in inside)
     sources = dict.fromkeys(one.mass_source for one in inside if one.properties.mass)
     if mass:
-        yield f"Mass {Quantity(mass, MASS).shown(5)} ({', '.join(sources)})" + (f", {len(inside)} parts." if len(inside) > 1 else ".")
+        yield f"Mass {Quantity(mass, MASS).format(5)} ({', '.join(sources)})" + (f", {len(inside)} parts." if len(inside) > 1 else ".")
     if len(inside) == 1:
         base = assembly.occurrences[assembly.base].path
         if inside[0].index != assembly.base:
@@ -165,7 +173,7 @@ def _of_joint(analysis: Analysis, name: str) -> str:
         lines.append(_motion(edge))
         if edge.actuator is not None:
             unit = TORQUE if edge.twist.coordinate == ANGLE else FORCE
-            effort = "" if edge.limit.effort is None else f", up to {Quantity(edge.limit.effort, unit).shown(5)}"
+            effort = "" if edge.limit.effort is None else f", up to {Quantity(edge.limit.effort, unit).format(5)}"
             lines.append(f"Driven ({edge.actuator.kind}{effort}).")
         drives = () if analysis.assembly is None else analysis.assembly.tendons
         coupled = [one.transmission for one in drives if one.transmission is not None and edge.path in one.moves]
@@ -196,7 +204,7 @@ def _of_pose(analysis: Analysis, name: str) -> str:
     dimensions = {} if analysis.assembly is None else {
         edge.path: edge.twist.coordinate for mate in analysis.assembly.mates for edge in mate.joints
     }
-    values = [f"{path.replace('/', '.')} {Quantity(value, dimensions.get(path, ANGLE)).shown(5)}" for path, value in pose.values.items()]
+    values = [f"{path.replace('/', '.')} {Quantity(value, dimensions.get(path, ANGLE)).format(5)}" for path, value in pose.values.items()]
     more = f", and {len(values) - 12} more" if len(values) > 12 else ""
     modes = [f"`{mode.name}`" for mode in model.modes if mode.pose == name]
     return f"**{name}**: " + (f"{', '.join(values[:12])}{more}; all other joints at 0." if values else "every joint at 0.") + (

@@ -75,7 +75,7 @@ def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
     return _Names(analysis, index_workspace(workspace, {path: one.text for path, one in analysis.open.items()}, last, only))
 
 
-def _found(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple[_Names, NamePlace] | None:
+def _find_name(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple[_Names, NamePlace] | None:
     names = _names(analysis, near=near)
     named = names.at(place) if names is not None else None
     return None if names is None or named is None else (names, named)
@@ -83,7 +83,7 @@ def _found(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple
 
 def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the location of the declaration of the name at a position. In a Python file, return the documents that use the name."""
-    named = _found(analysis, place, near=not analysis.path.endswith(".py"))
+    named = _find_name(analysis, place, near=not analysis.path.endswith(".py"))
     if named is None:
         return []
     names, here = named
@@ -92,13 +92,13 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
     places = names.sight.index.by_name[here.name]
     if here.role == "declared" and here.span.file.endswith(".py"):
         return names.locations(one.span for one in places if not one.span.file.endswith(".py"))
-    declared = names.sight.index.declared(here.name)
+    declared = names.sight.index.find_declaration(here.name)
     return names.locations([] if declared is None else [declared])
 
 
 def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the locations of all uses of the name at a position, including name patterns that match the name."""
-    named = _found(analysis, place)
+    named = _find_name(analysis, place)
     if named is None:
         return []
     names, here = named
@@ -108,7 +108,7 @@ def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the locations in the same document where the name at a position is used."""
-    named = _found(analysis, place, near=True)
+    named = _find_name(analysis, place, near=True)
     if named is None:
         return []
     names, here = named
@@ -119,7 +119,7 @@ def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the name to rename at a position, or None if there is no name. Raises `RenameRefused` if the name cannot be renamed."""
-    named = _found(analysis, place)
+    named = _find_name(analysis, place)
     if named is None:
         return None
     names, here = named
@@ -134,7 +134,7 @@ def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
 
     Raises `RenameRefused` if the name cannot be renamed.
     """
-    named = _found(analysis, place)
+    named = _find_name(analysis, place)
     if named is None:
         raise RenameRefused("there is no name at this position")
     names, here = named

@@ -89,7 +89,7 @@ class OpenDocuments:
             self.texts = {one: text for one, text in self.texts.items() if one != path}
             self._note(path)
 
-    def saved(self, path: str) -> None:
+    def mark_saved(self, path: str) -> None:
         """Mark all analyses that depend on a file as outdated, because the file on disk has changed.
 
         The text of a document that is open in the editor does not change.
@@ -144,7 +144,7 @@ class OpenDocuments:
         patient = time.monotonic() + (IMPATIENT if path == self.recent else 0.0)
         memo.until(lambda: self._changes != changes and time.monotonic() > patient)
         try:
-            analysis = self._analysed(path, texts, memo, known)
+            analysis = self._analyse(path, texts, memo, known)
         except Superseded:
             with self._lock:
                 self._outdated[path] = None
@@ -156,7 +156,7 @@ class OpenDocuments:
             gc.freeze()  # most objects live as long as the document is open, and a garbage collection takes longer than several keystrokes
         return analysis
 
-    def _analysed(self, path: str, texts: Mapping[str, OpenText], memo: Memo, known: Analysis | None) -> Analysis:
+    def _analyse(self, path: str, texts: Mapping[str, OpenText], memo: Memo, known: Analysis | None) -> Analysis:
         if not self._ours(path, texts, known):
             return Analysis(path=path, open=texts)
         try:
@@ -220,7 +220,7 @@ class OpenDocuments:
             at_hand.unanswered = PendingRequests()
             self._unanswered[path] = (workspace.root, at_hand.unanswered)
             if workspace.root not in self._workers:
-                self._workers[workspace.root] = BackgroundWorkers(workspace, store, self.options, self._answered)
+                self._workers[workspace.root] = BackgroundWorkers(workspace, store, self.options, self._store_failures)
             return at_hand
 
         return lend
@@ -243,7 +243,7 @@ class OpenDocuments:
                         wanted.add(one)
                 workers.want(wanted)
 
-    def _answered(self, workspace: Workspace, undescribed: Mapping[str, PartFailure], failed: Mapping[str, PartFailure]) -> None:
+    def _store_failures(self, workspace: Workspace, undescribed: Mapping[str, PartFailure], failed: Mapping[str, PartFailure]) -> None:
         """Store the failures from background workers, and mark the analyses that lack results of these workers as outdated."""
         with self._lock:
             at_hand = self._at_hand.get(workspace.root)
@@ -261,7 +261,7 @@ class OpenDocuments:
         """Mark analyses as outdated when another program changes a file on which they depend."""
         for changed in looks(self._saved_elsewhere, self._ended, PAUSE):
             for path in changed:
-                self.saved(path)
+                self.mark_saved(path)
             if changed:
                 self._wake()
 
@@ -270,7 +270,7 @@ class OpenDocuments:
             needed: frozenset[str] = frozenset().union(*(one.looked_at for one in self._analyses.values()))
             if needed != self._watched.paths:
                 self._watched.only(needed)
-            return self._watched.changed()
+            return self._watched.take_changes()
 
     def close(self) -> None:
         """Stop the thread that watches files, and end the worker processes."""
@@ -300,7 +300,7 @@ class _SupersededMemo(Memo):
             raise Superseded
         return super().last(place, inputs)
 
-    def apart(self) -> Memo:
+    def make_empty(self) -> Memo:
         """Return an empty memo for the same analysis, as `Memo.apart` does. This memo also interrupts the analysis."""
         memo = _SupersededMemo()
         memo.until(self._superseded)

@@ -118,8 +118,8 @@ def steady(before: str, after: str) -> Callable[[Span], Span | None]:
     def line(number: int) -> int | None:
         return number if number <= same else number + len(new) - len(old) if number > len(old) - end else None
 
-    def moved(span: Span) -> Span | None:
+    def shift_span(span: Span) -> Span | None:
         first, last = line(span.line), line(span.end_line)
         return None if first is None or last is None else replace(span, line=first, end_line=last)
 
-    return moved
+    return shift_span

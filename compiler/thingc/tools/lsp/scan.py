@@ -112,7 +112,7 @@ class Scan(ABC):
         if low <= self.target <= high and self.place is None:
             self.place = CursorPlace(role=role, path=path, start=self.target, end=self.target, either=either, flow=flow)
 
-    def token(self, place: CursorPlace, high: int) -> None:
+    def add_token(self, place: CursorPlace, high: int) -> None:
         """Process a key or a value of the document. Spaces after the token, up to the offset `high`, belong to the typed text."""
         if place.start <= self.target <= high:
             self.place = replace(place, end=max(place.end, self.target))
@@ -127,14 +127,14 @@ class Scan(ABC):
 
     # --- helper methods ---------------------------------------------------------------------------------------------------
 
-    def after(self, pattern: re.Pattern[str], at: int) -> int:
+    def match_end(self, pattern: re.Pattern[str], at: int) -> int:
         """Match a pattern at the offset `at`, and return the end of the match. Return `at` if the pattern does not match."""
         match = pattern.match(self.text, at)
         return at if match is None else match.end()
 
     def line_end(self, at: int) -> int:
         """Return the offset of the end of the line that contains the offset `at`. The line does not include the line break."""
-        return self.after(_LINE, at)
+        return self.match_end(_LINE, at)
 
     def after_break(self, end: int) -> int:
         """Return the offset of the start of the next line. After the last line, return an offset beyond the end of the text."""
@@ -142,7 +142,7 @@ class Scan(ABC):
 
     def spaces(self, at: int) -> int:
         """Return the offset of the first character at or after `at` that is not a space or tab."""
-        return self.after(_SPACES, at)
+        return self.match_end(_SPACES, at)
 
     def comment(self, at: int) -> int:
         """Skip a comment, and return the offset of its end."""
@@ -241,7 +241,7 @@ class Scan(ABC):
         for token in tokens:
             last = token is tokens[-1]
             place = CursorPlace(role="key", path=path, start=token.start, end=token.end, quote=token.quote, flow=flow, header=header)
-            self.token(place, high if last and not token.quote else token.end)
+            self.add_token(place, high if last and not token.quote else token.end)
             if token.quote and self.target in (token.start - 1, token.end + 1):  # the cursor is next to the quotes: replace the quotes, too
                 self.place = CursorPlace(role="key", path=path, start=token.start - 1, end=token.end + 1, flow=flow, header=header)
             if separated or not last:
@@ -255,23 +255,23 @@ class Scan(ABC):
         if character in "{[":
             return self.brackets(at, path, column) if self.depth < MAX_LEVELS else at + 1
         if character in "\"'":
-            return self.quoted(at, path, column, flow=True)
-        end = max(self.after(self.PLAIN, at), at + 1)
+            return self.scan_quoted(at, path, column, flow=True)
+        end = max(self.match_end(self.PLAIN, at), at + 1)
         written = self.text[at:end].rstrip(" \t")
         self.scalars[path] = written
         high = self.spaces(end)
-        self.token(CursorPlace(role="value", path=path, start=at, end=at + len(written), flow=True), high)
+        self.add_token(CursorPlace(role="value", path=path, start=at, end=at + len(written), flow=True), high)
         return high
 
-    def quoted(self, at: int, path: Path, column: int, *, flow: bool = False) -> int:
+    def scan_quoted(self, at: int, path: Path, column: int, *, flow: bool = False) -> int:
         """Scan a value in quotes. Return the offset of the end of the value."""
         start, end, after = self.quotes(at, column)
         self.scalars[path] = self.text[start:end]
         last = min(end, self.line_end(max(start, min(self.target, end))))
         if start <= self.target <= end:
-            self.token(CursorPlace(role="value", path=path, start=start, end=last, quote=self.text[at:start], flow=flow), end)
+            self.add_token(CursorPlace(role="value", path=path, start=start, end=last, quote=self.text[at:start], flow=flow), end)
         elif at <= self.target <= after:
-            self.token(CursorPlace(role="value", path=path, start=at, end=after, flow=flow), after)
+            self.add_token(CursorPlace(role="value", path=path, start=at, end=after, flow=flow), after)
         return after
 
     def quotes(self, at: int, column: int) -> tuple[int, int, int]:
@@ -282,7 +282,7 @@ class Scan(ABC):
         quote = self.text[at]
         here = at + 1
         while True:
-            here = self.after(_DOUBLE if quote == '"' else _SINGLE, here)
+            here = self.match_end(_DOUBLE if quote == '"' else _SINGLE, here)
             if here < len(self.text) and self.text[here] == quote:
                 return at + 1, here, here + 1
             line = self.after_break(here)

@@ -65,7 +65,7 @@ class SchemaWalk:
                 declared = [one["properties"][name] for one in flats if name in one.get("properties", {})]
                 inner = [each for child in declared for each in self._flat(child, (*path, name))]
                 mapping = bool(inner) and all(map(_of_mapping, inner))
-                offers[name] = KeyOffer(name=name, description=described(inner), required=name in required, mapping=mapping)
+                offers[name] = KeyOffer(name=name, description=find_description(inner), required=name in required, mapping=mapping)
         return sorted(offers.values(), key=lambda one: not one.required)
 
     def value_offers(self, path: Path) -> dict[str | bool, str]:
@@ -121,7 +121,7 @@ class SchemaWalk:
         flats = [schema]
         reference = schema.get("$ref")
         if isinstance(reference, str) and reference not in met:
-            flats += self._flat(self._referred(reference), path, (*met, reference))
+            flats += self._flat(self._resolve(reference), path, (*met, reference))
         for word in ("allOf", "anyOf", "oneOf"):
             for branch in schema.get(word, ()):
                 flats += self._flat(branch, path, met)
@@ -129,7 +129,7 @@ class SchemaWalk:
             flats += self._flat(schema.get("then" if self._holds(schema["if"], path) else "else"), path, met)
         return flats
 
-    def _referred(self, reference: str) -> Any:
+    def _resolve(self, reference: str) -> Any:
         node: Any = self.schema
         for step in reference.removeprefix("#/").split("/"):
             step = step.replace("%20", " ").replace("%25", "%").replace("~1", "/").replace("~0", "~")
@@ -149,7 +149,7 @@ class SchemaWalk:
         )
 
 
-def described(flats: list[Schema]) -> str:
+def find_description(flats: list[Schema]) -> str:
     """Return the first description of a value in the schemas. Descriptions of individual choices are ignored."""
     return next((str(flat["description"]) for flat in flats if flat.get("description") and "const" not in flat), "")
 

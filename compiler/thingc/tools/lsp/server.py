@@ -66,7 +66,7 @@ FEATURES: dict[str, Feature] = {
     "textDocument/documentHighlight": Feature(answer="navigation:highlights"),
     "textDocument/documentSymbol": Feature(answer="navigation:symbols"),
     "textDocument/foldingRange": Feature(answer="navigation:folds"),
-    "textDocument/formatting": Feature(answer="code_actions:formatted"),
+    "textDocument/formatting": Feature(answer="code_actions:format_text"),
     "textDocument/hover": Feature(answer="hover:hover"),
     "textDocument/inlayHint": Feature(answer="shown_values:hints"),
     "textDocument/prepareRename": Feature(answer="navigation:prepare_rename", everywhere=True),
@@ -141,11 +141,11 @@ def _notify(server: LanguageServer, answering: _Answering) -> None:
 
     @server.feature(types.TEXT_DOCUMENT_DID_SAVE)
     def did_save(params: types.DidSaveTextDocumentParams) -> None:
-        answering.change([params.text_document.uri], OpenDocuments.saved)
+        answering.change([params.text_document.uri], OpenDocuments.mark_saved)
 
     @server.feature(types.WORKSPACE_DID_CHANGE_WATCHED_FILES)
     def did_change_files(params: types.DidChangeWatchedFilesParams) -> None:
-        answering.change([one.uri for one in params.changes], OpenDocuments.saved)
+        answering.change([one.uri for one in params.changes], OpenDocuments.mark_saved)
 
 
 def _server(version: str) -> LanguageServer:
@@ -189,7 +189,7 @@ def _server(version: str) -> LanguageServer:
 
 def _handler(answering: _Answering, feature: Feature, plain: Callable[[Any], Any]) -> Callable[[Any], Awaitable[Any]]:
     async def handle(params: Any) -> Any:
-        return await answering.answered(feature, plain(params))
+        return await answering.answer_in_order(feature, plain(params))
 
     return handle
 
@@ -223,7 +223,7 @@ class _Answering:
                 change(self._opened, path)
             self._wake()
 
-    async def answered(self, feature: Feature, params: dict[str, Any]) -> Any:
+    async def answer_in_order(self, feature: Feature, params: dict[str, Any]) -> Any:
         """Answer a request of the editor after all earlier requests have been answered. Raises `JsonRpcException` if the request fails."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, partial(self._answer, feature, params))
 

@@ -81,9 +81,11 @@ def parse_expression_value(text: str, names: Mapping[str, ExpressionValue]) -> E
         return None
 
 
-def shown(values: tuple[ExpressionValue, ...]) -> str:
+def format_values(values: tuple[ExpressionValue, ...]) -> str:
     """Format values on one line: `42 mm`, `50 g ... 100 g`."""
-    return " ... ".join(one.shown(6) if isinstance(one, Quantity) else str(one).lower() if isinstance(one, bool) else one for one in values)
+    return " ... ".join(
+        one.format(6) if isinstance(one, Quantity) else str(one).lower() if isinstance(one, bool) else one for one in values
+    )
 
 
 def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
@@ -124,7 +126,8 @@ def hints(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
         values = evaluate_expression(known, path, node.value)
         if values:
             answer.append({
-                "position": lines.position(line, node.span.end_column), "label": f"= {shown(values)}", "kind": _TYPE, "paddingLeft": True,
+                "position": lines.position(line, node.span.end_column), "label": f"= {format_values(values)}", "kind": _TYPE,
+                "paddingLeft": True,
             })
     return answer
 
@@ -139,7 +142,7 @@ def frame_words(analysis: Analysis, reference: str) -> str:
     relative.
     """
     model = analysis.known.model
-    place = None if model is None else _found(analysis.known, model, reference.split("."), ())
+    place = None if model is None else _find_frame(analysis.known, model, reference.split("."), ())
     if place is None:
         return ""
     pose, owner = place
@@ -156,7 +159,7 @@ def length_words(vector: Vector) -> str:
     return f"({', '.join(_short(1000.0 * value) for value in vector)}) mm"
 
 
-def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], above: Steps) -> tuple[Pose, Steps] | None:
+def _find_frame(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], above: Steps) -> tuple[Pose, Steps] | None:
     """Return the frame of a mount, and the path of the component to which the frame is relative. Return None for an unknown mount."""
     component = next((one for one in model.components if one.name == steps[0]), None)
     rest = steps[1:]
@@ -168,7 +171,7 @@ def _found(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], 
         return component.mounts[rest[0]].pose, owner
     if isinstance(definition, AssemblyDefinition):
         shown = definition.mounts.get(rest[0]) if len(rest) == 1 else None
-        return _found(analysis, definition, shown.text.split(".") if shown is not None else rest, owner)
+        return _find_frame(analysis, definition, shown.text.split(".") if shown is not None else rest, owner)
     record = analysis.records.get(definition.text) if isinstance(definition, PartDefinition) else None
     if len(rest) > 1 or not isinstance(record, PartRecord) or not record.exact or rest[0] not in record.mounts:
         return None

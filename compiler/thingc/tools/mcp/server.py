@@ -137,7 +137,7 @@ class Tools:
             try:
                 for path in inside:
                     self._relative(path)
-                options = [*self._code(command), *self._written(given), *(self._options if command != "explain" else ())]
+                options = [*self._code(command), *self._to_words(given), *(self._options if command != "explain" else ())]
                 code = self._run_command([command, "--format=json", *options, "--", *map(self._relative, paths), *words])
             except console.WrongCommandLine as fault:
                 console.print_found([fault.diagnostic], "json", stream=sys.stdout, debug=False)
@@ -154,7 +154,7 @@ class Tools:
             )
         return ["--no-code"]
 
-    def _written(self, given: Mapping[str, Any]) -> list[str]:
+    def _to_words(self, given: Mapping[str, Any]) -> list[str]:
         """Convert options to words of a command line, for example `{"mounts_of": ["hand"]}` to `--mounts-of=hand`."""
         words = list[str]()
         for name, value in given.items():
@@ -215,7 +215,7 @@ def serve(*, trusted: bool, options: Sequence[str]) -> None:
 
 
 def _run_interruptible(words: list[str]) -> int:
-    signals.heed()
+    signals.install_handlers()
     code = main(words)
     if code == signals.INTERRUPTED:
         os._exit(code)

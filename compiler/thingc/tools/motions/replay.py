@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thingc.base.diagnostics import Report
 from thingc.driver.pipeline import UnknownChoice
 from thingc.driver.testing.kinds.drive_margin import instants
-from thingc.driver.testing.poses import posed
+from thingc.driver.testing.poses import pose_robot
 from thingc.driver.testing.settle_simulation import BAD, scene_model
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
@@ -67,7 +67,7 @@ class Replay:
             NamedPose(name=f"{motion.name}:{k}", values=curve.positions(at), origins={}, origin=motion.origin)
             for k, at in enumerate(self.times.tolist())
         ]
-        placed = posed(robot.assembly, robot.mode, poses)
+        placed = pose_robot(robot.assembly, robot.mode, poses)
         assert placed is not None
         artifacts = mjcf.emit(replace(request, robots=(placed,), report=Report(), made={}))
         mark = separator(request.compat)

@@ -142,16 +142,16 @@ def _notification(d: Diagnostic, notices: Sequence[Code]) -> dict[str, Any]:
 def _physical(span: Span, base: str) -> dict[str, Any]:
     relative = within(span.file, base)
     if relative is None:
-        artifact = {"uri": "file://" + _encoded(span.file.replace(os.sep, "/"))}
+        artifact = {"uri": "file://" + _encode_path(span.file.replace(os.sep, "/"))}
     else:
-        artifact = {"uri": _encoded(relative), "uriBaseId": ROOT}
+        artifact = {"uri": _encode_path(relative), "uriBaseId": ROOT}
     region = {"startLine": span.line}
     if (span.line, span.column) != (span.end_line, span.end_column):
         region |= {"startColumn": span.column, "endLine": span.end_line, "endColumn": span.end_column}
     return {"artifactLocation": artifact, "region": region}
 
 
-def _encoded(path: str) -> str:
+def _encode_path(path: str) -> str:
     """Encode a path as a relative URI. The character `:` is also encoded, because text before a `:` could be parsed as a URI scheme."""
     return quote(os.fsencode(path), safe="/")
 

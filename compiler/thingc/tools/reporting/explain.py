@@ -44,7 +44,7 @@ def find(word: str) -> Explanation | None:
     return next((code for code in explanations() if asked in (code["code"].removeprefix("TC"), code["name"])), None)
 
 
-def near(word: str, count: int = 3) -> list[Explanation]:
+def similar_codes(word: str, count: int = 3) -> list[Explanation]:
     """Return the explanations of diagnostic codes that are similar to an unknown code or other word.
 
     Similar codes have the nearest numbers, a title that contains the word, or a similar name.

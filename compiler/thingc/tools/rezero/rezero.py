@@ -41,16 +41,16 @@ State = tuple[Mapping[str, float], Pose | None]
 
 def rezero(document: str, shifts: Sequence[JointShift], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
     """Move joints of a document file, unless this would cause errors or other poses. With `dry`, no file is written."""
-    first = _compiled(document, options)
+    first = _compile(document, options)
     if first.documents is None or first.report.failed:
-        return EditResult(found=tuple(first.report.ordered()))
+        return EditResult(found=tuple(first.report.sorted_diagnostics()))
     root = first.documents.root
     edits: dict[str, dict[Keys, str]] = {}
     try:
         old = {root.path: first} | {path: _sound(path, options) for path in _users(root, shifts)}
         originals = documents = {path: one.documents.root for path, one in old.items() if one.documents is not None}
         for shift in shifts:
-            moved = {path: _moved(documents[root.path], compilation, shift) for path, compilation in old.items()}
+            moved = {path: _moved_joints(documents[root.path], compilation, shift) for path, compilation in old.items()}
             new_edits = {path: _edits(documents[path], one, shift, moved[path], own=path == root.path) for path, one in old.items()}
             documents = {path: set_values(document, new_edits[path]) for path, document in documents.items()}
             edits = {path: edits.get(path, {}) | new_edits[path] for path in old}
@@ -63,25 +63,25 @@ def rezero(document: str, shifts: Sequence[JointShift], options: Options, *, str
         return EditResult(found=(ShiftRefused(str(fault), "edit the document by hand", fault.span).diagnostic,))
     except ShiftRefused as refused:
         return EditResult(found=(refused.diagnostic,))
-    done = [change for path, own in edits.items() for change in _done(root, originals[path], own)]
+    done = [change for path, own in edits.items() for change in _result_rows(root, originals[path], own)]
     changed = {path: (originals[path], one.text) for path, one in documents.items() if edits[path]}
     return write_texts(root, changed, tuple(done), options, strict=strict, dry=dry)
 
 
-def _done(root: Document, document: Document, edits: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
+def _result_rows(root: Document, document: Document, edits: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
     place = "" if document.path == root.path else f"{document.relative}: "
     return ((place + path, before, after) for path, before, after in changes(document, edits))
 
 
-def _compiled(document: str, options: Options) -> Compilation:
+def _compile(document: str, options: Options) -> Compilation:
     with Environment(document, replace(options, lock=True)) as environment:
         return pipeline.compile(environment)
 
 
 def _sound(document: str, options: Options) -> Compilation:
     """Compile a document. Raises `ShiftRefused` with its first error."""
-    compilation = _compiled(document, options)
-    error = next((one for one in compilation.report.ordered() if one.severity is Severity.ERROR), None)
+    compilation = _compile(document, options)
+    error = next((one for one in compilation.report.sorted_diagnostics() if one.severity is Severity.ERROR), None)
     if error is not None:
         raise ShiftRefused(f"error in `{shown_path(document)}`: {error.message}", error.help or "edit the document by hand", error.span)
     return compilation
@@ -113,7 +113,7 @@ def _users(root: Document, shifts: Sequence[JointShift]) -> Iterator[str]:
 
 def _check_unrelated(path: str, root: Document, report: Report) -> None:
     """Raise `ShiftRefused` if a file that cannot be read contains the name of the document, which it may use."""
-    error = report.ordered()[0]
+    error = report.sorted_diagnostics()[0]
     try:
         with open(path, "rb") as file:
             uses = os.path.basename(root.path).encode() in file.read()
@@ -124,7 +124,7 @@ def _check_unrelated(path: str, root: Document, report: Report) -> None:
         raise ShiftRefused(message, error.help or "fix the file first", error.span)
 
 
-def _moved(root: Document, compilation: Compilation, shift: JointShift) -> list[JointEdge]:
+def _moved_joints(root: Document, compilation: Compilation, shift: JointShift) -> list[JointEdge]:
     """Return the joints of a robot that a joint of the document `root` defines."""
     assert compilation.assembly is not None
     place = root.span(("joints", shift.joint), key=True)
@@ -149,7 +149,7 @@ def _compare(document: Document, old: Compilation, new: Compilation, shift: Join
     """Raise `ShiftRefused` unless the old and the new robot are equal in all poses and in random configurations."""
     for one, other in zip(old.robots, new.robots, strict=True):
         for pose, before, after in _states(one, other, shift, moved):
-            apart = math.inf if after is None else _apart(occurrence_poses(one, *before), occurrence_poses(other, *after))
+            apart = math.inf if after is None else _largest_difference(occurrence_poses(one, *before), occurrence_poses(other, *after))
             if apart > (CLOSED if one.closures else ALIKE):
                 message = f"the robot would change by {apart:.3g} in {f'pose `{pose}` of ' if pose else ''}mode `{one.mode.name}`"
                 raise ShiftRefused(message, f"set `{shift.joint}` in all poses first", document.span(("poses", pose) if pose else ()))
@@ -169,7 +169,7 @@ def _states(one: Robot, other: Robot, shift: JointShift, moved: Sequence[str]) -
         yield "", (q, None), (there, None)
 
 
-def _apart(one: Sequence[Pose], other: Sequence[Pose]) -> float:
+def _largest_difference(one: Sequence[Pose], other: Sequence[Pose]) -> float:
     """Return the largest difference of a coordinate [m] or of an entry of a rotation matrix."""
     return max(abs(x - y) for a, b in zip(one, other, strict=True) for x, y in zip(_numbers(a), _numbers(b), strict=True))
 

@@ -102,7 +102,7 @@ class ShiftEdits:
         """Return the text of a coordinate of the joint."""
         return quantity.text(self.coordinate, self.shift.zero.unit)
 
-    def _moved(self, old: ExactQuantity, zero: Fraction | None = None) -> ExactQuantity:
+    def _shift(self, old: ExactQuantity, zero: Fraction | None = None) -> ExactQuantity:
         """Return a new coordinate of the joint. `zero` replaces the zero of the shift."""
         sign, zero = self.shift.sign, self.shift.zero.value if zero is None else zero
         if not old.expression:
@@ -112,7 +112,7 @@ class ShiftEdits:
 
     def _new(self, keys: Keys, old: ExactQuantity, zero: Fraction | None = None) -> Edits:
         """Yield a new coordinate of the joint if it differs from the old one."""
-        if (new := self._moved(old, zero)) != old:
+        if (new := self._shift(old, zero)) != old:
             yield keys, self._text(new)
 
     def _read(self, text: str, span: Span) -> ExactQuantity:
@@ -149,7 +149,7 @@ class ShiftEdits:
         if len(ends) == 1 and shift.sign < 0:
             raise ShiftRefused(f"joint `{shift.joint}` has only one limit", "add the other limit first", joint.spans["limit"])
         for key, source in zip(ends, [*ends][:: shift.sign], strict=True):
-            text = self._text(replace(self._moved(ends[source]), unit=ends[key].unit or ends[source].unit))
+            text = self._text(replace(self._shift(ends[source]), unit=ends[key].unit or ends[source].unit))
             if text != self._text(ends[key]):
                 yield (*path, "limit", key), text
         if joint.dynamics.stiffness:
@@ -183,7 +183,7 @@ class ShiftEdits:
 
     def _tendons(self) -> Edits:
         """Yield the new coefficients, limits and rest lengths of the tendons over the joint."""
-        for tendon, joints in self._pulled():
+        for tendon, joints in self._tendons_over():
             path: Keys = ("tendons", tendon)
             added, length = Fraction(0), self.coordinate
             for name in joints:
@@ -214,7 +214,7 @@ class ShiftEdits:
                 new = replace(old, expression=f"-({old.expression})") if old.expression else replace(old, value=-old.value)
                 yield keys, new.text(old.dimension)
 
-    def _pulled(self) -> Iterator[tuple[str, list[str]]]:
+    def _tendons_over(self) -> Iterator[tuple[str, list[str]]]:
         """Yield the names of tendons over the joint, each with the names of the joint in the tendon."""
         for tendon in entries_of(node_at(self.document.tree, ("tendons",))):
             over = entries_of(node_at(self.document.tree, ("tendons", tendon, "joints")))
@@ -259,7 +259,7 @@ class ShiftEdits:
                     help, span = f"add a range of `{name}`", self.document.span(path, key=True)
                     raise ShiftRefused(f"the range of joint `{name}` is set by the pattern `{key}`", help, span)
                 ends = [self._at((*path, k)) for k in "01"][:: self.shift.sign]
-                yield from (((*path, k), self._text(self._moved(end))) for k, end in zip("01", ends, strict=True))
+                yield from (((*path, k), self._text(self._shift(end))) for k, end in zip("01", ends, strict=True))
 
     def _check_files(self) -> None:
         """Raise `ShiftRefused` if a CSV file contains positions of the joint."""
@@ -270,7 +270,7 @@ class ShiftEdits:
 
     def _check_raw(self) -> None:
         """Raise `ShiftRefused` if raw attributes of MuJoCo depend on the coordinate."""
-        raw, names = node_at(self.document.tree, ("raw",)), {*self.names, "key", *(tendon for tendon, _ in self._pulled())}
+        raw, names = node_at(self.document.tree, ("raw",)), {*self.names, "key", *(tendon for tendon, _ in self._tendons_over())}
         for path, node in walk(raw) if raw is not None else ():
             words = {str(word).replace("/", ".") for word in path} | {text_of(one) for one in entries_of(node).values()}
             key = next((key for key in entries_of(node) if key in (OF_ZERO if self.shift.sign > 0 else OF_DIRECTION)), None)

@@ -83,7 +83,7 @@ class LinkFeature(NamedTuple):
     axis: Array | None
     error: float = 1.0
 
-    def moved(self, X: Array) -> LinkFeature:
+    def in_frame(self, X: Array) -> LinkFeature:
         """Return the feature in frame A. It is expressed in frame B, whose pose in A is `X`."""
         point = None if self.point is None else apply(X, self.point)
         return self._replace(point=point, axis=None if self.axis is None else X[:3, :3] @ self.axis)
@@ -148,7 +148,7 @@ def motion_of(joint: MechanismJoint, end: int) -> Motion:
     X, twist = joint.pose, joint.twist
     if end:
         X = X.inverse()
-        twist = twist.seen_from(X).reversed()
+        twist = twist.seen_from(X).inverse()
     return Motion(joint.kind, np.array(X.rows()), np.array(twist.anchor), np.array(twist.axis), twist.pitch)
 
 

@@ -115,12 +115,12 @@ class _Search:
         start = min(range(len(A)), key=lambda n: (shapes[0].count(shapes[0][n]), A[n].mass == 0.0, -len(A[n].ports)))
         others = (n for n, shape in enumerate(shapes[1]) if shape == shapes[0][start])
         placed = (self._link(start, b, T) for b in others for T in self._starts(A[start], B[b]))
-        found = self._kept(RobotMap({start: link}, (), link.misfits) for link in placed)
+        found = self._keep_best(RobotMap({start: link}, (), link.misfits) for link in placed)
         for near, port in _joints_from(A, start):
-            found = self._kept(longer for part in found for longer in self._extended(part, near, port))
+            found = self._keep_best(longer for part in found for longer in self._extend(part, near, port))
         return found
 
-    def _kept(self, found: Iterable[RobotMap]) -> list[RobotMap]:
+    def _keep_best(self, found: Iterable[RobotMap]) -> list[RobotMap]:
         """Return the best of partial maps, the best first."""
         ranked = sorted((one for one in found if not (self.exact and one.misfits)), key=self._rank)
         return [one for one in ranked if one.misfits <= ranked[0].misfits + MARGIN][: WIDTH if self.exact else FEW]
@@ -169,15 +169,15 @@ class _Search:
         for (_, point, axis), sign in product((line for line in _lines(others) if line[0] == lines[0][0]), (1, -1)):
             line, turn = AxisLine(point, axis, self.tolerance), Motion("rotation", np.eye(4), point, axis, 0.0)
             T = _pose_between(lines[0][1], lines[0][2], point, sign * axis)
-            for along in line.differences(others, [one.moved(T) for one in ones], turns=False, most=self.most) or [0.0]:
+            for along in line.differences(others, [one.in_frame(T) for one in ones], turns=False, most=self.most) or [0.0]:
                 shifted = T.copy()
                 shifted[:3, 3] += along * axis
-                for angle in line.differences(others, [one.moved(shifted) for one in ones], turns=True, most=self.most) or [0.0]:
+                for angle in line.differences(others, [one.in_frame(shifted) for one in ones], turns=True, most=self.most) or [0.0]:
                     yield turn.exponential(angle) @ shifted
 
     # --- joints ------------------------------------------------------------------------------------------------------
 
-    def _extended(self, part: RobotMap, near: int, port: Port) -> Iterator[RobotMap]:
+    def _extend(self, part: RobotMap, near: int, port: Port) -> Iterator[RobotMap]:
         """Yield a partial map with one more joint, and with the link behind the joint if it is not in the map."""
         link, known = part.links[near], part.links.get(port.other)
         joints, placed = {joint.other for joint in part.joints}, {one.other for one in part.links.values()}
@@ -186,12 +186,12 @@ class _Search:
         targets = sorted(free, key=lambda target: float(apart[target.row]))
         fitting = [target for target in targets if apart[target.row] <= self.tolerance]
         for target in fitting if self.exact else targets[:NEAREST]:
-            sign, X = _behind(port.motion, target.motion, link.T)
+            sign, X = _pose_behind(port.motion, target.motion, link.T)
             if known is not None and known.other == target.other:
-                yield self._joined(part, link, known, port, target, sign, X)
+                yield self._add_joint(part, link, known, port, target, sign, X)
             elif known is None and target.other not in placed:
                 for far in self._far_links(port, target, sign, X):
-                    yield self._joined(part, link, far, port, target, sign, X)
+                    yield self._add_joint(part, link, far, port, target, sign, X)
 
     def _far_links(self, port: Port, target: Port, sign: int, X: Array) -> Iterator[LinkMap]:
         """Yield maps of the link behind a joint. `X` is the pose of this link, at q = 0 in A, in the nearer link of B."""
@@ -202,7 +202,7 @@ class _Search:
             yield from (self._link(port.other, target.other, T) for T in self._starts(one, other, centres))
             return
         line, back = AxisLine(b.point, b.axis, self.tolerance), np.linalg.inv(b.X)
-        placed, there = [feature.moved(X) for feature in one.features], [feature.moved(b.X) for feature in other.features]
+        placed, there = [feature.in_frame(X) for feature in one.features], [feature.in_frame(b.X) for feature in other.features]
         values = None
         if b.kind != "rotation":
             values = line.differences(placed, there, turns=False, most=self.most)
@@ -215,7 +215,7 @@ class _Search:
             found += [self._link(port.other, target.other, T) for T in self._starts(one, other)]
         yield from (far._replace(free=values is None) for far in found)
 
-    def _joined(self, part: RobotMap, link: LinkMap, far: LinkMap, port: Port, target: Port, sign: int, X: Array) -> RobotMap:
+    def _add_joint(self, part: RobotMap, link: LinkMap, far: LinkMap, port: Port, target: Port, sign: int, X: Array) -> RobotMap:
         """Return a map with one more joint and the link behind it. `link` and `far` are the maps of its two links."""
         b, zero = target.motion, 0.0
         rest: Array = np.eye(4)
@@ -314,7 +314,7 @@ def axis_differences(a: RigidLink, b: RigidLink, T: Array, tolerance: float) -> 
     return found
 
 
-def _behind(a: Motion, b: Motion, T: Array) -> tuple[int, Array]:
+def _pose_behind(a: Motion, b: Motion, T: Array) -> tuple[int, Array]:
     """Return the sign of the joint of A in B, and the pose of the other link of A, at q = 0, in the link of B.
 
     `T` is the pose of the nearer link of A in the link of B. The result includes the small motion that moves the axis exactly to that of B.

@@ -93,7 +93,7 @@ def mechanism_of_assembly(assembly: Assembly) -> Mechanism:
             builder.add(parent, child, before, after, [_of_edge(one) for one in mate.joints], ball=mate.joints[0].kind.name == "ball")
         elif mate.separates:
             builder.welds.append((parent, child, before @ after))
-    return builder.built(assembly.name)
+    return builder.build(assembly.name)
 
 
 def _of_edge(edge: JointEdge) -> _Coordinate:
@@ -137,7 +137,7 @@ def mechanism_of_mode(name: str, mode: Mode) -> Mechanism:
             builder.add(cut.parent, cut.child, before, after, coordinates, ball=cut.kind == "ball")
         else:
             builder.welds.append((cut.parent, cut.child, before @ after))
-    return builder.built(name)
+    return builder.build(name)
 
 
 def _vector(row: Iterable[float]) -> Vector:
@@ -199,9 +199,9 @@ class _Builder:
             ))
             near, before = far, NO_POSE
 
-    def built(self, name: str) -> Mechanism:
+    def build(self, name: str) -> Mechanism:
         """Return the mechanism. Links that welds connect are merged to one link."""
-        into = self._merged()
+        into = self._merge_links()
         groups: dict[int, list[int]] = {}
         for link, (head, _) in into.items():
             groups.setdefault(head, []).append(link)
@@ -218,7 +218,7 @@ class _Builder:
             joints.append(replace(moved if self.welds else joint, parent=index[parent], child=index[child]))
         return Mechanism(name=name, links=links, joints=tuple(joints))
 
-    def _merged(self) -> Mapping[int, tuple[int, Pose]]:
+    def _merge_links(self) -> Mapping[int, tuple[int, Pose]]:
         """Return the link into which each link is merged, and the pose of the link in the frame of this link."""
         edges: dict[int, list[tuple[int, Pose]]] = {}
         for one, other, pose in self.welds:

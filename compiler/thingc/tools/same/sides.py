@@ -48,15 +48,15 @@ def read_side(laid: Checkout, options: Options, source: ImportRequest = NO_MESHE
         case "lock":
             raise UnknownComparison(f"`{laid.path}` is a lock file, which contains no joints", "compare documents or build folders")
         case "model":
-            return read_completely(laid, options, lambda: _imported(laid.path, options, source))
+            return read_completely(laid, options, lambda: _import(laid.path, options, source))
         case _:
             with subject(laid, options) as compiled:
                 return mechanism_of_assembly(compiled.assembly)
 
 
-def _imported(path: str, options: Options, source: ImportRequest) -> Mechanism:
+def _import(path: str, options: Options, source: ImportRequest) -> Mechanism:
     """Import a robot, and compile the document. Raises `BrokenDocument`."""
     compilation = compile_robot(path, options, source)
     if compilation.assembly is None:
-        raise BrokenDocument([one for one in compilation.report.ordered() if one.severity is Severity.ERROR])
+        raise BrokenDocument([one for one in compilation.report.sorted_diagnostics() if one.severity is Severity.ERROR])
     return mechanism_of_assembly(compilation.assembly)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from thingc.base.numeric import degrees
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.safe_text import some
 from thingc.tools.same.comparison import TOLERANCE, MechanismComparison, MechanismDifference
 
@@ -41,18 +41,18 @@ def as_text(result: MechanismComparison) -> Iterator[str]:
         yield f"  ambiguous: {least}{result.maps} combinations of joint zeros and signs are possible; this one changes the fewest"
     mass, centre, inertia = (max(getattr(one, key) for one in result.links) for key in ("mass", "centre", "inertia"))
     yield (
-        f"  agreement of {counted(len(result.links), 'link')}: mass {_within(100.0 * mass, '%')}, "
-        f"centre of mass {_within(1000.0 * centre, 'mm')}, inertia {_within(100.0 * inertia, '%')}"
+        f"  agreement of {format_count(len(result.links), 'link')}: mass {_format_tolerance(100.0 * mass, '%')}, "
+        f"centre of mass {_format_tolerance(1000.0 * centre, 'mm')}, inertia {_format_tolerance(100.0 * inertia, '%')}"
     )
     if result.residual is not None and result.joints:
         yield (
-            f"  agreement of poses in random configurations: position {_within(1000.0 * result.residual[0], 'mm')}, "
-            f"rotation {_within(degrees(result.residual[1]), 'deg')}"
+            f"  agreement of poses in random configurations: position {_format_tolerance(1000.0 * result.residual[0], 'mm')}, "
+            f"rotation {_format_tolerance(degrees(result.residual[1]), 'deg')}"
         )
     kinds = {one.other: one.kind for one in result.joints}
     for limit in result.limits:
         old, new = (", ".join(_value(kinds[limit.other], end) for end in ends) for ends in (limit.old, limit.new))
-        yield f"  limits of {_named(limit)}: {old} -> {new}"
+        yield f"  limits of {_format_side(limit)}: {old} -> {new}"
 
 
 def summary(result: MechanismComparison) -> str:
@@ -76,7 +76,7 @@ def _value(kind: str, value: float | None, *, plus: str = "") -> str:
     return f"{1000.0 * value:{plus}.4g} mm" if kind == "translation" else f"{degrees(value):{plus}.4g} deg"
 
 
-def _within(value: float, unit: str) -> str:
+def _format_tolerance(value: float, unit: str) -> str:
     return "equal" if value < ROUNDING else f"within {value:.1g} {unit}"
 
 
@@ -88,14 +88,14 @@ def _differences(differences: tuple[MechanismDifference, ...]) -> Iterator[str]:
             case "links" | "joints":
                 yield f"{one.what}: {one.old} -> {one.new}"
             case "mass":
-                yield f"mass of {_named(one)}: {one.old:.6g} kg -> {one.new:.6g} kg ({_distance(one)})"
+                yield f"mass of {_format_side(one)}: {one.old:.6g} kg -> {one.new:.6g} kg ({_distance(one)})"
             case "coupling":
-                yield f"coupling of {_named(one)}: {_coupling(one.old)} -> {_coupling(one.new)}"
+                yield f"coupling of {_format_side(one)}: {_coupling(one.old)} -> {_coupling(one.new)}"
             case _:
-                yield f"{PHYSICAL[one.what]}{' of ' if one.one else ''}{_named(one)}: {_distance(one)}"
+                yield f"{PHYSICAL[one.what]}{' of ' if one.one else ''}{_format_side(one)}: {_distance(one)}"
 
 
-def _named(one: MechanismDifference) -> str:
+def _format_side(one: MechanismDifference) -> str:
     return one.one if one.one == one.other else f"{one.one} = {one.other}"
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.interfaces import described
+from thingc.base.interfaces import format_interface
 from thingc.base.source import MappingNode, Node, ScalarNode, entries_of
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.geometry.record import MountRecord, PartDefinition, PartFailure, PartRecord, PartSchema
@@ -250,7 +250,7 @@ def usual_mounts(record: PartRecord) -> Names:
 
 
 def _of_mount(label: str, mount: MountRecord) -> str:
-    interface = described(mount.interface, mount.features)
+    interface = format_interface(mount.interface, mount.features)
     return f"A mount of `{label}`" + (f", interface `{interface}`." if interface else ".")
 
 
@@ -290,7 +290,7 @@ def _joint_facts(joint: Joint, *, own: bool) -> JointFacts:
     coordinate = joint.twist.coordinate if joint.twist is not None else None
     angle = None if coordinate is None else coordinate == ANGLE
     bounds = (joint.limit.lower, joint.limit.upper)
-    limits = within(*(None if bound is None else Quantity(bound, coordinate or LENGTH).shown(12) for bound in bounds))
+    limits = within(*(None if bound is None else Quantity(bound, coordinate or LENGTH).format(12) for bound in bounds))
     what = f"{joint.kind.name.capitalize()}, from `{joint.parent.text}` to `{joint.child.text}`{f'; {limits}' if limits else ''}."
     if joint.mimic is not None:
         what += f" Mimics `{joint.mimic.joint}`."

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from pydantic import BaseModel
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.safe_text import quoted
+from thingc.base.safe_text import quote_names
 from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.checks import kinds
 from thingc.documents.spec.annotation_types import model_keys
@@ -45,9 +45,9 @@ class SchemaContext(FrozenStruct):
     materials: Mapping[str, DocumentSymbols] = {}
 
 
-def narrowed(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:
+def narrow(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:
     """Adapt a copy of `general`, the JSON Schema of all assembly documents, to one assembly document."""
-    return _Narrowing(copy.deepcopy(general), facts, around).done()
+    return _Narrowing(copy.deepcopy(general), facts, around).finish()
 
 
 def params_name(reference: str) -> str:
@@ -75,7 +75,7 @@ class _Narrowing:
         self.facts = facts
         self.around = around
 
-    def done(self) -> Schema:
+    def finish(self) -> Schema:
         self._references()
         self._materials()
         self._parts()
@@ -146,7 +146,7 @@ class _Narrowing:
             shown = f"`{pieces[0].name}` ({pieces[0].label})" if len(pieces) == 1 else f"`{pieces[0].label}`"
             yield {
                 "pattern": rf"{other}|^{names}\.({'|'.join(own)})$|{OPEN}",
-                "patternErrorMessage": f"{shown} has no such mount; it has {quoted(own, 12)}",
+                "patternErrorMessage": f"{shown} has no such mount; it has {quote_names(own, 12)}",
             }
 
     # --- materials ---------------------------------------------------------------------------------------------
@@ -156,7 +156,7 @@ class _Narrowing:
         choice = one_of(names.items())
         if self.facts.materials_sure and len(names) <= MAX_CHECKED:
             choice["pattern"] = rf"^({'|'.join(sorted(names))})$"
-            choice["patternErrorMessage"] = f"unknown material; available materials: {quoted(sorted(names), 12)}"
+            choice["patternErrorMessage"] = f"unknown material; available materials: {quote_names(sorted(names), 12)}"
         for model in ("ComponentDefaults", "ComponentSpec"):
             self._put(model, "material", choice)
         choices = [(name, one.description or one.name or "A document.") for name, one in self.around.materials.items()]
@@ -205,7 +205,7 @@ class _Narrowing:
             # the compiler validates names such as `hip_$i` and `cap.pen`
             short |= {"patternProperties": {rf"{OPEN}|\.": True}, "additionalProperties": False, "maxProperties": 1}
             full["pattern"] = rf"^({'|'.join(re.escape(name) for name in sorted(mounts))})$|{OPEN}|\."
-            full["patternErrorMessage"] = f"unknown mount; available mounts: {quoted(sorted(mounts), 12)}"
+            full["patternErrorMessage"] = f"unknown mount; available mounts: {quote_names(sorted(mounts), 12)}"
         return {"type": "object", **_full_or_short(short, mounts, mount=full)}
 
     def _components(self) -> None:
@@ -217,7 +217,7 @@ class _Narrowing:
         known: Schema = {}
         for piece in self.facts.pieces:
             own = [name for name in piece.mounts if "." not in name]
-            said = f"{piece.what}\n\nMounts: {quoted(own, 30)}."
+            said = f"{piece.what}\n\nMounts: {quote_names(own, 30)}."
             known[piece.name] = {**self._component(piece), "title": piece.name, "description": said}
         section["properties"] = known
         _set_each(section, self._plain("ComponentSpec", "Component"))

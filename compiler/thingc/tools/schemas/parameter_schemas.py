@@ -11,7 +11,7 @@ from typing import Any
 from thingc.base.diagnostics import Report
 from thingc.base.filesystem import beginning
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.safe_text import quoted
+from thingc.base.safe_text import quote_names
 from thingc.base.source import MappingNode, Node, entries_of, text_of
 from thingc.base.units import NUMBER, UNITS, Dimension, Quantity, UnitError, fits, parse_quantity
 from thingc.documents.load.documents import read_tree
@@ -174,7 +174,7 @@ def _plain(one: ParameterSchema) -> Any:
     default = one.default
     if isinstance(default, (bool, str)) or one.kind in ("number", *WHOLE):
         return default
-    return one.shown(default) if default is not None else None
+    return one.format_value(default) if default is not None else None
 
 
 def _sentence(doc: str) -> str:
@@ -190,12 +190,12 @@ def _description(one: ParameterSchema) -> str:
     if dimension != NUMBER:
         kind += f" such as `{dimension.example}`"
     if one.kind == "choice":
-        kind = "one of " + quoted([one.shown(choice) for choice in one.choices], 20)
-    limits = within(*(None if bound is None else one.shown(bound) for bound in (one.minimum, one.maximum)))
+        kind = "one of " + quote_names([one.format_value(choice) for choice in one.choices], 20)
+    limits = within(*(None if bound is None else one.format_value(bound) for bound in (one.minimum, one.maximum)))
     text = f"{doc}{kind[0].upper()}{kind[1:]}" + (f", {limits}" if limits else "")
     if one.required:
         return f"{text}; required."
-    return f"{text}; `{one.shown(one.default)}` by default." if one.default is not None else f"{text}."
+    return f"{text}; `{one.format_value(one.default)}` by default." if one.default is not None else f"{text}."
 
 
 class ParameterSymbol(FrozenStruct):
@@ -301,6 +301,6 @@ def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mappi
     return schema
 
 
-def near(document: str, other: str) -> str:
+def relative_to_document(document: str, other: str) -> str:
     """Convert the path of a document to a path relative to the folder of another document. Both paths are relative to the workspace."""
     return os.path.relpath(other, os.path.dirname(document) or ".").replace(os.sep, "/")

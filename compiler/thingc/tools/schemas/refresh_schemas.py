@@ -27,8 +27,8 @@ from thingc.model.resolve.resolver import Settings, Sources, resolve
 from thingc.model.resolve.types import AssemblyDefinition
 from thingc.tools.schemas.document_facts import DocumentFacts, Names, Records, facts_of, usual_mounts
 from thingc.tools.schemas.general_schema import json_schema
-from thingc.tools.schemas.narrow_schema import SchemaContext, narrowed
-from thingc.tools.schemas.parameter_schemas import DocumentSymbols, near, of_variants, read_symbols, symbols_of
+from thingc.tools.schemas.narrow_schema import SchemaContext, narrow
+from thingc.tools.schemas.parameter_schemas import DocumentSymbols, of_variants, read_symbols, relative_to_document, symbols_of
 
 
 class AvailableParts(Protocol):
@@ -249,7 +249,7 @@ class Schemas:
         around = self._around(name, self._parts.usual(()))
         made = (facts_of(tree, model, records, schemas, around.usual), around)
         if name not in self._narrowed or self._narrowed[name][0] != made:
-            self._narrowed[name] = (made, narrowed(general, *made))
+            self._narrowed[name] = (made, narrow(general, *made))
         return self._narrowed[name][1]
 
     def _of_variants(self, name: str, general: dict[str, Any], tree: MappingNode) -> dict[str, Any]:
@@ -285,7 +285,7 @@ class Schemas:
             facts = DocumentFacts() if reading is None else facts_of(
                 reading.documents.root.tree, model, self._parts.records, self._parts.schemas, usual,
             )
-            schema = narrowed(schema, facts, self._around(name, usual))
+            schema = narrow(schema, facts, self._around(name, usual))
         return write_schema(root, name, schema)
 
     def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
@@ -293,7 +293,7 @@ class Schemas:
 
         The keys are paths relative to the given document, the nearest document first.
         """
-        others = {near(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
+        others = {relative_to_document(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
         order = sorted(others, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
         return {text: others[text] for text in order}
 

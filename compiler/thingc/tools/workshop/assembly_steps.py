@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.interfaces import Shank
 from thingc.base.numeric import sum_of
-from thingc.base.pose import Pose, Vector, added, transpose
+from thingc.base.pose import Pose, Vector, add_scaled, transpose
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
 from thingc.model.solids.shapes import Solid, Solids
-from thingc.targets.bom.emit import listed
+from thingc.targets.bom.emit import is_listed
 
 Array = NDArray[np.float64]
 
@@ -154,7 +154,7 @@ class _Planner:
 
         Pieces without a solid, such as circuit boards with only a mass, are added as soon as their parents are there.
         """
-        loose = [piece for piece in pieces if not self._placed(piece) and not any(other.parent is piece for other in pieces)]
+        loose = [piece for piece in pieces if not self._solids_of(piece) and not any(other.parent is piece for other in pieces)]
         steps: list[AssemblyStep] = []
         for step in reversed(self._taken_apart([piece for piece in pieces if piece not in loose], chapter)):
             (piece,) = step.pieces
@@ -170,11 +170,11 @@ class _Planner:
         for piece in reversed(loose):
             after = next((k for k, step in enumerate(steps) if piece.parent in step.pieces), len(steps) - 1)
             steps.insert(after + 1, AssemblyStep(pieces=(piece,), directions=(None,)))
-        return [step for step in steps if any(listed(one) for piece in step.pieces for one in piece.occurrences)]
+        return [step for step in steps if any(is_listed(one) for piece in step.pieces for one in piece.occurrences)]
 
     def _taken_apart(self, pieces: Sequence[Piece], chapter: str) -> list[AssemblyStep]:
         """Return the steps in which pieces and groups are removed, one at a time."""
-        present = self._preferred(pieces)
+        present = self._order_pieces(pieces)
         removed: list[AssemblyStep] = []
         while present:
             leaves = [piece for piece in reversed(present) if not any(other.parent is piece for other in present)]
@@ -204,7 +204,7 @@ class _Planner:
             group.mate, group.parent, group.members = first.mate, first.parent, tuple(branch)
             yield group
 
-    def _preferred(self, pieces: Sequence[Piece]) -> list[Piece]:
+    def _order_pieces(self, pieces: Sequence[Piece]) -> list[Piece]:
         """Return pieces with parents first, and each screw as soon as all parts that it passes are there."""
         passed = {piece: [other for other in pieces if not other.screw and self._meet(piece, other)] for piece in pieces if piece.screw}
         order: list[Piece] = []
@@ -219,14 +219,14 @@ class _Planner:
 
     def _meet(self, piece: Piece, other: Piece) -> bool:
         """Return whether bounding boxes of parts of two pieces overlap."""
-        return any(_overlap(own.box(pose), theirs.box(at)) for own, pose in self._placed(piece) for theirs, at in self._placed(other))
+        return any(_overlap(own.box(pose), theirs.box(at)) for own, pose in self._solids_of(piece) for theirs, at in self._solids_of(other))
 
     def _ways(self, piece: Piece, present: Sequence[Piece]) -> Iterator[Vector | None]:
         """Yield the directions along the axes of its mount in which a piece can be removed, first out of the part that carries it.
 
         A piece without a solid can be removed in any case, and has no direction.
         """
-        if not self._placed(piece) or len(present) == 1:
+        if not self._solids_of(piece) or len(present) == 1:
             yield None
         elif piece.mate is not None:
             yield from (way for way in self._axes(piece.mate) if not self._collisions(piece, present, way))
@@ -244,7 +244,7 @@ class _Planner:
         return [other for other in present if other not in piece.members and self._collides(piece, other, np.array(direction))]
 
     def _collides(self, piece: Piece, other: Piece, direction: Array) -> bool:
-        if not self._placed(other):
+        if not self._solids_of(other):
             return False
         own, theirs = self._box(piece), self._box(other)
         length = max(float(np.abs(direction) @ (own[1] - own[0])), SHORTEST)
@@ -253,10 +253,10 @@ class _Planner:
         if reach <= 0.0 or not _overlap(np.stack([np.minimum(own[0], moved[0]), np.maximum(own[1], moved[1])]), theirs):
             return False
         count = int(np.ceil(STEPS * reach / length))
-        allowed = self._shared(piece, other, np.zeros(3)) + SLACK * min(self._volume(piece), self._volume(other))
-        return any(self._shared(piece, other, direction * reach * k / count) > allowed for k in range(1, count + 1))
+        allowed = self._overlap_volume(piece, other, np.zeros(3)) + SLACK * min(self._volume(piece), self._volume(other))
+        return any(self._overlap_volume(piece, other, direction * reach * k / count) > allowed for k in range(1, count + 1))
 
-    def _placed(self, piece: Piece) -> list[tuple[Solid, Pose]]:
+    def _solids_of(self, piece: Piece) -> list[tuple[Solid, Pose]]:
         if piece not in self._places:
             made = [(self._solids.solid(one), self._assembly.rest[one.index]) for one in piece.occurrences]
             self._places[piece] = [(solid, pose) for solid, pose in made if solid is not None]
@@ -264,18 +264,18 @@ class _Planner:
 
     def _box(self, piece: Piece) -> Array:
         """Return the bounding box (2, 3) [m] of a piece with solids."""
-        boxes = [solid.box(pose) for solid, pose in self._placed(piece)]
+        boxes = [solid.box(pose) for solid, pose in self._solids_of(piece)]
         return np.stack([np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)])
 
     def _volume(self, piece: Piece) -> float:
-        return sum_of(float(solid.whole.volume()) for solid, _ in self._placed(piece))
+        return sum_of(float(solid.whole.volume()) for solid, _ in self._solids_of(piece))
 
-    def _shared(self, piece: Piece, other: Piece, offset: Array) -> float:
+    def _overlap_volume(self, piece: Piece, other: Piece, offset: Array) -> float:
         """Return the volume [m^3] in which a piece at an offset overlaps another piece."""
         total = 0.0
-        for own, pose in self._placed(piece):
-            moved = replace(pose, translation=added(pose.translation, tuple(offset.tolist()), 1.0))
-            for theirs, at in self._placed(other):
+        for own, pose in self._solids_of(piece):
+            moved = replace(pose, translation=add_scaled(pose.translation, tuple(offset.tolist()), 1.0))
+            for theirs, at in self._solids_of(other):
                 if _overlap(own.box(moved), theirs.box(at)):
                     total += own.at(moved).overlap(theirs.at(at))[0]
         return total

@@ -11,7 +11,7 @@ from thingc.base.safe_text import html_text
 from thingc.documents.workspace import Workspace
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
 from thingc.targets import Artifacts, EmitRequest, Loss
-from thingc.targets.bom.emit import BomRow, listed, plain_name, with_pieces
+from thingc.targets.bom.emit import BomRow, is_listed, plain_name, with_pieces
 from thingc.targets.html.viewer_data import image_url
 from thingc.targets.render.picture import NoGraphics, ready
 from thingc.tools.workshop.assembly_steps import AssemblyStep, Piece, Section, sections
@@ -97,7 +97,7 @@ class _Book:
             yield f'<div class="step">{_image(url, f"step {number}.{index}")}<div><div class="number">{number}.{index}</div><ul>'
             yield f"<li><b>{len(step.pieces)} &times; {self._name(step.pieces[0])}</b></li>"
             yield from (f"<li>{line}</li>" for line in self._mates(step, section.path, first=index == 1))
-            yield from (f"<li>{line}</li>" for line in self._closed(step, done, section.path))
+            yield from (f"<li>{line}</li>" for line in self._closing_joints(step, done, section.path))
             yield "</ul>"
             if step.blocked:
                 others = ", ".join(f"<code>{html_text(name)}</code>" for name in step.blocked) or "its neighbours"
@@ -114,13 +114,13 @@ class _Book:
     def _mates(self, step: AssemblyStep, path: str, *, first: bool) -> Iterator[str]:
         """Yield which mounts meet, and the joints. In the first step, only frames that mark positions are already there."""
         mates = [piece.mate for piece in step.pieces if piece.mate is not None]
-        mates = [mate for mate in mates if not first or not listed(self._assembly.occurrences[mate.parent])]
+        mates = [mate for mate in mates if not first or not is_listed(self._assembly.occurrences[mate.parent])]
         if mates:
-            yield "; ".join(self._placed(mate, path) for mate in mates)
+            yield "; ".join(self._describe_mate(mate, path) for mate in mates)
         for mate in mates:
             yield from _joint(mate, path)
 
-    def _placed(self, mate: Mate, path: str) -> str:
+    def _describe_mate(self, mate: Mate, path: str) -> str:
         """Describe how two mounts meet: `a.seat on b.rim`, or with the offset from the mount of the parent."""
         child, parent = self._mount(mate.child, mate.child_mount, path), self._mount(mate.parent, mate.parent_mount, path)
         parts = self._assembly.occurrences
@@ -132,7 +132,7 @@ class _Book:
         words = f"{child} on {parent}" if xyz == ZERO else f"{child} at {xyz} mm from {parent}"
         return words if rpy == ZERO or mate.joints else f"{words}, rotated by {rpy} deg (roll, pitch, yaw)"
 
-    def _closed(self, step: AssemblyStep, done: Sequence[Piece], path: str) -> Iterator[str]:
+    def _closing_joints(self, step: AssemblyStep, done: Sequence[Piece], path: str) -> Iterator[str]:
         """Yield the joints that close loops between the new pieces and all others."""
         new, there = ({one.index for piece in pieces for one in piece.occurrences} for pieces in (step.pieces, done))
         for mate in self._assembly.mates:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.pose import Pose, Vector, added
+from thingc.base.pose import Pose, Vector, add_scaled
 from thingc.base.primitives import Primitive
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence
-from thingc.targets.render.picture import LAMPS, SHADOW, Shot, camera_of, encoded, points_of, posed
+from thingc.targets.render.picture import LAMPS, SHADOW, Shot, camera_of, encode_png, points_of, pose_model
 
 if TYPE_CHECKING:
     from thingc.tools.workshop.assembly_steps import AssemblyStep
@@ -48,7 +48,7 @@ class Pictures:
     def part(self, occurrence: Occurrence) -> str | None:
         """Return a small picture of a part as a `data:` URL, or None if it has no shapes for display."""
         color = " ".join(f"{int(occurrence.color[k : k + 2], 16) / 255.0:.3g}" for k in (1, 3, 5)) + " 1" if occurrence.color else DONE
-        return self._rendered([_Shown(occurrence=occurrence, pose=Pose(), color=color)], [], SMALL)
+        return self._render([_Shown(occurrence=occurrence, pose=Pose(), color=color)], [], SMALL)
 
     def step(self, done: Iterable[Occurrence], step: AssemblyStep, base: Occurrence) -> str | None:
         """Return the picture of a step as a `data:` URL, in the frame of the occurrence `base`.
@@ -67,14 +67,14 @@ class Pictures:
                 shift = way * self._distance(piece.occurrences, home, way)
             for one in piece.occurrences:
                 pose = home @ self._assembly.rest[one.index]
-                moved = Pose(rotation=pose.rotation, translation=added(pose.translation, _vector(shift), 1.0))
+                moved = Pose(rotation=pose.rotation, translation=add_scaled(pose.translation, _vector(shift), 1.0))
                 shown.append(_Shown(occurrence=one, pose=moved, color=NEW))
             if direction is not None:
                 mate = piece.mate
                 assert mate is not None
                 seat = (home @ self._assembly.rest[mate.parent] @ mate.X_PJ).translation
-                lines.append((seat, added(seat, _vector(shift), 1.0)))
-        return self._rendered(shown, lines, SIZE)
+                lines.append((seat, add_scaled(seat, _vector(shift), 1.0)))
+        return self._render(shown, lines, SIZE)
 
     def _distance(self, occurrences: Sequence[Occurrence], home: Pose, way: NDArray[np.float64]) -> float:
         """Return the distance [m] by which a piece is away from its place: its length along its way, and a gap."""
@@ -84,9 +84,7 @@ class Pictures:
         corners = np.array(boxes)
         return float(np.abs(way) @ (corners[:, 1].max(axis=0) - corners[:, 0].min(axis=0))) + CLEAR
 
-    def _rendered(
-        self, shown: Sequence[_Shown], lines: Sequence[tuple[Vector, Vector]], size: tuple[int, int],
-    ) -> str | None:
+    def _render(self, shown: Sequence[_Shown], lines: Sequence[tuple[Vector, Vector]], size: tuple[int, int]) -> str | None:
         import mujoco
 
         from thingc.targets.render import studio
@@ -105,7 +103,7 @@ class Pictures:
             return f"<mujoco><asset>{meshes}</asset><worldbody>{body}</worldbody></mujoco>"
 
         bare = mujoco.MjModel.from_xml_string(text(0.0, 1e-4), assets)
-        points = points_of(bare, posed(bare, None))
+        points = points_of(bare, pose_model(bare, None))
         length = float(np.linalg.norm(np.ptp(points, axis=0)))
         height = -float(points[:, 2].min())
         points[:, 2] += height
@@ -116,8 +114,8 @@ class Pictures:
         new = [first + k for k, color in enumerate(colors) if color == NEW]
         camera = cameras[_clearest(model, [camera.position for camera in cameras], new)]
         middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-        image = studio.photographed(model, posed(model, None), camera, size, middle, 0.75 * length, counts=LAMPS)
-        return f"data:image/png;base64,{b64encode(encoded(image)).decode()}"
+        image = studio.photograph(model, pose_model(model, None), camera, size, middle, 0.75 * length, counts=LAMPS)
+        return f"data:image/png;base64,{b64encode(encode_png(image)).decode()}"
 
     def _geoms(self, shown: _Shown, assets: dict[str, bytes]) -> Iterable[str]:
         for surface in shown.occurrence.drawn:
@@ -135,7 +133,7 @@ def _clearest(model: Any, cameras: Sequence[NDArray[np.float64]], geoms: Sequenc
     """Return the index of the first of several positions of the camera from which most of the corners of geoms are visible."""
     import mujoco
 
-    data = posed(model, None)
+    data = pose_model(model, None)
     corners = []
     for geom in geoms:
         mesh = int(model.geom_dataid[geom])

@@ -11,12 +11,12 @@ from string import ascii_uppercase
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
-from thingc.base.pose import Pose, Vector, added, axis_name, cross, dot
+from thingc.base.pose import Pose, Vector, add_scaled, axis_name, cross, dot
 from thingc.geometry.features import HOLE, CentreLine, Cylinder, Features
 from thingc.geometry.service import GeometryService
 from thingc.targets import Artifacts, EmitRequest
 from thingc.tools.workshop.curves import VIEWS, Point, Views
-from thingc.tools.workshop.manufactured_parts import ManufacturedPart, computed
+from thingc.tools.workshop.manufactured_parts import ManufacturedPart, compute_parts
 from thingc.tools.workshop.svg_page import Box, Placement, SvgPage
 
 WIDTH, HEIGHT = 420.0, 297.0
@@ -51,12 +51,12 @@ class Hole(FrozenStruct):
 
 def emit(request: EmitRequest) -> Artifacts:
     """Write a sheet for each part that is not bought. Parts without a B-rep are export losses."""
-    parts, losses = computed(request, "drawing", lambda breps: _drawn(request.geometry, breps))
+    parts, losses = compute_parts(request, "drawing", lambda breps: _draw_parts(request.geometry, breps))
     files = {f"drawing/{part.file_name()}.svg": sheet(part, drawn, request.assembly.name) for part, drawn in parts}
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
 
 
-def _drawn(geometry: GeometryService, breps: Collection[str]) -> dict[str, Drawn]:
+def _draw_parts(geometry: GeometryService, breps: Collection[str]) -> dict[str, Drawn]:
     views, features = geometry.search("thingc.tools.kernel.views:views_of", breps, Views), geometry.features(breps)
     return {brep: Drawn(views=views[brep], features=features[brep]) for brep in breps}
 
@@ -80,7 +80,7 @@ def sheet(part: ManufacturedPart, drawn: Drawn, robot: str) -> bytes:
     for letter, mount in zip(_letters(), record.mounts.values()):
         z = _z_axis(mount.pose)
         name = max(("front", "top", "left"), key=lambda name: round(abs(dot(z, VIEWS[name][0])), 9))
-        point = places[name].point(_seen(mount.pose.translation, name))
+        point = places[name].point(_project(mount.pose.translation, name))
         if _on_sheet(point):
             page.circle(point, 0.7, "solid")
             page.label(point, letter, 0.7, boxed=True)
@@ -94,7 +94,7 @@ def _z_axis(pose: Pose) -> Vector:
     return x, y, z
 
 
-def _seen(point: Vector, view: str) -> Point:
+def _project(point: Vector, view: str) -> Point:
     """Return the coordinates of a point in a view [m]."""
     toward, right = VIEWS[view]
     length = dot(right, right) ** 0.5
@@ -103,7 +103,7 @@ def _seen(point: Vector, view: str) -> Point:
 
 
 def _bounds(box: tuple[Vector, Vector], view: str) -> tuple[Point, Point]:
-    corners = [_seen((x, y, z), view) for x, y, z in product(*zip(*box, strict=True))]
+    corners = [_project((x, y, z), view) for x, y, z in product(*zip(*box, strict=True))]
     return (min(x for x, _ in corners), min(y for _, y in corners)), (max(x for x, _ in corners), max(y for _, y in corners))
 
 
@@ -186,7 +186,7 @@ def _add_hole(page: SvgPage, hole: Hole, label: str, place: Placement) -> None:
 
 def _around(hole: Hole, place: Placement) -> Box:
     assert hole.view is not None
-    x, y = place.point(_seen(hole.cylinders[0].line.point, hole.view))
+    x, y = place.point(_project(hole.cylinders[0].line.point, hole.view))
     radius = place.scale * hole.cylinders[-1].radius
     return x - radius, y - radius, x + radius, y + radius
 
@@ -217,7 +217,7 @@ def _add_tables(page: SvgPage, part: ManufacturedPart, holes: list[Hole]) -> Non
 
 def _along(cylinder: Cylinder) -> tuple[str, str, str]:
     """Format the coordinates of a hole. The coordinate along its axis is a range."""
-    low, high = (added(cylinder.line.point, cylinder.line.axis, end) for end in (cylinder.lower, cylinder.upper))
+    low, high = (add_scaled(cylinder.line.point, cylinder.line.axis, end) for end in (cylinder.lower, cylinder.upper))
     x, y, z = (_mm(a) if abs(a - b) < 1e-9 else f"{_mm(min(a, b))} to {_mm(max(a, b))}" for a, b in zip(low, high, strict=True))
     return x, y, z
 

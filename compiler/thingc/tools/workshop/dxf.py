@@ -14,7 +14,7 @@ from ezdxf import zoom
 
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.tools.workshop.curves import Arc, Curve, Point, Sheet, Spline, StraightEdge
-from thingc.tools.workshop.manufactured_parts import computed
+from thingc.tools.workshop.manufactured_parts import compute_parts
 
 LAYERS = {"CUT": 1, "ENGRAVE": 5}
 """The layers and their colours: red and blue in the index of AutoCAD, as laser cutters usually distinguish them."""
@@ -22,18 +22,20 @@ LAYERS = {"CUT": 1, "ENGRAVE": 5}
 
 def emit(request: EmitRequest) -> Artifacts:
     """Write a file for each part that is flat and not bought. Other parts that are not bought are export losses."""
-    parts, losses = computed(request, "dxf", lambda breps: request.geometry.search("thingc.tools.kernel.sheets:sheet_of", breps, Sheet))
+    parts, losses = compute_parts(
+        request, "dxf", lambda breps: request.geometry.search("thingc.tools.kernel.sheets:sheet_of", breps, Sheet),
+    )
     files: dict[str, bytes] = {}
     for part, sheet in parts:
         if sheet.reason:
             what = f"`{part.first.definition.label}` is not flat: {sheet.reason}"
             losses.append(Loss("dxf", None, part.first.path, what, "omitted", part.first.origin))
         else:
-            files[f"dxf/{part.file_name(f'{1e3 * sheet.thickness:.6g}mm')}.dxf"] = written(sheet)
+            files[f"dxf/{part.file_name(f'{1e3 * sheet.thickness:.6g}mm')}.dxf"] = write_dxf(sheet)
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
 
 
-def written(sheet: Sheet) -> bytes:
+def write_dxf(sheet: Sheet) -> bytes:
     """Return the content of the DXF file of a sheet (AutoCAD 2000). The file contains neither the time nor random identifiers."""
     fixed = ezdxf.options.write_fixed_meta_data_for_testing
     ezdxf.options.write_fixed_meta_data_for_testing = True

@@ -43,7 +43,7 @@ class ManufacturedPart:
         return "_".join([self.label, *words, *filter(None, [self.material]), *([f"x{self.quantity}"] if self.quantity > 1 else [])])
 
 
-def computed(
+def compute_parts(
     request: EmitRequest, target: str, compute: Callable[[set[str]], Mapping[str, Result]],
 ) -> tuple[list[tuple[ManufacturedPart, Result]], list[Loss]]:
     """Return the parts that are not bought with results of the CAD kernel for their B-reps.
@@ -52,7 +52,7 @@ def computed(
     reported, and there are no parts.
     """
     parts, losses = [], []
-    for part in manufactured(request.assembly):
+    for part in manufactured_parts(request.assembly):
         first = part.first
         if first.record is not None and first.record.brep is not None:
             parts.append((part, first.record.brep))
@@ -71,7 +71,7 @@ def computed(
     return [(part, results[brep]) for part, brep in parts], losses
 
 
-def manufactured(assembly: Assembly) -> list[ManufacturedPart]:
+def manufactured_parts(assembly: Assembly) -> list[ManufacturedPart]:
     """Return the parts with geometry that are not bought. Parts with equal names are named after their definitions and materials."""
     alike: dict[tuple[object, ...], list[Occurrence]] = {}
     for one in assembly.occurrences:

@@ -25,7 +25,7 @@ from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.resolve.types import Process
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.bom.emit import make_of, plain_name
-from thingc.targets.stl.emit import direction_up, turned
+from thingc.targets.stl.emit import direction_up, turn_stl
 
 GAP = 5.0
 """Distance between parts on a plate, and twice the distance between the parts and the edge of the bed [mm]."""
@@ -77,9 +77,9 @@ def emit(request: EmitRequest) -> Artifacts:
     """
     prints, losses = prints_of(request.assembly, request.store, request.workspace.bed, request.report)
     name = request.assembly.name
-    plates = arranged(prints, request.workspace.bed)
+    plates = arrange(prints, request.workspace.bed)
     return Artifacts(
-        files={f"3mf/{name}_plate_{number}.3mf": written(plate) for number, plate in enumerate(plates, 1)},
+        files={f"3mf/{name}_plate_{number}.3mf": write_3mf(plate) for number, plate in enumerate(plates, 1)},
         losses=tuple(losses),
     )
 
@@ -134,13 +134,13 @@ def _fits(vertices: NDArray[np.float64], label: str, first: Occurrence, bed: Seq
 
 def upright(stl: bytes, up: Vector) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Rotate a binary STL file so that `up` points along z, merge equal corners, and move its bounding box to the origin [mm]."""
-    turned_stl = turned(stl, up)
+    turned_stl = turn_stl(stl, up)
     facets = np.frombuffer(turned_stl, dtype=[("vectors", "<f4", (4, 3)), ("attribute", "<u2")], offset=84)["vectors"][:, 1:].reshape(-1, 3)
     vertices, corners = np.unique(facets + np.float32(0.0), axis=0, return_inverse=True)
     return vertices.astype(float) - vertices.min(axis=0), corners.reshape(-1, 3)
 
 
-def arranged(prints: Sequence[Print], bed: Sequence[float]) -> list[Plate]:
+def arrange(prints: Sequence[Print], bed: Sequence[float]) -> list[Plate]:
     """Arrange prints on as few plates as possible, the deepest first. Each print must fit on the bed, whose size is in [m]."""
     waiting = sorted(chain.from_iterable([one] * one.count for one in prints), key=lambda one: (-one.footprint[1], -one.footprint[0]))
     width, depth = int(1e3 * bed[0] * STEPS), int(1e3 * bed[1] * STEPS)
@@ -149,13 +149,13 @@ def arranged(prints: Sequence[Print], bed: Sequence[float]) -> list[Plate]:
         low, high = 1, len(waiting)
         while low < high:  # the largest number of prints that fit on one plate
             middle = (low + high + 1) // 2
-            low, high = (middle, high) if _packed(waiting[:middle], width, depth) is not None else (low, middle - 1)
-        plates.append(_packed(waiting[:low], width, depth) or [])
+            low, high = (middle, high) if _pack(waiting[:middle], width, depth) is not None else (low, middle - 1)
+        plates.append(_pack(waiting[:low], width, depth) or [])
         del waiting[:low]
     return plates
 
 
-def _packed(prints: Sequence[Print], width: int, depth: int) -> Plate | None:
+def _pack(prints: Sequence[Print], width: int, depth: int) -> Plate | None:
     """Place prints on a bed, centred. Return None if they do not fit."""
     sizes = [one.footprint for one in prints]
     try:
@@ -167,7 +167,7 @@ def _packed(prints: Sequence[Print], width: int, depth: int) -> Plate | None:
     return [(one, (x + left, y + front)) for one, (x, y) in zip(prints, corners, strict=True)]
 
 
-def written(plate: Plate) -> bytes:
+def write_3mf(plate: Plate) -> bytes:
     """Return the content of the 3MF file of a plate.
 
     PrusaSlicer only reads instances and settings from files that state its version of the format. lib3mf cannot write this metadata with

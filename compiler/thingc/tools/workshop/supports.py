@@ -46,7 +46,7 @@ def support_of(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Print
     step = float(max(vertices[:, 0].max(), vertices[:, 1].max())) / CELLS
     cells, heights, kinds = [], [], []
     for triangle, one_down, hangs in zip(corners, down, hanging, strict=True):
-        found, z = _crossed(triangle, step)
+        found, z = _crossed_cells(triangle, step)
         cells.append(found)
         heights.append(z)
         kinds.append(np.full(len(z), 2 if hangs else int(one_down > 0.0)))
@@ -57,7 +57,7 @@ def support_of(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Print
     return PrintSupport(area=float(sizes[hanging].sum()) / 2.0, volume=float((height - below)[kind == 2].sum()) * step * step)
 
 
-def _crossed(triangle: NDArray[np.float64], step: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _crossed_cells(triangle: NDArray[np.float64], step: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the cells whose vertical lines cross a triangle, and the heights. The lines avoid corners with round coordinates."""
     shift = step * 0.4142135
     low = np.floor((triangle[:, :2].min(axis=0) - shift) / step).astype(int)

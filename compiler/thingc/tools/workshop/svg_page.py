@@ -49,10 +49,10 @@ class Placement:
                 size = number(radius * self.scale)
                 return f"M{pair(places[0])}" + "".join(f"A{size} {size} 0 0 0 {pair(place)}" for place in places[1:])
             case Spline():
-                return _polyline([self.point(point) for point in _sampled(curve)])
+                return _polyline([self.point(point) for point in _sample(curve)])
 
 
-def _sampled(curve: Spline) -> list[Point]:
+def _sample(curve: Spline) -> list[Point]:
     weights = np.array(curve.weights)[:, None]
     spline = BSpline(np.array(curve.knots), np.hstack([np.array(curve.points) * weights, weights]), curve.degree)
     knots = np.unique(curve.knots)

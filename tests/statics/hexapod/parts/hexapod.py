@@ -1,4 +1,4 @@
-"""A hexapod of plain solids: a body, and bars that make a leg, the last one with a ball for a foot."""
+"""A hexapod of plain solids: a body, and bars that form a leg; the last bar has a ball as its foot."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from build123d import Align, Box, Location, Pos, Sphere
 from thingc import Length, MountPoint, Thing
 
 ANGLES = (40, 90, 140, -40, -90, -140)
-"""Where the legs point [deg]: front, middle and rear on the left, then on the right."""
+"""Directions of the legs [deg]: front, middle and rear on the left, then on the right."""
 
 
 class Body(Thing):
-    """A box around its own frame, with six hips about its upright z."""
+    """A box around its own frame, with six hips about its vertical z axis."""
 
     def __init__(self, length: Length = 160, width: Length = 90, height: Length = 40):
         super().__init__(material="stuff")
@@ -24,7 +24,7 @@ class Body(Thing):
 
 
 class Bar(Thing):
-    """A square bar along x; it turns about `far` and `near` (along y), or about `hip` (along z)."""
+    """A square bar along x that turns about `far` and `near` (along y), or about `hip` (along z)."""
 
     def __init__(self, length: Length = 60, width: Length = 24):
         super().__init__(material="stuff")
@@ -38,7 +38,7 @@ class Bar(Thing):
 
 
 class Shin(Thing):
-    """A bar along x with a ball at its end, whose farthest point is the `sole`."""
+    """A bar along x with a ball at its end. `sole` is the farthest point of the ball."""
 
     def __init__(self, length: Length = 90, width: Length = 14, foot: Length = 9):
         super().__init__(material="rubber")

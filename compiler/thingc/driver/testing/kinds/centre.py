@@ -6,7 +6,7 @@ from thingc.base.diagnostics import Code
 from thingc.base.inertia import total
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.centre import KIND, CentreCheck
-from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, shown
+from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.robot.kinematics import occurrence_poses
 
 
@@ -32,8 +32,8 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
         bound, word = (low, "below the minimum") if value < low else (high, "above the maximum")
         failures.append(Failure(
             code=Code.TEST_CENTRE, key=f"within.{axis}.{0 if value < low else 1}",
-            message=f"{axis} of the centre of mass is {shown(value, LENGTH)}, "
-            f"{shown(abs(value - bound), LENGTH)} {word} of {Quantity(bound, LENGTH)}",
+            message=f"{axis} of the centre of mass is {format_si(value, LENGTH)}, "
+            f"{format_si(abs(value - bound), LENGTH)} {word} of {Quantity(bound, LENGTH)}",
         ))
     text = "  ".join(f"{1000.0 * v:z.1f}" for v in place)
     failure = None

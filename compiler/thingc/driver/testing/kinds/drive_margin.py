@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from thingc.base.diagnostics import Code
-from thingc.base.numeric import inf, isfinite, minimum, rounded, sum_of
+from thingc.base.numeric import inf, isfinite, minimum, round_significant, sum_of
 from thingc.base.pose import Pose
 from thingc.base.units import ANGULAR_VELOCITY, FORCE, TORQUE, VELOCITY
 from thingc.documents.checks.drive_margin import KIND, DriveCheck
 from thingc.driver.testing.kinds.torque_margin import SLACK
-from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, TestMeasurement, shown
+from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.dynamics.inertial_loads import inertial_loads
@@ -54,11 +54,11 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
             help="change the poses of the motion",
         ))
     tested = (one for one in instants(case.robot, motion, case.frames[0].base) if one.path in check.joints)
-    worst = min(tested, key=lambda one: rounded(one.margin, 12))
+    worst = min(tested, key=lambda one: round_significant(one.margin, 12))
     drive = _drives(case.robot)[worst.path]
     effort, speed = (TORQUE, ANGULAR_VELOCITY) if drive.turns else (FORCE, VELOCITY)
-    needed, available = shown(abs(worst.effort), effort), shown(worst.available, effort)
-    fast, when = shown(abs(worst.speed), speed), f"{worst.time:.4g} s"
+    needed, available = format_si(abs(worst.effort), effort), format_si(worst.available, effort)
+    fast, when = format_si(abs(worst.speed), speed), f"{worst.time:.4g} s"
     if worst.stuck is not None:
         failure = Failure(
             code=Code.TEST_DRIVE, key="motion", message=f"the drives cannot follow the motion: no drive moves joint `{worst.stuck}`",

@@ -11,7 +11,7 @@ from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.ground_clearance import KIND, GroundClearance
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.geometry.store.meshes import vertices
 from thingc.model.assembly.types import Occurrence, Surface
 from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box, of_points, vertices_of
@@ -31,15 +31,15 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
     height, path = heights[0]
     failure: Failure | None = None
     if height < check.least:
-        others = [Note(message=f"`{name}` is also {_over(other)}") for other, name in heights[1:] if other < check.least]
+        others = [Note(message=f"`{name}` is also {_format_height(other)}") for other, name in heights[1:] if other < check.least]
         failure = Failure(
             code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(first_notes(others, LISTED, "more part")),
-            message=f"the lowest point of `{path}` is {_over(height)}, but at least {Quantity(check.least, LENGTH)} is required",
+            message=f"the lowest point of `{path}` is {_format_height(height)}, but at least {Quantity(check.least, LENGTH)} is required",
             help=f"if this is intended, add `except: [{path.replace('/', '.')}]`",
         )
     return Outcome(
         measured={"clearance": height, "part": path}, expected=expected,
-        said=f"{path} {_over(height)} (at least {Quantity(check.least, LENGTH)})", failure=failure,
+        said=f"{path} {_format_height(height)} (at least {Quantity(check.least, LENGTH)})", failure=failure,
     )
 
 
@@ -83,8 +83,8 @@ def _low(case: TestCase, occurrence: Occurrence, number: int, pose: Pose) -> flo
     return placed.translation[2] + of_points(points, placed.rotation[2])
 
 
-def _over(height: float) -> str:
-    return f"{shown(abs(height), LENGTH)} {'below' if height < 0.0 else 'above'} the plane"
+def _format_height(height: float) -> str:
+    return f"{format_si(abs(height), LENGTH)} {'below' if height < 0.0 else 'above'} the plane"
 
 
 MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

@@ -6,13 +6,13 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import chain
 
 from thingc.base.diagnostics import Code, Note, Report, allow_hint, first_notes
-from thingc.base.one_line_repr import counted
+from thingc.base.one_line_repr import format_count
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import KIND, CollisionCheck
 from thingc.driver.testing.certificate import Certificate
 from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of, names_of
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
-from thingc.driver.testing.poses import joints_text, swept
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.poses import joints_text, sweep_poses
 from thingc.model.assembly.types import Assembly, LinkedTest
 from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import occurrence_poses
@@ -26,22 +26,22 @@ def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
 
     With `certify`, the only pose is inside the ranges. The certificate checks all other positions.
     """
-    return swept(pose, check.ranges, 1 if check.certify else check.samples) if check.ranges else [pose]
+    return sweep_poses(pose, check.ranges, 1 if check.certify else check.samples) if check.ranges else [pose]
 
 
 def measure(case: TestCase, check: CollisionCheck) -> Outcome:
     """Measure the gaps and overlaps between components in one pose, or in all poses of a sweep."""
     collisions = collisions_of(case.request)
-    allowed = _allowed(case.linked, check)
+    allowed = _allowed_pairs(case.linked, check)
     nearest: NearPair | None = None
     worst: dict[tuple[int, int], NearPair] = {}
     needed: set[int] = set()
     certificate = Certificate(case, check, collisions) if check.certify else None
     touching = list(certificate.touching(allowed)) if certificate is not None else []
     sure = {(near.one, near.other) for near in touching}
-    for near in chain(_found(case, check, collisions, allowed, needed), touching):
+    for near in chain(_find_pairs(case, check, collisions, allowed, needed), touching):
         pair = near.one, near.other
-        wrong = pair in sure or collisions.wrong(near, check.clearance)
+        wrong = pair in sure or collisions.violates(near, check.clearance)
         if near.allowance is not None:
             needed.update((near.allowance,) if wrong else ())
             continue
@@ -58,7 +58,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
         measured["not_closing"] = missing
     if nearest is not None:
         measured["pair"] = names_of(collisions.assembly, nearest.one, nearest.other)
-    looked = f", {counted(len(case.frames), 'position')}" if check.ranges and certificate is None else ""
+    looked = f", {format_count(len(case.frames), 'position')}" if check.ranges and certificate is None else ""
     looked += f", in {missing} more positions the loops do not close" if missing else ""
     failure: Failure | None = None
     if certificate is not None:
@@ -72,11 +72,11 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
         said = _least_gap(collisions.assembly, nearest)
     return Outcome(
         measured=measured, expected={"clearance": check.clearance}, failure=failure, needed=frozenset(needed),
-        said=f"{said}{looked}; {counted(compared, 'pair')} compared{_skipped_text(collisions)}",
+        said=f"{said}{looked}; {format_count(compared, 'pair')} compared{_skipped_text(collisions)}",
     )
 
 
-def _found(
+def _find_pairs(
     case: TestCase, check: CollisionCheck, collisions: Collisions, allowed: Mapping[tuple[int, int], int], needed: Collection[int],
 ) -> Iterator[NearPair]:
     """Yield the pairs of components that are close to each other or overlap in the frames of a test.
@@ -88,7 +88,7 @@ def _found(
     for frame in case.frames:
         at = occurrence_poses(case.robot, frame.q, frame.base)
         close = collisions.overlapping(at, frame, allowed, seen)
-        for near in chain(collisions.near(at, frame, check.clearance, look, allowed, needed), close):
+        for near in chain(collisions.near_pairs(at, frame, check.clearance, look, allowed, needed), close):
             look = look if near.allowance is not None else min(look, near.gap)
             yield near
 
@@ -96,7 +96,7 @@ def _found(
 def _least_gap(assembly: Assembly, nearest: NearPair | None) -> str:
     if nearest is None:
         return f"every gap between links without a common joint is over {Quantity(LOOK, LENGTH)}"
-    return f"least gap {shown(nearest.gap, LENGTH)}, {names_of(assembly, nearest.one, nearest.other)}"
+    return f"least gap {format_si(nearest.gap, LENGTH)}, {names_of(assembly, nearest.one, nearest.other)}"
 
 
 def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> None:
@@ -112,7 +112,7 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
             )
 
 
-def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int], int]:
+def _allowed_pairs(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int], int]:
     """Return a mapping from each pair of components that the test allows to collide to the index of the first matching `allow` entry."""
     allowed: dict[tuple[int, int], int] = {}
     for number, allowance in enumerate(check.allow):
@@ -146,7 +146,7 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
 def _skipped_text(collisions: Collisions) -> str:
     """Describe the pairs of components that were not compared, and the reasons. The JSON output lists all of these pairs."""
     return "".join(
-        f", {counted(len(pairs), 'pair')} skipped ({reason}: {next(iter(pairs))}{', ...' if len(pairs) > 1 else ''})"
+        f", {format_count(len(pairs), 'pair')} skipped ({reason}: {next(iter(pairs))}{', ...' if len(pairs) > 1 else ''})"
         for reason, pairs in collisions.skipped.items()
     )
 
@@ -154,10 +154,10 @@ def _skipped_text(collisions: Collisions) -> str:
 def _how(assembly: Assembly, near: NearPair, clearance: float) -> str:
     text = names_of(assembly, near.one, near.other, "`")
     if near.gap > 0.0:
-        return f"{text} are {shown(near.gap, LENGTH)} apart, but at least {Quantity(clearance, LENGTH)} is required"
+        return f"{text} are {format_si(near.gap, LENGTH)} apart, but at least {Quantity(clearance, LENGTH)} is required"
     if near.depth == 0.0:
         return f"{text} touch, but a gap of {Quantity(clearance, LENGTH)} is required"
-    return f"{text} overlap by {shown(near.depth, LENGTH)} on average ({float(f'{1e9 * near.volume:.3g}'):g} mm^3)"
+    return f"{text} overlap by {format_si(near.depth, LENGTH)} on average ({float(f'{1e9 * near.volume:.3g}'):g} mm^3)"
 
 
 def _at(case: TestCase, check: CollisionCheck, near: NearPair) -> str:

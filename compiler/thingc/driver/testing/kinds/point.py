@@ -5,7 +5,7 @@ from __future__ import annotations
 from thingc.base.diagnostics import Code, Note
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.documents.checks.point import KIND, PointCheck
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.driver.testing.poses import joints_text
 from thingc.driver.testing.reach_search import nearest
 
@@ -24,23 +24,23 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
         failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot did not close in any position that was tried")
         return Outcome(expected=expected, said="no position", failure=failure)
     distance, off, joints = best
-    said = f"{shown(distance, LENGTH)} from the point ({target}"
+    said = f"{format_si(distance, LENGTH)} from the point ({target}"
     measured: dict[str, Measure] = {"distance": distance}
     if check.direction is not None:
         measured["angle"] = off
-        said += f"; {shown(off, ANGLE)} from the direction, at most {Quantity(check.angle, ANGLE)}"
+        said += f"; {format_si(off, ANGLE)} from the direction, at most {Quantity(check.angle, ANGLE)}"
     where = joints_text(case.robot.assembly, joints)
     notes = (Note(message=f"joint values of the nearest position: {where}"),) if where else ()
     if distance > check.within:
         failure = Failure(
             code=Code.TEST_POINT, key="at", notes=notes,
-            message=f"the smallest distance between `{check.mount.text}` and the point is {shown(distance, LENGTH)}, but at most "
+            message=f"the smallest distance between `{check.mount.text}` and the point is {format_si(distance, LENGTH)}, but at most "
             f"{Quantity(check.within, LENGTH)} is allowed",
         )
     elif check.direction is not None and off > check.angle:
         failure = Failure(
             code=Code.TEST_POINT, key="direction", notes=notes,
-            message=f"`{check.mount.text}` reaches the point, but its direction is wrong by at least {shown(off, ANGLE)}; "
+            message=f"`{check.mount.text}` reaches the point, but its direction is wrong by at least {format_si(off, ANGLE)}; "
             f"at most {Quantity(check.angle, ANGLE)} is allowed",
         )
     return Outcome(measured={**measured, "joints": joints}, expected=expected, said=f"{said})", failure=failure)

@@ -8,8 +8,8 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.numeric import maximum
 from thingc.base.units import LENGTH, TIME, Quantity
 from thingc.documents.checks.settles import KIND, SettleCheck
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
-from thingc.driver.testing.settle_simulation import SettleResult, simulated
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.settle_simulation import SettleResult, simulate
 from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.mjcf.compat import separator
 
@@ -27,14 +27,14 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
         return Outcome(said="no model", failure=Failure(code=Code.TEST_SETTLES, key="", message="MuJoCo rejects the model"))
     files = artifacts.contents(case.request.store)
     scene = f"mjcf/scene_{case.robot.mode.name}.xml"
-    motion = simulated(
+    motion = simulate(
         case.robot, case.frames[0], scene, files, seconds=check.within + check.hold, resting=check.within, floor=check.floor,
         separator=separator(case.request.compat),
     )
-    return _diverged(motion) if isinstance(motion, float) else _judged(check, motion)
+    return _divergence(motion) if isinstance(motion, float) else _compare(check, motion)
 
 
-def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
+def _compare(check: SettleCheck, motion: SettleResult) -> Outcome:
     """Compare the simulated motion of the robot with the limits that the test specifies."""
     rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
     # At the last instant, every point is at its final position, so the points must also be at rest for some time before.
@@ -44,14 +44,14 @@ def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
         "within": check.within, "drift": check.drift, "for": check.hold, "penetration": check.penetration,
         **({} if check.moved is None else {"moved": check.moved}),
     }
-    far, deep = shown(moved, LENGTH), shown(maximum(deepest, 0.0), LENGTH)
-    said = f"at rest after {rest:.3g} s (drift {shown(drift, LENGTH)}), {far} from the pose, contacts {deep} deep"
+    far, deep = format_si(moved, LENGTH), format_si(maximum(deepest, 0.0), LENGTH)
+    said = f"at rest after {rest:.3g} s (drift {format_si(drift, LENGTH)}), {far} from the pose, contacts {deep} deep"
     failure = None
     if not settled:
         said = f"not at rest after {check.within:g} s"
         failure = Failure(
             code=Code.TEST_SETTLES, key="within",
-            message=f"after {Quantity(check.within, TIME)} the robot still moves by {shown(drift, LENGTH)} in "
+            message=f"after {Quantity(check.within, TIME)} the robot still moves by {format_si(drift, LENGTH)} in "
             f"{Quantity(check.hold, TIME)}, but at most {Quantity(check.drift, LENGTH)} is allowed",
         )
     elif check.moved is not None and moved > check.moved:
@@ -69,7 +69,7 @@ def _judged(check: SettleCheck, motion: SettleResult) -> Outcome:
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
 
 
-def _diverged(time: float) -> Outcome:
+def _divergence(time: float) -> Outcome:
     return Outcome(measured={"diverged": time}, said=f"diverges after {time:.3g} s", failure=Failure(
         code=Code.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
         help="reduce `simulation: {timestep: ...}`, or look for parts that overlap in the pose",

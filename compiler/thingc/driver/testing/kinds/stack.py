@@ -13,11 +13,11 @@ from collections.abc import Iterator, Sequence
 from thingc.base.diagnostics import Code, Note, first_notes
 from thingc.base.interfaces import Bore, Boss
 from thingc.base.numeric import erf, hypot, sqrt, sum_of
-from thingc.base.one_line_repr import counted
-from thingc.base.pose import Pose, Vector, added, cross, dot, rotate
+from thingc.base.one_line_repr import format_count
+from thingc.base.pose import Pose, Vector, add_scaled, cross, dot, rotate
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.stack import KIND, StackCheck
-from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, shown
+from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.kinematics import neighbourhood, on_loops
 from thingc.model.assembly.mass import process_of
 from thingc.model.assembly.types import Assembly, Mate, MountAt
@@ -52,9 +52,9 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
     bounds = (("worst", "the largest deviation", worst, check.worst), ("rss", "the root of the sum of squares", rss, check.rss))
     measured: dict[str, Measure] = {"worst": worst, "rss": rss}
     expected: dict[str, Measure] = {key: bound for key, _, _, bound in bounds if bound is not None}
-    said = f"worst {shown(worst, LENGTH)}, RSS {shown(rss, LENGTH)} of {counted(len(found), 'contributor')}"
+    said = f"worst {format_si(worst, LENGTH)}, RSS {format_si(rss, LENGTH)} of {format_count(len(found), 'contributor')}"
     faults = [
-        (key, f"{what} is {shown(value, LENGTH)}, but at most {Quantity(bound, LENGTH)} is allowed")
+        (key, f"{what} is {format_si(value, LENGTH)}, but at most {Quantity(bound, LENGTH)} is allowed")
         for key, what, value, bound in bounds if bound is not None and value > bound * (1.0 + ROUNDING)
     ]
     if check.within is not None and check.share is not None:
@@ -76,7 +76,8 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
 def _shares(found: Sequence[Contribution], rss: float) -> list[Note]:
     """Return notes with the largest contributors and their shares of the variance."""
     squares = sorted(((sum_of(one * one for one in several), name) for name, several in found), key=lambda one: (-one[0], one[1]))
-    shares = [Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {shown(sqrt(square), LENGTH)}") for square, name in squares]
+    shares = [Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {format_si(sqrt(square), LENGTH)}") for square, name
+    in squares]
     return first_notes(shares, LISTED, "other contributor")
 
 
@@ -121,7 +122,7 @@ def _contributions(
     for body, pose in zip(robot.bodies, body_poses(robot, frame.q, frame.base), strict=True):
         for joint, twist in in_world(body, pose, frame.q):
             if joint.path in play:
-                velocity = added(cross(twist.angular, added(end, twist.anchor, -1.0)), twist.linear, 1.0)
+                velocity = add_scaled(cross(twist.angular, add_scaled(end, twist.anchor, -1.0)), twist.linear, 1.0)
                 yield f"the backlash of `{joint.path}`", [0.5 * play[joint.path] * dot(velocity, direction)]
 
 
@@ -134,7 +135,7 @@ def _of_mounts(
     for name in mounts:
         if process is None or name == "origin" or process.tolerance is None and process.tilt is None:
             continue
-        arm = added(end, at[index].apply(occurrence.mounts[name].pose.translation), -1.0)
+        arm = add_scaled(end, at[index].apply(occurrence.mounts[name].pose.translation), -1.0)
         axes = [rotate(at[index].rotation, axis) for axis in AXES]
         shifts = [(process.tolerance or 0.0) * dot(axis, direction) for axis in axes]
         tilts = [(process.tilt or 0.0) * dot(cross(axis, arm), direction) for axis in axes]

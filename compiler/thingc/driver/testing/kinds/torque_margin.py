@@ -7,17 +7,17 @@ from collections.abc import Mapping, Sequence
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.numeric import isfinite, rounded
+from thingc.base.numeric import isfinite, round_significant
 from thingc.base.pose import Pose
 from thingc.base.units import FORCE, LENGTH, TORQUE
 from thingc.documents.checks.torque_margin import KIND, TorqueCheck
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, shown
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.model.statics.efforts import static_efforts
-from thingc.model.statics.support import lifted, stance
+from thingc.model.statics.support import lifted_feet, stance
 from thingc.model.statics.types import Efforts
 
 SLACK = 1e-6
@@ -77,7 +77,7 @@ def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
 
     If several margins are equal except for rounding, return the first of these drives.
     """
-    return min(check.joints, key=lambda path: rounded(margins[path], 12))
+    return min(check.joints, key=lambda path: round_significant(margins[path], 12))
 
 
 def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
@@ -87,9 +87,9 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
     """
     if robot.mode.feet:
         feet = stance(robot, q, bodies).feet
-        high = lifted(feet)
+        high = lifted_feet(feet)
         if high:
-            listed = ", ".join(f"`{path}` by {shown(height, LENGTH)}" for path, height in high.items())
+            listed = ", ".join(f"`{path}` by {format_si(height, LENGTH)}" for path, height in high.items())
             failure = Failure(
                 code=Code.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
                 help="lower these feet in the pose, or remove them from `standing_on`",
@@ -97,7 +97,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
             return "has feet above the floor", failure
     if held.fall is not None:
         said, why = {
-            "tips": ("falls over", f"its centre of mass is {shown(held.fall.outside, LENGTH)} outside the polygon of its feet"),
+            "tips": ("falls over", f"its centre of mass is {format_si(held.fall.outside, LENGTH)} outside the polygon of its feet"),
             "slides": ("slides off", "friction does not hold its feet in place"),
             "pulls": ("falls off", "gravity pulls the robot away from the floor, and no adhesion holds it"),
         }[held.fall.how]
@@ -132,7 +132,7 @@ def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], che
 
 
 def _effort(drive: JointEdge | LinkedTendon, value: float) -> str:
-    return shown(abs(value), TORQUE if drive.turns else FORCE)
+    return format_si(abs(value), TORQUE if drive.turns else FORCE)
 
 
 MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

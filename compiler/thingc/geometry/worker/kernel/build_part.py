@@ -32,18 +32,18 @@ from thingc.geometry.record import (
     PartWarning,
     definition_label,
     definition_text,
-    written,
+    format_value,
 )
 from thingc.geometry.record_json import record_to_json, to_json
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.worker.kernel import convert, meshing
 from thingc.geometry.worker.kernel.bounding_primitives import fit_all
-from thingc.geometry.worker.kernel.integrals import at_origin, bodies_of, compound_of, explored, measure, solids_of
+from thingc.geometry.worker.kernel.integrals import at_origin, bodies_of, compound_of, measure, solids_of, subshapes
 from thingc.geometry.worker.kernel.mesh_files import SUFFIXES, BadPartFile
 from thingc.geometry.worker.kernel.mirroring import SolidMirror
-from thingc.geometry.worker.kernel.part_files import hexadecimal, kernel_shape, named, read_part, unusable
+from thingc.geometry.worker.kernel.part_files import hex_colour, hexadecimal, kernel_shape, read_part, unusable
 from thingc.geometry.worker.kernel.primitives import primitive_of
-from thingc.geometry.worker.kernel.simplifying import deviation, simplified
+from thingc.geometry.worker.kernel.simplifying import deviation, simplify
 from thingc.geometry.worker.kernel.tessellation import tessellate
 from thingc.geometry.worker.part_session import NoPart, PartSession, RequestContext, kind_of
 
@@ -110,7 +110,7 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
         try:
             made = _made_of_file(definition, around) if definition["kind"] == "file" else _made_of_code(definition, session)
             if definition["mirror"] is not None:
-                made = _mirrored(made, SolidMirror(definition["mirror"]))
+                made = _mirror(made, SolidMirror(definition["mirror"]))
             session.stop()
             record = _record(made, tessellations, store)
             part_warnings = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
@@ -179,20 +179,20 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
             name: MountRecord(
                 pose=convert.pose(mount.location.wrapped.Transformation()), interface=mount.interface,
                 tolerance=None if mount.tolerance is None else convert.length(mount.tolerance),
-                features=tuple(one.converted(convert.length, math.radians) for one in mount.features),
+                features=tuple(one.in_units(convert.length, math.radians) for one in mount.features),
             )
             for name, mount in inspection.mounts_of(thing).items()
         },
         references=inspection.references_of(thing),
         expectations=tuple(_expectation(expected) for expected in inspection.expectations_of(thing)),
         actuator=msgspec.convert(actuator, ActuatorRecord | None, from_attributes=True),
-        mass=_stated(mass, float), com=_stated(centre, convert.vector), matrix=_stated(matrix, convert.matrix),
-        density=_stated(density, float),
+        mass=_read_declared(mass, float), com=_read_declared(centre, convert.vector), matrix=_read_declared(matrix, convert.matrix),
+        density=_read_declared(density, float),
         bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=extra,
         code=None if definition["placed"] else inspection.code_location(part),
     )
     one = kind != "shape" and inspection.is_one_solid(geometry)  # users cannot change a library's shape class
-    return BuiltPart(shapes=_rounded(shapes), visual=_rounded(visual), collision=_rounded(collision), record=record, one=one)
+    return BuiltPart(shapes=_round(shapes), visual=_round(visual), collision=_round(collision), record=record, one=one)
 
 
 def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPart:
@@ -206,7 +206,7 @@ def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPa
     )
 
 
-def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
+def _mirror(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
     """Return the mirror image of a built part.
 
     The mirror image has no order number in the bill of materials, because this number belongs to the original part.
@@ -215,7 +215,7 @@ def _mirrored(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
     stays = all(mirror.keeps(mount.pose) for mount in record.mounts.values())
     image = replace(
         record, mounts={
-            name: replace(mount, pose=mirror.mount(mount.pose), features=tuple(one.mirrored() for one in mount.features))
+            name: replace(mount, pose=mirror.mount(mount.pose), features=tuple(one.mirror_image() for one in mount.features))
             for name, mount in record.mounts.items()
         },
         com=None if record.com is None else replace(record.com, value=mirror.vector(record.com.value)),
@@ -241,7 +241,7 @@ def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
     return shapes
 
 
-def _rounded(shapes: Iterable[Any]) -> list[TopoDS_Shape]:
+def _round(shapes: Iterable[Any]) -> list[TopoDS_Shape]:
     """Round the coordinates of the corners of build123d shapes to `DECIMALS`, and return the shapes of the CAD kernel."""
     from OCP.BRep import BRep_Builder, BRep_Tool
     from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
@@ -262,7 +262,7 @@ def _rounded(shapes: Iterable[Any]) -> list[TopoDS_Shape]:
     return rounded
 
 
-def _stated(statement: Any, converted: Callable[[Any], Declared]) -> DeclaredValue[Declared] | None:
+def _read_declared(statement: Any, converted: Callable[[Any], Declared]) -> DeclaredValue[Declared] | None:
     return None if statement is None else DeclaredValue(value=converted(statement.value), source=statement.source)
 
 
@@ -274,7 +274,7 @@ def _expectation(expected: Any) -> MountExpectation:
     values = {name: convert.to_si(schemas[name].kind, value) for name, value in expected.parameters.items() if name in schemas}
     defaults = {name: convert.to_si(p.kind, p.default) for name, p in schemas.items() if not p.required}
     named = (f"{family.__module__}:{family.__qualname__}", values, defaults)
-    words = {name: written(schemas[name].kind, value, LABEL_DIGITS) for name, value in values.items()}
+    words = {name: format_value(schemas[name].kind, value, LABEL_DIGITS) for name, value in values.items()}
     return MountExpectation(
         mount=expected.mount, text=definition_text(*named), label=definition_label(*named, words), child_mount=expected.child_mount,
     )
@@ -283,7 +283,7 @@ def _expectation(expected: Any) -> MountExpectation:
 def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[PartWarning, ...]]:
     if stated is not None:
         try:
-            return named(stated), ()
+            return hex_colour(stated), ()
         except ValueError:
             return None, (PartWarning(message=f"`{stated}` is not a colour: use a CSS name or `#rrggbb`"),)
     if len(of_shapes) > 1:
@@ -294,11 +294,11 @@ def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[P
 
 def _record(made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
     """Return the complete record of a part. Its shapes are measured, and their meshes are written to the store."""
-    record = _measured(made, tessellations, store) if made.shapes else made.record
+    record = _measure(made, tessellations, store) if made.shapes else made.record
     return replace(record, pieces=tuple(_pieces(made.collision, tessellations.simulation, store)))
 
 
-def _measured(made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
+def _measure(made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
     """Measure and mesh the solids of a part, write the files to the store, and return the record with the results."""
     solid = solid_part(made)
     measures = measure(solid)
@@ -307,26 +307,26 @@ def _measured(made: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
     brep = store.put(written_brep(solid))  # written before meshing, which would add triangles to the shape
     solids = _meshes(solid, tessellations.fine)
     mesh = meshing.together(solids)
-    metres = mesh.scaled(1.0 / convert.MM)
+    metres = mesh.scale(1.0 / convert.MM)
     round_about = meshing.hull(metres.vertices) or metres
     coarse, hull, extra = metres, round_about, made.record.warnings
     if tessellations.simulation != tessellations.fine and not made.faceted:
-        coarse = meshing.together(_meshes(solid, tessellations.simulation)).scaled(1.0 / convert.MM)
+        coarse = meshing.together(_meshes(solid, tessellations.simulation)).scale(1.0 / convert.MM)
         hull = meshing.hull(coarse.vertices) or coarse
     meshes: dict[str, Mesh] = {}
     if made.faces is not None:
         if len(coarse.faces) > made.faces:
-            fewer = simplified(coarse, made.faces)
+            fewer = simplify(coarse, made.faces)
             extra = (*extra, *_off(coarse, fewer))
             coarse, hull = fewer, meshing.hull(fewer.vertices) or fewer
         meshes["simulation"] = stored_obj(coarse, store)
-    shown = _visual(made.visual, tessellations.simulation).scaled(1.0 / convert.MM) if made.visual else coarse
-    meshes["visual"] = _stored(shown, meshing.obj(shown), store)
+    shown = _visual(made.visual, tessellations.simulation).scale(1.0 / convert.MM) if made.visual else coarse
+    meshes["visual"] = _store_mesh(shown, meshing.obj(shown), store)
     meshes["mesh"] = stored_obj(metres, store)
     meshes["hull"] = stored_obj(hull, store)
     printed, double = meshing.merge_vertices(mesh), meshing.merge_vertices(mesh, DECIMALS)
-    meshes["print"] = _stored(printed, meshing.stl(printed), store)
-    meshes["slicing"] = _stored(double, meshing.double(double), store)
+    meshes["print"] = _store_mesh(printed, meshing.stl(printed), store)
+    meshes["slicing"] = _store_mesh(double, meshing.double(double), store)
     if not meshes["print"].closed:
         extra = (*extra, PartWarning(message="its mesh is not closed: the CAD kernel left gaps between faces"))
     inertia = convert.unit_inertia(measures.inertia)
@@ -334,11 +334,11 @@ def _measured(made: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
         made.record, volume=convert.volume(measures.volume), area=convert.area(measures.area), centre=convert.vector(measures.centre),
         inertia=inertia, box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])), brep=brep, meshes=meshes,
         fits=fit_all(round_about.vertices, inertia), warnings=(*extra, *_overlap(solids, file=made.file)),
-        apart=_apart(solid) if made.one else (), mounts=_compared(made.record.mounts, solid),
+        apart=_body_volumes(solid) if made.one else (), mounts=_compare_mounts(made.record.mounts, solid),
     )
 
 
-def _compared(mounts: dict[str, MountRecord], solid: TopoDS_Shape) -> dict[str, MountRecord]:
+def _compare_mounts(mounts: dict[str, MountRecord], solid: TopoDS_Shape) -> dict[str, MountRecord]:
     """Compare the mating features of mounts with the solid of the part, and add the contradictions to the mounts."""
     if not any(mount.features for mount in mounts.values()):
         return mounts
@@ -351,7 +351,7 @@ def _compared(mounts: dict[str, MountRecord], solid: TopoDS_Shape) -> dict[str, 
     }
 
 
-def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
+def _body_volumes(solid: TopoDS_Shape) -> tuple[float, ...]:
     """Return the volumes [m^3] of the bodies of a part, the largest volume first. The result is empty if all solids of the part are
     connected.
     """
@@ -404,7 +404,7 @@ def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
     kind = TopAbs_ShapeEnum
     kinds = {"faces": kind.TopAbs_FACE, "edges": kind.TopAbs_EDGE, "points": kind.TopAbs_VERTEX}
     return next(
-        (f"only {name}" for name, kind in kinds.items() if any(True for shape in shapes for _ in explored(shape, kind))),
+        (f"only {name}" for name, kind in kinds.items() if any(True for shape in shapes for _ in subshapes(shape, kind))),
         "and nothing else",
     )
 
@@ -445,11 +445,11 @@ def _pieces(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: S
         if primitive is not None:
             yield primitive
             continue
-        mesh = _triangles(solid, tessellation).scaled(1.0 / convert.MM)
+        mesh = _triangles(solid, tessellation).scale(1.0 / convert.MM)
         yield stored_obj(meshing.hull(mesh.vertices) or mesh, store)
 
 
-def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
+def _store_mesh(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
     return Mesh(
         sha256=store.put(data), size=len(data), vertices=len(mesh.vertices), faces=len(mesh.faces), closed=mesh.closed,
         flat=mesh.flat,
@@ -459,4 +459,4 @@ def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
 def stored_obj(mesh: meshing.Triangles, store: Store) -> Mesh:
     """Write a mesh to the store as an OBJ file, without changing its unit."""
     rounded = meshing.merge_vertices(mesh)
-    return _stored(rounded, meshing.obj(rounded), store)
+    return _store_mesh(rounded, meshing.obj(rounded), store)

@@ -21,7 +21,7 @@ from thingc.base.numeric import dist
 from thingc.base.pose import Vector
 from thingc.geometry.features import HOLE, CentreLine, Cylinder, Features, PlanarFace
 from thingc.geometry.worker.kernel import convert
-from thingc.geometry.worker.kernel.integrals import explored
+from thingc.geometry.worker.kernel.integrals import subshapes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -38,7 +38,7 @@ def features_of(shape: TopoDS_Shape) -> Features:
     """Return the cylinders and planar faces of the solids in a shape."""
     planes: list[PlanarFace] = []
     faces: list[_CylinderFace] = []
-    for face in map(TopoDS.Face, explored(shape, TopAbs_FACE)):
+    for face in map(TopoDS.Face, subshapes(shape, TopAbs_FACE)):
         surface = BRepAdaptor_Surface(face)
         if surface.GetType() == GeomAbs_Plane:
             planes.append(_plane(face, surface))
@@ -47,7 +47,7 @@ def features_of(shape: TopoDS_Shape) -> Features:
     intersector = IntCurvesFace_ShapeIntersector()
     if faces:
         intersector.Load(shape, 1e-6)
-    cylinders = [_in_metres(one, intersector) for one in _joined(faces)]
+    cylinders = [_in_metres(one, intersector) for one in _join_cylinders(faces)]
     return Features(
         cylinders=tuple(sorted(cylinders, key=lambda one: (one.line.axis, one.line.point, one.lower, one.radius))),
         planes=tuple(sorted(planes, key=lambda one: (one.normal, one.centre, one.area))),
@@ -66,7 +66,7 @@ def _plane(face: TopoDS_Face, surface: Any) -> PlanarFace:
     outwards = position.Direct() != (face.Orientation() == TopAbs_REVERSED)
     x, y, z = (round(value if outwards else -value, 12) + 0.0 for value in position.Direction().Coord())
     area, centre = area_and_centre(face)
-    loops = tuple(tuple(map(convert.vector, _polygon(wire, face))) for wire in map(TopoDS.Wire, explored(face, TopAbs_WIRE)))
+    loops = tuple(tuple(map(convert.vector, _polygon(wire, face))) for wire in map(TopoDS.Wire, subshapes(face, TopAbs_WIRE)))
     return PlanarFace(normal=(x, y, z), centre=convert.vector(centre), area=convert.area(area), loops=loops)
 
 
@@ -107,7 +107,7 @@ def _cylinder(face: TopoDS_Face, surface: Any) -> _CylinderFace:
     return _CylinderFace(line=line, radius=cylinder.Radius(), hollow=hollow, lower=lower, upper=upper, area=area_and_centre(face)[0])
 
 
-def _joined(faces: Iterable[_CylinderFace]) -> list[_CylinderFace]:
+def _join_cylinders(faces: Iterable[_CylinderFace]) -> list[_CylinderFace]:
     """Join the faces of each cylinder whose ranges along the axis overlap or touch."""
     joined: list[_CylinderFace] = []
     for face in sorted(faces, key=lambda one: one.lower):

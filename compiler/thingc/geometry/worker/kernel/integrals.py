@@ -59,7 +59,7 @@ class Measures(FrozenStruct):
     box: tuple[Vector, Vector]
 
 
-def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
+def subshapes(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
     """Yield the subshapes of one kind, such as `TopAbs_FACE`, in the order in which the shape contains them.
 
     A subshape that several faces share is yielded several times.
@@ -72,7 +72,7 @@ def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
 
 def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
     """Return the solids that a shape contains, in the order of the shape."""
-    return list(explored(shape, TopAbs_SOLID))
+    return list(subshapes(shape, TopAbs_SOLID))
 
 
 def at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
@@ -185,7 +185,7 @@ def _skin(solid: TopoDS_Shape) -> _Skin:
     flat: list[tuple[TopoDS_Face, bool]] = []
     extruded: list[tuple[TopoDS_Face, bool]] = []
     rest: list[tuple[TopoDS_Face, bool]] = []
-    for subshape in explored(solid, TopAbs_FACE):
+    for subshape in subshapes(solid, TopAbs_FACE):
         face = TopoDS.Face(subshape)
         kind = BRepAdaptor_Surface(face, False).GetType()
         if kind == GeomAbs_SurfaceOfExtrusion:
@@ -199,14 +199,14 @@ def _skin(solid: TopoDS_Shape) -> _Skin:
 
 def _within_lines_and_circles(face: TopoDS_Face) -> bool:
     simple = (GeomAbs_Line, GeomAbs_Circle)  # types of the curve on the face, along which the kernel integrates
-    return all(BRepAdaptor_Curve2d(TopoDS.Edge(edge), face).GetType() in simple for edge in explored(face, TopAbs_EDGE))
+    return all(BRepAdaptor_Curve2d(TopoDS.Edge(edge), face).GetType() in simple for edge in subshapes(face, TopAbs_EDGE))
 
 
 def _within_own_lines(face: TopoDS_Face) -> bool:
     """Return whether each edge of a face is a parameter line of the surface. On a parameter line, one of the parameters u and v is
     constant.
     """
-    curves = [BRepAdaptor_Curve2d(TopoDS.Edge(edge), face) for edge in explored(face, TopAbs_EDGE)]
+    curves = [BRepAdaptor_Curve2d(TopoDS.Edge(edge), face) for edge in subshapes(face, TopAbs_EDGE)]
     if any(curve.GetType() != GeomAbs_Line for curve in curves):
         return False
     directions = [curve.Line().Direction() for curve in curves]

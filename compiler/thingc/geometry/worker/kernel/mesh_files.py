@@ -16,7 +16,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from thingc.geometry.mesh_bounds import LARGEST, BadMesh, damaged, read_bounded, refuse_beyond, unfold
+from thingc.geometry.mesh_bounds import LARGEST, BadMesh, damaged_file_error, read_bounded, refuse_beyond, unfold
 from thingc.geometry.worker.kernel.meshing import Triangles, together, without_slivers
 
 if TYPE_CHECKING:
@@ -61,20 +61,20 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
             x, y, z = surface.vertices.T
             mesh = Triangles(1000.0 * np.column_stack([x, -z, y]) + 0.0, surface.faces)
         else:
-            mesh = _from_trimesh(path, suffix, data).scaled(unit)
+            mesh = _from_trimesh(path, suffix, data).scale(unit)
     except BadMesh as fault:
         raise BadPartFile(f"the file {fault}") from fault.__cause__
     except (BadPartFile, MemoryError):
         raise
     except Exception as fault:
-        raise BadPartFile(f"the file {damaged(suffix, fault)}") from fault
+        raise BadPartFile(f"the file {damaged_file_error(suffix, fault)}") from fault
     if len(mesh.faces) == 0:
         raise BadPartFile("the file contains no triangles")
     farthest = float(np.abs(mesh.vertices).max())
     if farthest > FARTHEST:
         raise BadPartFile(f"a coordinate is {farthest:.3g} mm, which is too large for a part")
     once, again = _once(mesh)
-    closed, mended = _closed(once)
+    closed, mended = _close(once)
     return closed, (*again, *mended)
 
 
@@ -90,10 +90,10 @@ def _from_trimesh(path: str, suffix: str, data: bytes) -> Triangles:
     scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=beside, process=False)
     refuse_beyond(sum(len(getattr(scene.geometry[scene.graph[node][1]], "faces", ())) for node in scene.graph.nodes_geometry), MOST)
     corners = np.asarray(scene.triangles if scene.geometry else (), dtype=np.float64)
-    return _welded(_finite(corners.reshape(-1, 3)))
+    return _weld(_finite(corners.reshape(-1, 3)))
 
 
-def _welded(corners: NDArray[np.float64]) -> Triangles:
+def _weld(corners: NDArray[np.float64]) -> Triangles:
     """Create a triangle mesh from the corners of its triangles by merging equal corners into vertices.
 
     `corners` contains three rows for each triangle.
@@ -131,7 +131,7 @@ def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     return mesh, tuple(mended)
 
 
-def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
+def _close(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     """Repair the open surface of a mesh with trimesh. Return the closed mesh and descriptions of the repairs.
 
     Raises `BadPartFile` if the surface is still open after the repair.
@@ -214,7 +214,7 @@ def _from_3mf(data: bytes) -> Triangles:
     meshes = _placed_3mf(objects, _BUILD, _affine(None))
     if not meshes:
         raise BadMesh("has an empty `build`")
-    return together(meshes).scaled(_UNITS_3MF[unit])
+    return together(meshes).scale(_UNITS_3MF[unit])
 
 
 def _read_3mf(model: bytes) -> tuple[str, dict[str, _Object3mf]]:
@@ -255,7 +255,7 @@ def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray
         raise BadMesh("refers to a missing vertex")
     if faces.size:
         moved = _finite(points) @ transform[:3] + transform[3]
-        surfaces.append(_welded(moved[(faces[:, ::-1] if np.linalg.det(transform[:3]) < 0.0 else faces).ravel()]))
+        surfaces.append(_weld(moved[(faces[:, ::-1] if np.linalg.det(transform[:3]) < 0.0 else faces).ravel()]))
     for inner, text in item.components:
         own = _affine(text)
         combined = np.vstack([own[:3] @ transform[:3], own[3] @ transform[:3] + transform[3]])

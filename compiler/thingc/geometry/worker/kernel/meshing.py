@@ -50,7 +50,7 @@ class Triangles(FrozenStruct, kw_only=False):
         diagonal = float(np.linalg.norm(self.vertices.max(axis=0) - self.vertices.min(axis=0)))
         return abs(self.volume) <= 1e-9 * diagonal**3
 
-    def scaled(self, factor: float) -> Triangles:
+    def scale(self, factor: float) -> Triangles:
         """Return a copy of the mesh with all coordinates multiplied by `factor`, to convert the mesh to another unit."""
         return Triangles(self.vertices * factor, self.faces)
 

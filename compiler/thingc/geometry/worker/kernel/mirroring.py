@@ -8,7 +8,7 @@ import numpy as np
 
 from thingc.base.numeric import dist
 from thingc.base.pose import Mirror, Pose
-from thingc.geometry.worker.kernel.integrals import explored, extent
+from thingc.geometry.worker.kernel.integrals import extent, subshapes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,7 +72,7 @@ def _integrals(solid: TopoDS_Shape, size: float) -> NDArray[np.float64]:
     from OCP.TopAbs import TopAbs_FACE
 
     rows: list[list[float]] = []
-    for face in explored(solid, TopAbs_FACE):
+    for face in subshapes(solid, TopAbs_FACE):
         properties = GProp_GProps()
         BRepGProp.SurfaceProperties_s(face, properties)
         area, centre, inertia = properties.Mass(), properties.CentreOfMass(), properties.MatrixOfInertia()

@@ -29,7 +29,7 @@ def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tup
     if suffix in (".step", ".stp"):
         return (*_from_step(path), ())
     if suffix in (".brep", ".brp"):
-        return [_scaled(_from_brep(path), unit)], set(), ()
+        return [_scale(_from_brep(path), unit)], set(), ()
     if suffix in SUFFIXES:
         mesh, mended = read_mesh(path, suffix, unit)
         return solids_from(mesh), set(), mended
@@ -81,7 +81,7 @@ def _from_brep(path: str) -> TopoDS_Shape:
     return shape
 
 
-def _scaled(shape: TopoDS_Shape, factor: float) -> TopoDS_Shape:
+def _scale(shape: TopoDS_Shape, factor: float) -> TopoDS_Shape:
     from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
     from OCP.gp import gp_Pnt, gp_Trsf
 
@@ -159,7 +159,7 @@ def _shell(mesh: Triangles) -> TopoDS_Shape:
     from OCP.TopAbs import TopAbs_FACE
     from OCP.TopoDS import TopoDS_Shell
 
-    from thingc.geometry.worker.kernel.integrals import explored
+    from thingc.geometry.worker.kernel.integrals import subshapes
 
     triangulation = Poly_Triangulation(len(mesh.vertices), len(mesh.faces), False)
     for index, (x, y, z) in enumerate(mesh.vertices.tolist(), 1):
@@ -171,7 +171,7 @@ def _shell(mesh: Triangles) -> TopoDS_Shape:
     builder = BRep_Builder()
     shell = TopoDS_Shell()
     builder.MakeShell(shell)
-    for face in explored(maker.Shape(), TopAbs_FACE):
+    for face in subshapes(maker.Shape(), TopAbs_FACE):
         builder.Add(shell, face)
     shell.Closed(True)
     return shell
@@ -183,7 +183,7 @@ def hexadecimal(color: Any) -> str:
     return "#" + "".join(f"{min(255, max(0, round(255 * channel))):02x}" for channel in (red, green, blue))
 
 
-def named(text: str) -> str:
+def hex_colour(text: str) -> str:
     """Convert a CSS colour name or `#rrggbb` to `#rrggbb`. Raises `ValueError` if the text is not a colour."""
     from build123d import Color
 

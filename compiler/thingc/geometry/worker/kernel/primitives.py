@@ -19,10 +19,10 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS
 
 from thingc.base.numeric import dist, hypot, sum_of
-from thingc.base.pose import IDENTITY, Matrix, Pose, Vector, added, cross, dot, rotate, scaled, transpose
+from thingc.base.pose import IDENTITY, Matrix, Pose, Vector, add_scaled, cross, dot, rotate, scale_vector, transpose
 from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.geometry.worker.kernel import convert
-from thingc.geometry.worker.kernel.integrals import explored, extent, integrals
+from thingc.geometry.worker.kernel.integrals import extent, integrals, subshapes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -54,7 +54,7 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
     planes: list[_Line] = []
     cylinders: list[tuple[_Line, float]] = []
     spheres: list[tuple[Vector, float]] = []
-    for face in explored(solid, TopAbs_FACE):
+    for face in subshapes(solid, TopAbs_FACE):
         surface = BRepAdaptor_Surface(TopoDS.Face(face), False)
         kind = surface.GetType()
         if kind == GeomAbs_Plane:
@@ -79,10 +79,10 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
             primitive = _sphere(spheres, size)
         case _:
             primitive = None
-    return primitive if primitive is not None and _filled(primitive, solid) else None
+    return primitive if primitive is not None and _fills(primitive, solid) else None
 
 
-def _filled(primitive: Primitive, solid: TopoDS_Shape) -> bool:
+def _fills(primitive: Primitive, solid: TopoDS_Shape) -> bool:
     """Return whether a solid has the volume and the area of a primitive. The faces of the solid can point inwards or outwards."""
     matter, surface = integrals(solid, gp_Pnt(*(coordinate * convert.MM for coordinate in primitive.pose.translation)))
     volume, area = convert.volume(matter.Mass()), convert.area(surface.Mass())
@@ -104,7 +104,7 @@ def _box(planes: list[_Line], size: float) -> Primitive | None:
     if len(pairs) != 3 or any(abs(dot(a, b)) > SAME for (a, _), (b, _) in itertools.combinations(pairs, 2)):
         return None
     a = pairs[0][0]
-    b = _unit(added(pairs[1][0], a, -dot(pairs[1][0], a)))
+    b = _unit(add_scaled(pairs[1][0], a, -dot(pairs[1][0], a)))
     axes = (a, b, _unit(cross(a, b)))
     middles: list[float] = []
     halves: list[float] = []
@@ -117,7 +117,7 @@ def _box(planes: list[_Line], size: float) -> Primitive | None:
     rotation, order = _least_turned(axes)
     x, y, z = middles
     centre = rotate(transpose(axes), (x, y, z))
-    return _made("box", tuple(halves[k] for k in order), rotation, centre)
+    return _make_primitive("box", tuple(halves[k] for k in order), rotation, centre)
 
 
 def _cylinder(cylinders: list[tuple[_Line, float]], planes: list[_Line], size: float) -> Primitive | None:
@@ -125,11 +125,11 @@ def _cylinder(cylinders: list[tuple[_Line, float]], planes: list[_Line], size: f
     if side is None or not all(_parallel(normal, side[0][1]) for _, normal in planes):
         return None
     (point, axis), radius = side
-    ends = _two((dot(added(other, point, -1.0), axis) for other, _ in planes), size)
+    ends = _two((dot(add_scaled(other, point, -1.0), axis) for other, _ in planes), size)
     if ends is None:
         return None
-    middle = added(point, axis, (ends[0] + ends[1]) / 2.0)
-    return _made("cylinder", (radius, (ends[1] - ends[0]) / 2.0), _shortest_turn(axis), middle)
+    middle = add_scaled(point, axis, (ends[0] + ends[1]) / 2.0)
+    return _make_primitive("cylinder", (radius, (ends[1] - ends[0]) / 2.0), _shortest_turn(axis), middle)
 
 
 def _capsule(cylinders: list[tuple[_Line, float]], spheres: list[tuple[Vector, float]], size: float) -> Primitive | None:
@@ -137,20 +137,20 @@ def _capsule(cylinders: list[tuple[_Line, float]], spheres: list[tuple[Vector, f
     if side is None:
         return None
     (point, axis), radius = side
-    if any(abs(other - radius) > SAME * size or _beside(centre, point, axis) > SAME * size for centre, other in spheres):
+    if any(abs(other - radius) > SAME * size or _distance_from_line(centre, point, axis) > SAME * size for centre, other in spheres):
         return None
-    ends = _two((dot(added(centre, point, -1.0), axis) for centre, _ in spheres), size)
+    ends = _two((dot(add_scaled(centre, point, -1.0), axis) for centre, _ in spheres), size)
     if ends is None:
         return None
-    middle = added(point, axis, (ends[0] + ends[1]) / 2.0)
-    return _made("capsule", (radius, (ends[1] - ends[0]) / 2.0), _shortest_turn(axis), middle)
+    middle = add_scaled(point, axis, (ends[0] + ends[1]) / 2.0)
+    return _make_primitive("capsule", (radius, (ends[1] - ends[0]) / 2.0), _shortest_turn(axis), middle)
 
 
 def _sphere(spheres: list[tuple[Vector, float]], size: float) -> Primitive | None:
     centre, radius = spheres[0]
     if any(abs(other - radius) > SAME * size or dist(where, centre) > SAME * size for where, other in spheres):
         return None
-    return _made("sphere", (radius,), IDENTITY, centre)
+    return _make_primitive("sphere", (radius,), IDENTITY, centre)
 
 
 def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, float] | None:
@@ -159,10 +159,10 @@ def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, flo
     """
     (point, axis), radius = cylinders[0]
     for (other, direction), length in cylinders:
-        if abs(length - radius) > SAME * size or not _parallel(direction, axis) or _beside(other, point, axis) > SAME * size:
+        if abs(length - radius) > SAME * size or not _parallel(direction, axis) or _distance_from_line(other, point, axis) > SAME * size:
             return None
     up = next((c for c in reversed(axis) if c != 0.0), 1.0) > 0.0
-    return (point, axis if up else scaled(axis, -1.0)), radius
+    return (point, axis if up else scale_vector(axis, -1.0)), radius
 
 
 def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
@@ -176,7 +176,7 @@ def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
     return None if between or high - low <= SAME * size else (low, high)
 
 
-def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, centre: Vector) -> Primitive:
+def _make_primitive(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, centre: Vector) -> Primitive:
     """Create a primitive in metres. The arguments are in mm."""
     x, y, z = (round(coordinate, DECIMALS) for coordinate in centre)
     return Primitive(
@@ -194,7 +194,7 @@ def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
     rotations: list[tuple[Matrix, tuple[int, ...]]] = []
     for order in itertools.permutations(range(3)):
         for one, other in itertools.product((1.0, -1.0), repeat=2):
-            x, y = scaled(axes[order[0]], one), scaled(axes[order[1]], other)
+            x, y = scale_vector(axes[order[0]], one), scale_vector(axes[order[1]], other)
             rotations.append((transpose((x, y, _unit(cross(x, y)))), order))
     # among rotations with equal traces, choose by the largest entries, so that rounding does not decide
     return max(rotations, key=lambda one: (
@@ -213,9 +213,9 @@ def _parallel(a: Vector, b: Vector) -> bool:
     return hypot(*cross(a, b)) <= SAME
 
 
-def _beside(point: Vector, origin: Vector, axis: Vector) -> float:
+def _distance_from_line(point: Vector, origin: Vector, axis: Vector) -> float:
     """Return the distance of a point from the line through `origin` along `axis`."""
-    return hypot(*cross(added(point, origin, -1.0), axis))
+    return hypot(*cross(add_scaled(point, origin, -1.0), axis))
 
 
 def _unit(a: Vector) -> Vector:
@@ -224,7 +224,7 @@ def _unit(a: Vector) -> Vector:
     """
     length = hypot(*a)
     x, y, z = (0.0 if abs(component) <= ROUNDING * length else component for component in a)
-    return scaled((x, y, z), 1.0 / hypot(x, y, z))
+    return scale_vector((x, y, z), 1.0 / hypot(x, y, z))
 
 
 def _line(axis: gp_Ax1) -> _Line:

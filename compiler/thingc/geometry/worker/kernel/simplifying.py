@@ -37,7 +37,7 @@ points.
 """
 
 
-def simplified(mesh: Triangles, faces: int) -> Triangles:
+def simplify(mesh: Triangles, faces: int) -> Triangles:
     """Simplify a closed mesh to at most `faces` triangles. If every edge of the mesh has two triangles, this is also true for the result.
 
     Raises `NoPart` if the mesh cannot be simplified to `faces` triangles.
@@ -45,18 +45,18 @@ def simplified(mesh: Triangles, faces: int) -> Triangles:
     if len(mesh.faces) <= faces:
         return mesh
     scale = SIZE / float(np.ptp(mesh.vertices, axis=0).max())
-    mesh = mesh.scaled(scale)
+    mesh = mesh.scale(scale)
     solid = _solid(mesh)
     whole = solid.num_tri() > 0  # otherwise, edges between touching bodies have four triangles, which manifold3d does not accept
     plain = _triangles(solid.simplify(FLAT * SIZE)) if whole else mesh
     if len(plain.faces) <= faces:
-        return plain.scaled(1.0 / scale)
+        return plain.scale(1.0 / scale)
     fewer = _by_quadrics(plain, faces)
     if len(fewer.faces) > faces or not _sound(fewer, whole):
         fewer = _by_tolerance(solid, faces) if whole else mesh
     if len(fewer.faces) > faces or not _sound(fewer, whole):
         raise NoPart("unbounded", f"its surface cannot be simplified to {faces} triangles without gaps")
-    return fewer.scaled(1.0 / scale)
+    return fewer.scale(1.0 / scale)
 
 
 def deviation(one: Triangles, other: Triangles) -> float:
@@ -116,13 +116,13 @@ def _farthest(points: NDArray[np.float64], surface: Triangles) -> float:
     tree = cKDTree(np.concatenate([samples, corners.mean(axis=1)]))
     triangles = np.concatenate([of, np.arange(len(corners))])
 
-    def apart(points: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
+    def point_distances(points: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
         nearest = triangles[tree.query(points, k=neighbours)[1]].reshape(-1)
         asked = np.repeat(points, neighbours, axis=0)
         there = trimesh.triangles.closest_point(corners[nearest], asked)  # type: ignore[no-untyped-call]
         return np.asarray(np.linalg.norm(there - asked, axis=1).reshape(-1, neighbours).min(axis=1))
 
-    distances = apart(points, FEW)
+    distances = point_distances(points, FEW)
     doubtful = np.argsort(distances, kind="stable")[-AGAIN:]
-    distances[doubtful] = apart(points[doubtful], MANY)
+    distances[doubtful] = point_distances(points[doubtful], MANY)
     return float(distances.max())

@@ -99,7 +99,7 @@ def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
     lengths = _Lengths(how)
     outlines, heights = _outlines(vertices, mesh.faces, lengths.layer)
     flat = _flat(_Slicer(how, lengths).layers(outlines), JOINED * lengths.spacing)
-    total = _raised(flat, heights, lengths.layer).sum(axis=0)
+    total = _integrate_layers(flat, heights, lengths.layer).sum(axis=0)
     solid, joins, sparse = (_moments(sums, turn) for sums in total)
     if not solid.volume > 0.0:
         raise NotSliced("is thinner than one printed line")
@@ -206,9 +206,9 @@ class _Slicer:
         above = [*outlines[1:], NOTHING]
         below = [NOTHING, *outlines[:-1]]
         cores = [once(self.core, outline) for outline in outlines]
-        filled = [once(self.filled, core) for core in cores]
+        filled = [once(self.infill_region, core) for core in cores]
         bottoms = [once(self.opening, *pair) for pair in zip(outlines, below, strict=True)]
-        tops = [once(self.uncovered, *both) for both in zip(outlines, above, bottoms, strict=True)]
+        tops = [once(self.uncovered_region, *both) for both in zip(outlines, above, bottoms, strict=True)]
         kinds = [once(self.kinds, *three) for three in zip(filled, tops, bottoms, strict=True)]
         lids = [once(_either, top, kind.top) for top, kind in zip(tops, kinds, strict=True)]
         floors = [once(_either, bottom, kind.bottom) for bottom, kind in zip(bottoms, kinds, strict=True)]
@@ -220,11 +220,11 @@ class _Slicer:
             )
             for index, kind in enumerate(kinds)
         ]
-        sparse = [once(_without, kind.inside, one) for kind, one in zip(kinds, solid, strict=True)]
+        sparse = [once(_subtract, kind.inside, one) for kind, one in zip(kinds, solid, strict=True)]
         walls = [once(self.walls, outline, core) for outline, core in zip(outlines, cores, strict=True)]
         return [
             once(
-                self.laid, walls[index], inside, kind, sparse[index], below[index] if index else None,
+                self.lay, walls[index], inside, kind, sparse[index], below[index] if index else None,
                 *sparse[max(0, index - self.lengths.spanned) : index],
             )
             for index, (kind, inside) in enumerate(zip(kinds, solid, strict=True))
@@ -233,36 +233,36 @@ class _Slicer:
     def core(self, outline: Region) -> Region:
         """Return the region inside the walls of a layer. Parts of this region that are narrower than a line are removed."""
         lengths = self.lengths
-        left = _grown(outline, -(lengths.rounding + self.how.walls * lengths.spacing))
-        return _opened(left, lengths.spacing / 2.0)
+        left = _grow(outline, -(lengths.rounding + self.how.walls * lengths.spacing))
+        return _remove_narrow(left, lengths.spacing / 2.0)
 
     def walls(self, outline: Region, core: Region) -> Region:
         """Return the region that the walls cover. The region is smaller than the outline, because lines have round corners."""
-        return _without(_grown(outline, -self.lengths.rounding), core)
+        return _subtract(_grow(outline, -self.lengths.rounding), core)
 
-    def filled(self, core: Region) -> Region:
+    def infill_region(self, core: Region) -> Region:
         """Return the region that infill may cover: the parts of the core that are wide enough, with the overlap into the walls."""
         half = FILLABLE / 2.0 * self.lengths.spacing
-        return _grown(_grown(core, -half), half + self.how.overlap * self.lengths.spacing)
+        return _grow(_grow(core, -half), half + self.how.overlap * self.lengths.spacing)
 
     def opening(self, outline: Region, other: Region) -> Region:
         """Return the part of a layer that another layer does not cover. Very narrow pieces of this part are removed."""
-        return _opened(_without(outline, other), self.lengths.width / 10.0)
+        return _remove_narrow(_subtract(outline, other), self.lengths.width / 10.0)
 
-    def uncovered(self, outline: Region, above: Region, bottom: Region) -> Region:
+    def uncovered_region(self, outline: Region, above: Region, bottom: Region) -> Region:
         """Return the region of a layer that the layer above does not cover. A region that is open above and below counts as bottom."""
-        return _without(self.opening(outline, above), bottom)
+        return _subtract(self.opening(outline, above), bottom)
 
     def kinds(self, filled: Region, top: Region, bottom: Region) -> _Kinds:
         """Return the infill regions of a layer, grouped by kind."""
-        within = _without(_without(filled, top), bottom)
+        within = _subtract(_subtract(filled, top), bottom)
         wide_bottom = self.around(bottom, filled)
-        wide_top = _without(self.around(top, filled), wide_bottom)
+        wide_top = _subtract(self.around(top, filled), wide_bottom)
         open_somewhere = _either(wide_bottom, wide_top)
         small = [piece for piece in within.decompose() if piece.area() <= SOLID_BELOW]
         return _Kinds(
-            top=wide_top, bottom=wide_bottom, inside=_without(within, open_somewhere),
-            small=_without(CrossSection.compose(small), open_somewhere) if small else NOTHING,
+            top=wide_top, bottom=wide_bottom, inside=_subtract(within, open_somewhere),
+            small=_subtract(CrossSection.compose(small), open_somewhere) if small else NOTHING,
         )
 
     def around(self, opening: Region, filled: Region) -> Region:
@@ -275,7 +275,7 @@ class _Slicer:
             return filled
         x, y, u, v = beside.bounds()
         near = CrossSection.square((u - x + 4.0 * AROUND, v - y + 4.0 * AROUND)).translate((x - 2.0 * AROUND, y - 2.0 * AROUND))
-        return _either(there, _both(_grown(_both(there, near), AROUND, JoinType.Square), filled))  # growing the whole layer is slow
+        return _either(there, _both(_grow(_both(there, near), AROUND, JoinType.Square), filled))  # growing the whole layer is slow
 
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
         """Return the inner region of a layer that is printed solid. The solid region consists of small pieces, and of the regions below or
@@ -295,8 +295,8 @@ class _Slicer:
         if new.is_empty():
             return NOTHING, NOTHING
         margin = 3.0 * self.lengths.width
-        narrow = _without(new, _grown(_grown(new, -margin, miter=5.0), margin + SAFETY, miter=5.0))
-        return new, _both(_grown(narrow, margin, JoinType.Round), inside)
+        narrow = _subtract(new, _grow(_grow(new, -margin, miter=5.0), margin + SAFETY, miter=5.0))
+        return new, _both(_grow(narrow, margin, JoinType.Round), inside)
 
     def bridge(self, solid: Region, *below: Region) -> Region:
         """Return the region of a layer that is printed as a bridge: the solid inner region above sparse infill.
@@ -306,20 +306,20 @@ class _Slicer:
         over = solid
         for sparse in below:
             over = _both(over, sparse)
-        return _both(_opened(over, ANCHOR * self.lengths.strand), solid) if below else NOTHING
+        return _both(_remove_narrow(over, ANCHOR * self.lengths.strand), solid) if below else NOTHING
 
     def overhang(self, walls: Region, below: Region) -> Region:
         """Return the part of the walls of a layer that the layer below does not support."""
-        return _without(walls, _grown(below, self.lengths.nozzle / 2.0))
+        return _subtract(walls, _grow(below, self.lengths.nozzle / 2.0))
 
-    def laid(self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region) -> _Laid:
+    def lay(self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region) -> _Laid:
         """Return the printed material of a layer.
 
         `below` is the outline of the layer below, or None above the print bed. `spanned` contains the sparse regions of the layers through
         which the strands of a bridge pass.
         """
         once, lengths = self.once, self.lengths
-        lines = _grown(sparse, -lengths.spacing / 2.0)  # the region of the lines of sparse infill
+        lines = _grow(sparse, -lengths.spacing / 2.0)  # the region of the lines of sparse infill
         if below is None:
             return _Laid(solid=((1.0, walls), (1.0, inside), (1.0, kind.top), (1.0, kind.bottom)), lines=lines)
         over, bridge = once(self.overhang, walls, below), once(self.bridge, inside, *spanned)
@@ -376,7 +376,7 @@ def _some(region: Region) -> Region:
     return NOTHING if region.is_empty() else region
 
 
-def _grown(region: Region, by: float, join: JoinType = JoinType.Miter, miter: float = 2.0) -> Region:
+def _grow(region: Region, by: float, join: JoinType = JoinType.Miter, miter: float = 2.0) -> Region:
     """Grow a region by a border of width `by`, or shrink it if `by` is negative."""
     if region.is_empty() or by == 0.0:
         return region
@@ -387,9 +387,9 @@ def _grown(region: Region, by: float, join: JoinType = JoinType.Miter, miter: fl
     return _some(region.offset(by, join, miter, 8))
 
 
-def _opened(region: Region, by: float) -> Region:
+def _remove_narrow(region: Region, by: float) -> Region:
     """Remove the parts of a region that are narrower than twice `by`."""
-    return _grown(_grown(region, -by), by)
+    return _grow(_grow(region, -by), by)
 
 
 def _both(a: Region, b: Region) -> Region:
@@ -400,7 +400,7 @@ def _either(a: Region, b: Region) -> Region:
     return a + b if not (a.is_empty() or b.is_empty()) else b if a.is_empty() else a
 
 
-def _without(a: Region, b: Region) -> Region:
+def _subtract(a: Region, b: Region) -> Region:
     if a is b:
         return NOTHING
     return _some(a - b) if not (a.is_empty() or b.is_empty()) else a
@@ -409,7 +409,7 @@ def _without(a: Region, b: Region) -> Region:
 # --- moments ----------------------------------------------------------------------------------------------------------
 
 _RAISED = (0, 1, 2, 0, 3, 4, 5, 1, 2, 0)
-"""Index of the moment of a plane region for each moment of a layer (see `_raised`)."""
+"""Index of the moment of a plane region for each moment of a layer (see `_integrate_layers`)."""
 _ROUNDING = 1e-12
 """Numbers up to this value, relative to the size of the part, count as rounding errors."""
 
@@ -461,7 +461,7 @@ def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
     return {id(region): some for region, some in zip(whole, sums, strict=True)}
 
 
-def _raised(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: float) -> NDArray[np.float64]:
+def _integrate_layers(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: float) -> NDArray[np.float64]:
     """Compute the volume integrals of 1, x, y, z, xx, xy, yy, xz, yz and zz over each layer, as an array (n, 3, 10).
 
     `flat` contains the area integrals of the layers (n, 3, 6), and `middles` contains the heights of their middle planes (n,).

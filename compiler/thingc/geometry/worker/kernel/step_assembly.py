@@ -16,7 +16,7 @@ from msgspec import convert
 
 from thingc.base.pose import Pose
 from thingc.geometry.store.local import Store
-from thingc.geometry.worker.kernel.step_order import settled, without_noise
+from thingc.geometry.worker.kernel.step_order import sort_styles, without_noise
 
 _HEADER = re.compile(rb"HEADER;.*?ENDSEC;", re.DOTALL)
 STAMP = "2000-01-01T00:00:00"
@@ -40,7 +40,7 @@ def write_part(name: str, shape: Any, color: str | None) -> bytes:
     from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
     from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
-    from thingc.geometry.worker.kernel.integrals import explored
+    from thingc.geometry.worker.kernel.integrals import subshapes
 
     document = new_document()
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
@@ -48,7 +48,9 @@ def write_part(name: str, shape: Any, color: str | None) -> bytes:
     _name(label, name.replace("'", ""))
     if color is not None:
         # readers find the colour of a single solid, and otherwise the colours of faces
-        colored = [label] if shape.ShapeType() == TopAbs_SOLID else [shapes.AddSubShape(label, one) for one in explored(shape, TopAbs_FACE)]
+        colored = [label] if shape.ShapeType() == TopAbs_SOLID else [
+            shapes.AddSubShape(label, one) for one in subshapes(shape, TopAbs_FACE)
+        ]
         for one in colored:
             XCAFDoc_DocumentTool.ColorTool_s(document.Main()).SetColor(one, _color(color), XCAFDoc_ColorType.XCAFDoc_ColorSurf)
     return write_document(document, name)
@@ -87,7 +89,7 @@ def write_document(document: Any, name: str) -> bytes:
         writer.Write(path)
         with open(path, "rb") as stream:
             data = stream.read()
-    return settled(without_noise(_neutral(data, name)))
+    return sort_styles(without_noise(_neutral(data, name)))
 
 
 def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Store) -> None:
@@ -178,10 +180,10 @@ def _neutral(data: bytes, name: str) -> bytes:
         "ENDSEC;"
     )
     text = _HEADER.sub(lambda _: header.encode(), data, count=1).decode()
-    return re.sub("[^\0-\x7f]+", lambda match: _escaped(match.group()), text).encode("ascii")
+    return re.sub("[^\0-\x7f]+", lambda match: _escape(match.group()), text).encode("ascii")
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     """Encode a string for a STEP file (ISO 10303-21, 6.4.3.3).
 
     Each character is written as four hexadecimal digits, or as eight digits if it is outside of the basic multilingual plane.

@@ -30,7 +30,7 @@ def without_noise(data: bytes) -> bytes:
     return b"'".join(texts)
 
 
-def settled(data: bytes) -> bytes:
+def sort_styles(data: bytes) -> bytes:
     """Return a STEP file with its styles in canonical order. If the file has no styles, return it unchanged."""
     begin = data.find(_STYLES)
     end = data.rfind(b"ENDSEC;")
@@ -56,7 +56,7 @@ class _Order:
         self.keys: dict[int, bytes] = {}
         for number in sorted(entities):
             self.key(number)
-        self.entities = {number: self._sorted(body) for number, body in entities.items()}
+        self.entities = {number: self._sort_items(body) for number, body in entities.items()}
 
     def key(self, number: int) -> bytes:
         """Return a digest of an entity and of all entities to which it refers. The digest does not depend on the numbers of the
@@ -78,17 +78,17 @@ class _Order:
     def _by_key(self, references: bytes) -> list[bytes]:
         return [self.key(int(one)) if int(one) in self.entities else b"#" + one for one in _numbers(references)]
 
-    def _sorted(self, body: bytes) -> bytes:
+    def _sort_items(self, body: bytes) -> bytes:
         """Return the text of a group of styles, with its items sorted by content."""
         if not body.startswith(_STYLES):
             return body
 
-        def arranged(match: re.Match[bytes]) -> bytes:
+        def rearrange(match: re.Match[bytes]) -> bytes:
             numbers = [int(one) for one in _numbers(match[1])]
             numbers.sort(key=lambda one: self.keys.get(one, b"#%d" % one))
             return b"(" + b",".join(b"#%d" % one for one in numbers) + b")"
 
-        return _LIST.sub(arranged, body, count=1)
+        return _LIST.sub(rearrange, body, count=1)
 
     def text(self, first: int) -> bytes:
         """Return the text of all entities. The numbers of the entities begin at `first`. The entities are listed depth first, beginning
@@ -105,9 +105,9 @@ class _Order:
             numbers[number] = first + len(numbers)
             waiting.extend(reversed([int(one) for one in _numbers(self.entities[number])]))
 
-        def renumbered(match: re.Match[bytes]) -> bytes:
+        def renumber(match: re.Match[bytes]) -> bytes:
             if match[1] is None or int(match[1]) not in numbers:
                 return match[0]
             return b"#%d" % numbers[int(match[1])]
 
-        return b"".join(b"#%d = %s;\n" % (new, _REFERENCE.sub(renumbered, self.entities[old])) for old, new in numbers.items())
+        return b"".join(b"#%d = %s;\n" % (new, _REFERENCE.sub(renumber, self.entities[old])) for old, new in numbers.items())

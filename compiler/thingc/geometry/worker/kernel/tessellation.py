@@ -25,7 +25,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Compound
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.geometry.worker.kernel.integrals import explored
+from thingc.geometry.worker.kernel.integrals import subshapes
 from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
 
 if TYPE_CHECKING:
@@ -53,17 +53,17 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
     An earlier mesh of the shape is removed and does not affect the result.
     """
     numbers = ShapeMap()
-    faces = [_face(TopoDS.Face(face), numbers) for face in explored(shape, TopAbs_FACE)]
+    faces = [_face(TopoDS.Face(face), numbers) for face in subshapes(shape, TopAbs_FACE)]
     bent = {number for face in faces if not face.plane for number in face.numbers}
     filled = [
         face.plane and all(number in bent or _straight(edge) for edge, number in zip(face.edges, face.numbers, strict=True))
         for face in faces
     ]
     if any(filled):
-        mesh = _meshed(shape, faces, filled, linear, angular)
+        mesh = _mesh_shape(shape, faces, filled, linear, angular)
         if mesh is not None:
             return mesh
-    whole = _meshed(shape, faces, [False] * len(faces), linear, angular)
+    whole = _mesh_shape(shape, faces, [False] * len(faces), linear, angular)
     assert whole is not None
     return whole
 
@@ -82,7 +82,7 @@ class _Face(FrozenStruct, kw_only=False):
 
 
 def _face(face: TopoDS_Face, numbers: ShapeMap) -> _Face:
-    edges = tuple(map(TopoDS.Edge, explored(face, TopAbs_EDGE)))
+    edges = tuple(map(TopoDS.Edge, subshapes(face, TopAbs_EDGE)))
     plane = BRepAdaptor_Surface(face, False).GetType() == GeomAbs_Plane
     return _Face(face, edges, tuple(map(numbers.Add, edges)), plane)
 
@@ -91,7 +91,7 @@ def _straight(edge: TopoDS_Edge) -> bool:
     return not BRep_Tool.Degenerated_s(edge) and BRepAdaptor_Curve(edge).GetType() == GeomAbs_Line
 
 
-def _meshed(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float) -> Triangles | None:
+def _mesh_shape(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool], linear: float, angular: float) -> Triangles | None:
     """Tessellate a shape and return its triangles. manifold3d fills the faces in `filled`, and the kernel meshes the other faces.
 
     Return None if a face in `filled` cannot be filled.
@@ -104,7 +104,7 @@ def _meshed(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bool],
     triangles = [np.zeros((0, 3), dtype=np.int64), *(points.of_kernel(face) for face in others)]
     planes = [face for face, one in zip(faces, filled, strict=True) if one]
     bounds = [points.rings(face) for face in planes]
-    joins = joined(len(points.places), points.ones, points.others)
+    joins = merge_vertices(len(points.places), points.ones, points.others)
     places = np.array(points.places, dtype=np.float64).reshape(-1, 3)
     triangles = [joins[some] for some in triangles]
     for face, rings in zip(planes, bounds, strict=True):
@@ -221,11 +221,11 @@ def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDAr
         flat = flat[:, ::-1]
     borders = [np.ascontiguousarray(flat[begin:end]) for begin, end in zip(begins, ends, strict=True)]
     triangles = np.asarray(triangulate(borders, allow_convex=False), dtype=np.int64)  # True could give collinear corners
-    upright = _flipped(triangles, flat) if len(triangles) > 0 else None
+    upright = _flip_edges(triangles, flat) if len(triangles) > 0 else None
     return points[upright] if upright is not None else None
 
 
-def _flipped(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
+def _flip_edges(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDArray[np.int64] | None:
     """Replace triangles (n, 3) of plane points (m, 2) by triangles that cover the same area and have no collinear corners.
 
     Collinear corners occur, for example, at rows of holes.
@@ -281,7 +281,7 @@ def _across(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
-def joined(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np.int64]:
+def merge_vertices(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np.int64]:
     """Merge pairs of vertices of a mesh. Return an array (count,) that maps each vertex to the lowest index among the vertices that are
     merged with it.
 

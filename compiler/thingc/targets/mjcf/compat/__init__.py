@@ -29,7 +29,7 @@ def separator(names: Collection[str]) -> str:
     return SEPARATOR if PYMJCF.name in names else "/"
 
 
-def suited(
+def adapt_models(
     names: Collection[str], robots: Sequence[Robot], roots: Sequence[Element], report: Report,
 ) -> tuple[list[Element], dict[Loss, None]]:
     """Adapt the MJCF models of all modes to the named consumers. Return the adapted models and the resulting export losses.

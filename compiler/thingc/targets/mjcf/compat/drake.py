@@ -38,7 +38,7 @@ TURNED = ":turned"
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
     """Put each body that Drake would read incorrectly into an additional body. Yield an export loss for each feature that Drake ignores."""
     for parent in list(root.walk()):
-        parent.children[:] = [_unturned(child) if _is_misread(child) else child for child in parent.children]
+        parent.children[:] = [_wrap_rotated(child) if _is_misread(child) else child for child in parent.children]
     for section in root.children:
         for index, one in enumerate(section.children):
             if one.tag in ("position", "velocity") and "ctrlrange" in one.attributes.keys() - one.raw.keys():
@@ -66,7 +66,7 @@ def _is_misread(element: Element) -> bool:
     return element.tag == "body" and "quat" in element.attributes and sum(child.tag == "joint" for child in element.children) > 1
 
 
-def _unturned(body: Element) -> Element:
+def _wrap_rotated(body: Element) -> Element:
     """Put a rotated body into a new massless body with the same pose, and return the new body. The original body becomes the child of the
     new body.
     """

@@ -40,12 +40,12 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
     yield from _prisms(root)
     _margins(root)
     _cones(root)
-    if not _needed(robot):
+    if not _needed_adhesion(robot):
         yield from _adhesions(robot, root)
 
 
 def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
-    needed = _needed(robot)
+    needed = _needed_adhesion(robot)
     if needed:
         names = " and ".join(f"`{path}`" for path in needed)
         yield Refusal(
@@ -188,7 +188,7 @@ def _cones(root: Element) -> None:
         option.attributes.pop("impratio", None)
 
 
-def _needed(robot: Robot) -> list[str]:
+def _needed_adhesion(robot: Robot) -> list[str]:
     """Return the mounts whose active adhesion is needed to support the robot. Mounts on links that are fixed or held are omitted."""
     still = {closure.child for closure in robot.closures if closure.hold} | ({0} if robot.base in ("fixed", "held") else set())
     links = {robot.bodies[body].link for body in still}

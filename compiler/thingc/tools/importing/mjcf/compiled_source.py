@@ -82,7 +82,7 @@ class CompiledSource:
         """
         model, names = self.model, self.sites
         poses = {site: pose_of(model.site_pos[site], model.site_quat[site]) for site in names}
-        used, joined = {*_used(model)}, {*_joined(model)}
+        used, joined = {*_used_sites(model)}, {*_connected_sites(model)}
         closed = {site for site in joined - used if OF_LOOP.search(names[site])}
         frames, kept = set[int](), [list[int]() for _ in self.sites_of]
         for site in (site for site in range(model.nsite) if site not in closed):
@@ -214,7 +214,7 @@ def _is_second(name: str, other: str, body: str) -> bool:
     return "/" in name and ("/" not in other or name.startswith(f"{body}/")) or name.endswith(":volume")
 
 
-def _used(model: Any) -> Iterator[int]:
+def _used_sites(model: Any) -> Iterator[int]:
     """Yield the indices of the sites to which sensors, tendons and actuators refer."""
     for kind, thing in (("objtype", "objid"), ("reftype", "refid")):
         at = zip(getattr(model, f"sensor_{kind}"), getattr(model, f"sensor_{thing}"), strict=True)
@@ -229,7 +229,7 @@ def _used(model: Any) -> Iterator[int]:
             yield from map(int, ends)
 
 
-def _joined(model: Any) -> Iterator[int]:
+def _connected_sites(model: Any) -> Iterator[int]:
     """Yield the indices of the sites to which equality constraints refer."""
     for kind, *ends in zip(model.eq_objtype, model.eq_obj1id, model.eq_obj2id, strict=True):
         if int(kind) == SITE:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec.structs import replace
 
 from thingc.base.numeric import sum_of
-from thingc.base.pose import NO_POSE, Pose, shifted
+from thingc.base.pose import NO_POSE, Pose, make_translation
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import SITE, SOLIMP, SOLREF, CompiledSource, differing, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
@@ -70,7 +70,7 @@ class Equalities:
         if any(int(model.jnt_bodyid[joint]) not in self.on for joint in (one, other)):
             return "the joints of the equality are not imported"
         first, second = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
-        offset, multiplier, *rest = _shifted((a, b, *higher), second)
+        offset, multiplier, *rest = _shift((a, b, *higher), second)
         self.follows[one] = SourceMimic(
             joint=original.joints[other], multiplier=multiplier, offset=first + offset, where=original.where("equality", number),
             polynomial=(first + offset, multiplier, *rest) if any(rest) else (), raw=self._raw(number, STIFF),
@@ -101,7 +101,7 @@ class Equalities:
             if int(model.eq_objtype[number]) == SITE:
                 body, pose = int(model.site_bodyid[thing]), pose_of(model.site_pos[thing], model.site_quat[thing])
             elif kind == CONNECT:
-                body, pose = thing, shifted(*data[3 * index : 3 * index + 3])
+                body, pose = thing, make_translation(*data[3 * index : 3 * index + 3])
             else:
                 body, pose = thing, NO_POSE if index else pose_of(data[3:6], data[6:10])
             if body in self.on:
@@ -109,7 +109,7 @@ class Equalities:
                 yield self.original.bodies[link], place @ pose
 
 
-def _shifted(coefficients: Sequence[float], by: float) -> list[float]:
+def _shift(coefficients: Sequence[float], by: float) -> list[float]:
     """Convert the coefficients of a polynomial in q - `by` to the coefficients of the equal polynomial in q."""
     return [
         sum_of(one * math.comb(power, k) * (-by) ** (power - k) for power, one in enumerate(coefficients) if power >= k)

@@ -79,7 +79,7 @@ class FlattenedSource:
         number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
         return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
 
-    def named(self, element: SourceElement) -> SourceElement:
+    def find_root(self, element: SourceElement) -> SourceElement:
         """Return the root element whose attribute `model` is the model name for an element.
 
         The result is the root element of the element's file, or of the main file if the element's file does not specify a model name.

@@ -37,11 +37,11 @@ def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes
     """
     flat = FlattenedSource(root, packages, report, meshes)
     text = flat.text()
-    original = None if text is None else _compiled(flat, text, report)
+    original = None if text is None else _compile(flat, text, report)
     return None if original is None else _Reader(original, report).robot()
 
 
-def _compiled(flat: FlattenedSource, text: str, report: Report) -> CompiledSource | None:
+def _compile(flat: FlattenedSource, text: str, report: Report) -> CompiledSource | None:
     """Compile the flattened MJCF source with MuJoCo, and report MuJoCo's errors at their source locations."""
     import mujoco
 
@@ -93,7 +93,7 @@ class _Reader:
             message = f"the robot has {len(self.parents):,} bodies, but at most {MOST_LINKS:,} are supported"
             self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
             return None
-        kept, root = self._kept()
+        kept, root = self._robot_bodies()
         if kept == {WORLD}:
             self.report.add(Code.SOURCE_TREE, "the robot has no body", self.original.flat.root.where)
             return None
@@ -123,12 +123,12 @@ class _Reader:
         free = self.joints[root][0] if base == "free" else -1
         set_up += tuple((("joint", "root", name), value) for name, value in (free_joint(self.original, free) if base == "free" else ()))
         self._lose_layout(root, hangings, bool(states), {name for one in sensed for name, _ in one.parts}, added)
-        named = self.original.flat.named(self.original.element("body", min(body for body in kept if body != WORLD)))
+        named = self.original.flat.find_root(self.original.element("body", min(body for body in kept if body != WORLD)))
         return SourceRobot(
             name=_name(named), where=named.place("model"), root=self.original.bodies[root], links=(*whole, *between),
             hangings=tuple(hangings), base=base, pose=NO_POSE if root == WORLD else self._pose(root),
             losses=self.original.losses.all(), loops=couplings.loops, adhesions=drives.adhesions,
-            tendons=tendons.driven(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
+            tendons=tendons.with_drives(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
             added=tuple(added.elements),
             free_joint=self.original.written["joint"][free].name if base == "free" else "",
             order={"actuator": [*self.original.actuators.values()], "sensor": [*self.original.sensors.values()]},
@@ -207,7 +207,7 @@ class _Reader:
         """Return the pose of a body in the frame of its parent, or of the root for a released body."""
         return self._released.get(body) or pose_of(self.model.body_pos[body], self.model.body_quat[body])
 
-    def _kept(self) -> tuple[set[int], int]:
+    def _robot_bodies(self) -> tuple[set[int], int]:
         """Return the indices of the bodies that belong to the imported robot, and the index of its root.
 
         All bodies attached to the world form one group, and each floating body forms another group. The root is the first body of the group

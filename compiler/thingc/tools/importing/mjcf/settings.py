@@ -88,7 +88,7 @@ def touching(
     parents = {
         head: heads[parent] for head in set(heads.values()) if (parent := int(model.body_parentid[head])) in heads and parent != head
     }
-    excluded = list(_excluded(original, on))
+    excluded = list(_excluded_pairs(original, on))
     written = {_pair(first, second) for first, second in excluded}
     apart = {_pair(heads[first], heads[second]): (first, second) for first, second in excluded if heads[first] != heads[second]}
     filtered = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
@@ -118,7 +118,7 @@ def touching(
     return tuple((first, second) for first, second in named)
 
 
-def _excluded(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
+def _excluded_pairs(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
     """Yield the pairs of bodies between which the model excludes contacts. If one body of a pair is not imported, record a loss."""
     numbers_of = {name: number for number, name in original.bodies.items()}
     for one in original.spec.excludes:

@@ -51,7 +51,7 @@ class Tendons:
             else:
                 self.of[number] = self._tendon(number, wraps)
 
-    def driven(self, drives: Mapping[int, SourceDrive]) -> tuple[SourceTendon, ...]:
+    def with_drives(self, drives: Mapping[int, SourceDrive]) -> tuple[SourceTendon, ...]:
         """Return all imported tendons, including their drives. `drives` maps the index of a tendon to its drive."""
         return tuple(replace(one, drive=drives.get(number)) for number, one in self.of.items())
 
@@ -75,15 +75,15 @@ class Tendons:
         on, place = int(model.site_bodyid[side]), pose_of(model.site_pos[side], model.site_quat[side])
         if self.heads[on] != self.heads[body]:
             return "the side site and the geom around which the tendon wraps are on different links"
-        shape = self._fixed(body) @ pose_of(model.geom_pos[thing], model.geom_quat[thing])
-        x, y, z = (shape.inverse() @ self._fixed(on) @ place).translation
+        shape = self._pose_in_group(body) @ pose_of(model.geom_pos[thing], model.geom_quat[thing])
+        x, y, z = (shape.inverse() @ self._pose_in_group(on) @ place).translation
         inside = hypot(x, y, z if kind == SPHERE else 0.0) <= float(model.geom_size[thing][0])
         return "the tendon wraps inside a shape, but tendons of a document wrap around the outside" if inside else ""
 
-    def _fixed(self, body: int) -> Pose:
+    def _pose_in_group(self, body: int) -> Pose:
         """Return the pose of a body in the frame of the first body of its rigidly connected group."""
         pose = pose_of(self.model.body_pos[body], self.model.body_quat[body])
-        return pose if self.heads[body] == body else self._fixed(int(self.model.body_parentid[body])) @ pose
+        return pose if self.heads[body] == body else self._pose_in_group(int(self.model.body_parentid[body])) @ pose
 
     def _tendon(self, number: int, wraps: range) -> SourceTendon:
         model, original = self.model, self.original
