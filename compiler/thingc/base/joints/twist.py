@@ -1,4 +1,4 @@
-"""Twists, each of which describes the motion of one joint coordinate, and the physical dimensions of values such as stiffness or damping.
+"""The motion of one joint coordinate (a twist), and the physical dimensions of its stiffness, damping and other values.
 
 By Chasles' theorem any rigid motion of one coordinate at a constant rate is a rotation about a line with a translation along it. One type
 therefore covers revolute, prismatic and screw joints. For the exponential and changes of frame see Lynch and Park, Modern Robotics, 2017,

@@ -332,7 +332,7 @@ class _World:
 
 @custom_vmap
 def _is_any(condition: jax.Array) -> jax.Array:
-    """Return whether a condition is true for any robot of the batch over which `vmap` maps, or for the only robot."""
+    """Return whether a condition is true for at least one robot. Inside `vmap`, all robots of the batch are considered."""
     return condition
 
 

@@ -196,7 +196,7 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
 
 
 def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Return the paths of documents and the part classes that the choices select and that must be loaded.
+    """Return the documents and the part classes that the choices select, which must be loaded.
 
     Paths of documents are relative to the top document.
     """

@@ -229,7 +229,7 @@ class Component(OneLineRepr, FrozenStruct):
 
     @property
     def label(self) -> str:
-        """The label of the component's definition for display."""
+        """The displayed name of the definition of the component."""
         return self.definition.label if self.definition is not None else "frame"
 
     def add_location(self, inner: Origin, use: Origin) -> Origin:

@@ -138,7 +138,7 @@ def body_of(part: Occurrence, solid: Solid, tolerance: float) -> BoundedSolid:
 
 @dataclass(eq=False)
 class ComparedPair:
-    """Two parts that are compared, given by their indices and solids, and the result.
+    """A comparison of two parts: their indices, their solids, and the result.
 
     `joined` pairs are on links that a joint connects, and may touch. All other pairs must be at least `clearance` [m] apart. Intersections
     are errors if their mean thickness is above `deep` [m]. `gap` is the smallest distance that was found, in the positions `q`; `depth`

@@ -187,7 +187,7 @@ def movable_joints(robot: Robot, patterns: Sequence[str]) -> list[JointEdge]:
 
 
 class LimitSearch:
-    """Searches the limits of joints. All joints that are not searched stay in the pose of the keyframe `frame`."""
+    """Searches the limits of some joints. All other joints stay at their positions in the keyframe `frame`."""
 
     def __init__(self, robot: Robot, frame: Keyframe, collisions: Collisions) -> None:
         self._robot, self._frame, self._collisions = robot, frame, collisions

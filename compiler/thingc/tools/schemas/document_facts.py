@@ -1,4 +1,4 @@
-"""Collect the names in an assembly document that editors suggest.
+"""Collect the names that editors suggest for an assembly document.
 
 The names are from the model of the document and from its syntax tree. The model contains only valid elements. The syntax tree also contains
 names in lines with errors.
