@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc why`, and return the exit code, which is 2 for an unknown occurrence."""
     if (arguments.occurrence is None) != arguments.losses:
         help = "write, for example, `thingc why assemblies/arm.yaml hand/cap`"
-        raise console.WrongCommandLine("missing: OCCURRENCE, or --losses", help)
+        raise console.WrongCommandLine("expected either OCCURRENCE or --losses", help)
     console.require_document(arguments.document)
     diagnostics = with_environment(arguments.document, console.options_of(arguments), partial(_answer, arguments))
     return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
