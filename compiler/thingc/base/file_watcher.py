@@ -51,7 +51,7 @@ def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iter
 
 
 class FileWatcher:
-    """Detects which files and folders have changed since the last call of `changed`. The files and folders need not exist.
+    """Detects which files and folders have changed since the last call of `take_changes`. The files and folders need not exist.
 
     If `content` is given, a path counts as changed only if the value of `content(path)` has changed. `content` must return equal values for
     equal contents of a path.

@@ -126,7 +126,7 @@ def compile(
 
     `kinds` contains the kinds of documents that are accepted. `settings` is a function that computes the values of parameters from the
     loaded documents. By default, `settings` reads the options of the environment. Errors are added to the report. Raises `UnknownChoice`
-    for an unknown mode, and `BlobMissing` if the store is damaged (see `environment.attempted`).
+    for an unknown mode, and `BlobMissing` if the store is damaged (see `environment.with_environment`).
     """
     sources = read(environment, kinds, modelling=True)
     told = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)

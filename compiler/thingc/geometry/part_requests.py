@@ -85,7 +85,7 @@ class PartRequests:
     def prepare(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
         """Prepare the request to build a part definition, or return a failure.
 
-        `given` contains the parameters that the request sets. If `given` is None, the result of the method `given` is used.
+        `given` contains the parameters that the request sets. If `given` is None, the result of the method `given_parameters` is used.
         """
         code: CodeIngredients | None = None
         extra: dict[str, str] = {}

@@ -1,6 +1,6 @@
 """Print settings of a part, and the integrals that result from slicing the part, in SI units.
 
-The integrals do not depend on the infill: the mass at any percentage is a sum of three terms (`SliceResult.printed`).
+The integrals do not depend on the infill: the mass at any percentage is a sum of three terms (`SliceResult.mass_properties`).
 """
 
 from __future__ import annotations

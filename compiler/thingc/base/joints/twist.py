@@ -129,7 +129,7 @@ class Twist(FrozenStruct, kw_only=False):
         return Twist(rotate(turn, self.angular), rotate(turn, self.linear), X_AB.apply(self.anchor))
 
     def inverse(self) -> Twist:
-        """Return the twist of the inverse motion. `reversed().exponential(q)` is the inverse of `exponential(q)`."""
+        """Return the twist of the inverse motion. `inverse().exponential(q)` is the inverse of `exponential(q)`."""
         return Twist(_negate(self.angular), _negate(self.linear), self.anchor)
 
 

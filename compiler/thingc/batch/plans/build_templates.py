@@ -124,13 +124,13 @@ class Builds(Planner["_Template", Build]):
         return None if problems is None else (problems, self.refusals.parts)
 
     def learn(self, settings: Settings, problems: tuple[Diagnostic, ...]) -> None:
-        """Record that a compilation of these settings has failed, so that the method `refused` recognizes similar settings."""
+        """Record that a compilation of these settings has failed, so that the method `find_refusal` recognizes similar settings."""
         read = self._refusable(settings)
         if read is not None:
             self.refusals.learn(read, problems)
 
     def _refusable(self, settings: Settings) -> ParsedSettings | None:
-        """Parse the settings for the method `refused`.
+        """Parse the settings for the method `find_refusal`.
 
         Return None if a plan could report other diagnostics than a compilation, or the same diagnostics in another order.
         """

@@ -35,7 +35,7 @@ class BrokenDocument(Exception):
 
 
 class Subject:
-    """A context manager that compiles a document for a comparison. The method `tested` runs the tests in the document.
+    """A context manager that compiles a document for a comparison. The method `snapshot_with_tests` runs the tests in the document.
 
     The context manager stops the worker processes on exit. Raises `BrokenDocument` if the document has errors.
     """

@@ -48,7 +48,7 @@ class Superseded(Exception):
 class OpenDocuments:
     """The texts of the documents that are open in an editor, and their analyses.
 
-    One thread changes the texts with the methods `put`, `take_away` and `saved`. Another thread analyses the texts: the method `next`
+    One thread changes the texts with the methods `put`, `take_away` and `mark_saved`. Another thread analyses the texts: the method `next`
     analyses one document and publishes the diagnostics, and the method `analysis` returns an analysis for a request. `options` specify the
     store and whether part code may run. The function `refused` converts an exception to a diagnostic. The function `wake` is called when
     analyses become outdated because workers have finished or because another program saved a file.
@@ -301,7 +301,7 @@ class _SupersededMemo(Memo):
         return super().last(place, inputs)
 
     def make_empty(self) -> Memo:
-        """Return an empty memo for the same analysis, as `Memo.apart` does. This memo also interrupts the analysis."""
+        """Return an empty memo for the same analysis, as `Memo.make_empty` does. This memo also interrupts the analysis."""
         memo = _SupersededMemo()
         memo.until(self._superseded)
         return memo
