@@ -55,15 +55,15 @@ class RobotState(OneLineRepr):
     v: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "base_pose", _check_shape("base_pose", self.base_pose, (4, 4)))
-        object.__setattr__(self, "base_twist", _check_shape("base_twist", self.base_twist, (6,)))
+        object.__setattr__(self, "base_pose", _checked_array("base_pose", self.base_pose, (4, 4)))
+        object.__setattr__(self, "base_twist", _checked_array("base_twist", self.base_twist, (6,)))
         for name in ("q", "v"):
             values = {path: float(value) for path, value in getattr(self, name).items()}
-            _check_shape(name, list(values.values()), (len(values),))
+            _checked_array(name, list(values.values()), (len(values),))
             object.__setattr__(self, name, MappingProxyType(values))
 
 
-def _check_shape(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+def _checked_array(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     kept = np.array(values, dtype=float)
     if kept.shape != shape:
         raise ModesError(f"expected `{name}` of shape {shape}, found {kept.shape}")

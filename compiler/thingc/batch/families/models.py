@@ -189,7 +189,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
     ) -> RecompiledSpec | None:
         """Return an `MjSpec` that compiles to the same model as the XML `text`. Return None if no such `MjSpec` can be created."""
         try:
-            spec = RecompiledSpec(template, self._cache_key(text), meshes, self._files)
+            spec = RecompiledSpec(template, self._add_options(text), meshes, self._files)
             return None if different_fields(spec.model(outputs, meshes, self._files), model) else spec
         except (NotInMjSpec, ValueError):
             return None
@@ -293,9 +293,9 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
     def _load(self, text: str) -> mujoco.MjModel:
         import mujoco
 
-        return mujoco.MjModel.from_xml_string(self._cache_key(text), vfs=self._files)
+        return mujoco.MjModel.from_xml_string(self._add_options(text), vfs=self._files)
 
-    def _cache_key(self, text: str) -> str:
+    def _add_options(self, text: str) -> str:
         # MuJoCo has cached most meshes: starting threads would take longer.
         asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
         return text.replace("<compiler ", f"<compiler {asked} ", 1)

@@ -65,13 +65,13 @@ class SearchSpace(Sequence[SpaceDimension]):
         """The names of the dimensions of the search space."""
         return tuple(dimension.name for dimension in self)
 
-    def _find_dimensions(self) -> Iterator[SpaceDimension]:
+    def _bounded_dimensions(self) -> Iterator[SpaceDimension]:
         return (dimension for dimension in self if dimension.bounded)
 
     def suggest(self, trial: Any) -> dict[str, Any]:
         """Ask an `optuna.Trial` for a value of each bounded dimension, and return a mapping of settings with these values."""
         settings: dict[str, Any] = {}
-        for one in self._find_dimensions():
+        for one in self._bounded_dimensions():
             if one.choices:
                 settings[one.name] = trial.suggest_categorical(one.name, list(one.choices))
             elif one.whole:
@@ -90,7 +90,7 @@ class SearchSpace(Sequence[SpaceDimension]):
         from gymnasium import spaces
 
         made: dict[str, Any] = {}
-        for one in self._find_dimensions():
+        for one in self._bounded_dimensions():
             if one.choices:
                 made[one.name] = spaces.Discrete(len(one.choices))
             elif one.whole:
@@ -120,14 +120,14 @@ class SearchSpace(Sequence[SpaceDimension]):
 
         To convert a vector within these bounds to settings, use the method `at`.
         """
-        return tuple((one.low, one.high) for one in self._find_dimensions() if one.low is not None and one.high is not None)
+        return tuple((one.low, one.high) for one in self._bounded_dimensions() if one.low is not None and one.high is not None)
 
     def at(self, vector: Sequence[float]) -> dict[str, float]:
         """Convert a vector with a value for each bounded number to settings. The values of integer dimensions are rounded.
 
         Raises `ValueError` if the vector has another length, or if the argument is not a vector of numbers.
         """
-        numbers = [one for one in self._find_dimensions() if not one.choices]
+        numbers = [one for one in self._bounded_dimensions() if not one.choices]
         try:
             if len(vector) == len(numbers):
                 return {one.name: float(round(value)) if one.whole else float(value) for one, value in zip(numbers, vector, strict=True)}

@@ -161,7 +161,7 @@ class Exchange:
         self._pattern = self._pattern_of(rehearsed.definitions)
         self._likeness = rehearsed.likeness
         self._others = {file: stored for file, stored in assets.items() if not stored.sha256.startswith(TOKEN)}
-        stems = {text: one.stem for text, one in self._trace_definitions(rehearsed.definitions).items()}
+        stems = {text: one.stem for text, one in self._traced_definitions(rehearsed.definitions).items()}
         order = list(stems)
         self.names: list[str] = []
         self._named: list[tuple[int, int, str]] = []
@@ -194,7 +194,7 @@ class Exchange:
         if definitions := [self._definitions_at(one) for one in given]:
             self._records_of(definitions)
 
-    def _trace_definitions(self, definitions: Sequence[PartDefinition]) -> dict[str, PartDefinition]:
+    def _traced_definitions(self, definitions: Sequence[PartDefinition]) -> dict[str, PartDefinition]:
         """Map the texts of all definitions that depend on traced numbers in the traced compilation to the new definitions."""
         return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if numbers_of(rehearsed)}
 
@@ -210,7 +210,7 @@ class Exchange:
         definitions = self._definitions_at(given)
         if self._pattern_of(definitions) != self._pattern:
             return None
-        traced, texts = self._trace_definitions(definitions), [one.text for one in definitions]
+        traced, texts = self._traced_definitions(definitions), [one.text for one in definitions]
         records = self._records_of([definitions])
         modelled = [record for text in traced if isinstance(record := records.get(text), PartRecord) and record.exact]
         if len(modelled) < len(traced):
@@ -240,7 +240,7 @@ class Exchange:
 
         Records of parts that could be built also contain slicing results.
         """
-        asked = {text: one for definitions in many for text, one in self._trace_definitions(definitions).items()}
+        asked = {text: one for definitions in many for text, one in self._traced_definitions(definitions).items()}
         wanted = [
             (one.text, pieces, slicings) for definitions in many
             for one, pieces, slicings in zip(definitions, self._convex, self._slicings, strict=True)

@@ -36,7 +36,7 @@ class AllowSpec(Model):
     """The reason why the contact is acceptable."""
 
     @model_validator(mode="after")
-    def _check_components(self) -> AllowSpec:
+    def _check_reason(self) -> AllowSpec:
         if not self.reason.strip():
             raise rule("`reason` must not be empty", "explain why the two components may touch")
         return self

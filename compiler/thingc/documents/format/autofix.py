@@ -203,7 +203,7 @@ def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Seq
     """
     errors = [d.span for d in after if d.severity is Severity.ERROR and d.span is not None]
 
-    def has_fix(one: TextEdit) -> bool:
+    def fixes_error(one: TextEdit) -> bool:
         above = [other for other in chosen if (other.file, other.line) == (one.file, one.line) and other.column < one.column]
         start = one.column + sum(len(other.replacement) - len(other.written) for other in above)
         end = start + len(one.replacement)
@@ -213,4 +213,4 @@ def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Seq
             for span in errors
         )
 
-    return [one for one in chosen if has_fix(one) and (not strict or _faults(after, one.file) < _faults(before, one.file))]
+    return [one for one in chosen if fixes_error(one) and (not strict or _faults(after, one.file) < _faults(before, one.file))]

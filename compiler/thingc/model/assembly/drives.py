@@ -111,7 +111,7 @@ def fill_drive(tree: Tree, instance: Instance, owner: str, path: str, drive: Dri
             return None
         if not part.exact:
             return None
-        complete = _override(drive, part.record.actuator)
+        complete = _fill_missing(drive, part.record.actuator)
         lacking = _lacking_gain(drive, complete, turns=turns)
         if lacking is not None:
             tree.findings.error(
@@ -160,7 +160,7 @@ def first(said: float | None, else_: float | None) -> float | None:
     return said if said is not None else else_
 
 
-def _override(drive: Drive, actuator: ActuatorRecord) -> Drive:
+def _fill_missing(drive: Drive, actuator: ActuatorRecord) -> Drive:
     kind = drive.kind or actuator.kind
     return replace(
         drive, kind=kind, kp=first(drive.kp, actuator.kp) if kind in ("position", actuator.kind) else None, kv=first(drive.kv, actuator.kv),

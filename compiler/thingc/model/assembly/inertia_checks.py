@@ -41,7 +41,7 @@ def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
             help = "remove `inertia`: the inertia is then computed from the geometry, and a frame is a point mass"
         findings.error(
             Code.NOT_PHYSICAL, f"the inertia of `{one.component.name}` is not physical: {fault}",
-            one.component.add_location(stated.origin, one.origin), path=one.path, help=help,
+            one.component.full_origin(stated.origin, one.origin), path=one.path, help=help,
         )
     return faulty
 

@@ -162,7 +162,7 @@ class Tree:
                 if name in definition.mounts or name in instance.children:
                     self.findings.error(
                         Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`",
-                        component.add_location(extra.origin, instance.origin), path=instance.path,
+                        component.full_origin(extra.origin, instance.origin), path=instance.path,
                         help="rename the mount that is added here", notes=_shown_by(definition),
                     )
                 elif instance.index is not None:

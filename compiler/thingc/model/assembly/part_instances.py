@@ -347,7 +347,7 @@ class PartInstances:
             doubt = mass_doubt(weighed.properties.mass, record.volume)
             if doubt is not None:
                 help = None if doubt.meant is None else f"probably `{mass_words(doubt.meant)}` was meant"
-                place = component.add_location(stated.origin, use.origin)
+                place = component.full_origin(stated.origin, use.origin)
                 use.warn(Code.DENSITY, f"`{component.name}` {doubt.words}", origin=place, help=help)
         elif record.mass is not None or record.density is not None:
             self._doubt_thing(use, record)
@@ -435,7 +435,7 @@ class PartInstances:
             if mounts.setdefault(name, extra) is not extra:
                 use.error(
                     Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", help="rename the mount that is added here",
-                    origin=component.add_location(extra.origin, use.origin), notes=use.written if name in own else (),
+                    origin=component.full_origin(extra.origin, use.origin), notes=use.written if name in own else (),
                 )
         return mounts
 

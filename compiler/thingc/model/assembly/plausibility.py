@@ -162,7 +162,7 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
         if doubt is None:
             continue
         stated, what, help = doubt
-        where = one.component.add_location(stated.origin, one.origin) if stated is not None else one.origin
+        where = one.component.full_origin(stated.origin, one.origin) if stated is not None else one.origin
         notes = () if stated is not None else one.written
         if where not in said and findings.warn(Code.STATED, what, where, path=one.path, help=help, allow=True, notes=notes):
             said.add(where)
@@ -468,7 +468,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
             if mass > BURDEN * rest > 0.0:
                 findings.warn(
                     Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {times_words(mass / rest)} times the rest "
-                    f"of the robot ({mass_words(rest)})", one.component.add_location(stated.origin, one.origin),
+                    f"of the robot ({mass_words(rest)})", one.component.full_origin(stated.origin, one.origin),
                     path=one.path, help="check the unit (`g`, `kg`)", allow=True,
                 )
             elif boxes and not findings.has_said(Code.FAR):
@@ -484,7 +484,7 @@ def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector
     size = maximum(high - low for low, high in sides)
     if away > size:
         placement = one.component.placement
-        place = one.component.add_location(placement.origin, one.origin) if isinstance(placement, At) else one.origin
+        place = one.component.full_origin(placement.origin, one.origin) if isinstance(placement, At) else one.origin
         findings.warn(
             Code.BARE_MASS, f"the mass of `{one.component.name}` is {length_words(away, 3)} away from the parts of its link, "
             f"which are {length_words(size, 3)} across", place, path=one.path,

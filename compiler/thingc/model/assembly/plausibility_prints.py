@@ -58,7 +58,7 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
             for doubt in _doubts(merge_processes(own, under) or own, own.origins):
                 notes = make_notes(f"`{one.component.name}` is printed with this process", one.component.origin)
                 beside = own.origins[doubt.key][0].line == one.component.origin[0].line
-                _warn(doubt, own, one.component.add_location((), one.origin), one.path, () if beside else notes, tree.findings)
+                _warn(doubt, own, one.component.full_origin((), one.origin), one.path, () if beside else notes, tree.findings)
     for instance, definition in tree.assemblies:
         for material in definition.materials.values():
             if material.process is not None and material.process_origin not in used:

@@ -232,7 +232,7 @@ class Component(OneLineRepr, FrozenStruct):
         """The displayed name of the definition of the component."""
         return self.definition.label if self.definition is not None else "frame"
 
-    def add_location(self, inner: Origin, use: Origin) -> Origin:
+    def full_origin(self, inner: Origin, use: Origin) -> Origin:
         """Return the location `inner` of a value of this component, followed by the locations of the documents that contain the component.
 
         `use` is the location of an occurrence of the component.

@@ -62,11 +62,11 @@ def _stood(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertices | N
     if mode.base == "free" and not mode.holds:
         for name in mode.poses:
             height = start if name == mode.pose else _height(assembly, mode, by_name.get(name), mesh_vertices, memo)
-            at_in[name] = _raise(mode.at, start if height is None else height)
-    return replace(mode, at=_raise(mode.at, start), at_in=at_in | mode.at_in)
+            at_in[name] = _set_height(mode.at, start if height is None else height)
+    return replace(mode, at=_set_height(mode.at, start), at_in=at_in | mode.at_in)
 
 
-def _raise(at: Pose, height: float) -> Pose:
+def _set_height(at: Pose, height: float) -> Pose:
     x, y, _ = at.translation
     return replace(at, translation=(x, y, height))
 
@@ -77,7 +77,7 @@ def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_v
     If `pose` is None, all joints are at 0. Return None if there are no collision shapes.
     """
     start = assembly.link_of[mode.root.occurrence]
-    on_plane = root_pose(assembly, replace(mode, at=_raise(mode.at, 0.0)))
+    on_plane = root_pose(assembly, replace(mode, at=_set_height(mode.at, 0.0)))
     bodies = bodies_from(assembly, start, spanning(assembly, mode), on_plane, memo)
     at = dict(zip((body.link for body in bodies), placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
     poses = [at[link] @ inner for link, inner in zip(assembly.link_of, in_link(assembly)) if link in at]

@@ -43,7 +43,7 @@ def read_calibration(path: str, assembly: Assembly, report: Report) -> tuple[Cal
     if documents is None or not isinstance(spec, CalibrationSpec):
         return ()
     reader = _Reader(documents.root, spec, assembly, report)
-    return tuple(one for name, motor in spec.joints.items() if (one := reader.calibrate(name, motor)) is not None)
+    return tuple(one for name, motor in spec.joints.items() if (one := reader.calibrated_joint(name, motor)) is not None)
 
 
 class _Reader:
@@ -55,7 +55,7 @@ class _Reader:
         at = ("joints", name, *keys)
         self.report.add(code, message, self.document.span(at, key=not keys), help=help, path=".".join(map(str, at)))
 
-    def calibrate(self, name: str, motor: MotorSpec) -> CalibratedJoint | None:
+    def calibrated_joint(self, name: str, motor: MotorSpec) -> CalibratedJoint | None:
         """Return the joint with its motor. Return None after errors, which are reported."""
         before, joint = len(self.report.diagnostics), self.joints.get(name)
         if joint is None:

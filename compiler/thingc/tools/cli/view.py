@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     def hear(made: Rebuild) -> None:
         with turn:
-            made, page, diagnostics = _show_rebuild(live, made)
+            made, page, diagnostics = _rebuild_result(live, made)
         server.tell(page, made.seconds, diagnostics, kernel=made.kernel)
         lines.say(made)
         if made.number == 1 and not hopeless(made):
@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
         return until_interrupted(live, hear)
 
 
-def _show_rebuild(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
+def _rebuild_result(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
     """Return the result of a rebuild, the page that shows the robot (None after errors), and the diagnostics for the page."""
     environment = live.environment
     assert environment is not None
@@ -145,7 +145,7 @@ def _overlay(arguments: argparse.Namespace, options: Options, turn: threading.Lo
             if stop.is_set():
                 return
             with turn:
-                made, page, diagnostics = _show_rebuild(live, made)
+                made, page, diagnostics = _rebuild_result(live, made)
             server.tell_against(page, diagnostics)
             lines.say(made)
 

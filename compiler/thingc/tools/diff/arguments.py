@@ -62,15 +62,15 @@ def parse_sides(words: Sequence[str], documents: Sequence[str]) -> ComparisonReq
     if len(sides) > 2:
         raise UnknownComparison(f"expected two states, found `{' '.join(words)}`", "write `OLD..NEW`, or two arguments")
     if len(sides) == 1 and sides[0].kind in _FILES and not documents:
-        return _parse_sides([_revision("HEAD"), sides[0]], ())
+        return _make_request([_revision("HEAD"), sides[0]], ())
     if len(sides) == 1:
         if sides[0].kind != "revision":
             raise UnknownComparison(f"`{words[0]}` is only one state: expected two states", "write two states, the old state first")
         sides.append(Side(kind="checkout", name=CHECKOUT))
-    return _parse_sides(sides, documents)
+    return _make_request(sides, documents)
 
 
-def _parse_sides(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest:
+def _make_request(sides: Sequence[Side], documents: Sequence[str]) -> ComparisonRequest:
     old, new = sides
     kinds = {old.kind, new.kind}
     if documents and not kinds <= {"revision", "checkout"}:

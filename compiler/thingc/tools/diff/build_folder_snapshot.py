@@ -111,10 +111,10 @@ def snapshot_of_lock(path: str) -> Snapshot:
                 f"params.{one.name}": one.default, f"params.{one.name}.min": one.minimum, f"params.{one.name}.max": one.maximum,
                 f"params.{one.name}.kind": one.kind,
             }
-        things[reference] = _read_element(reference, facts, path)
+        things[reference] = _make_element(reference, facts, path)
         for record in lock.relatives(reference):
             own = facts if record.text == reference else {}
-            things[record.text] = _read_element(record.text, {**own, **_properties_of(record)}, path)
+            things[record.text] = _make_element(record.text, {**own, **_properties_of(record)}, path)
             occurrences[record.text] = _of_record(record)
     return Snapshot(
         name=os.path.basename(path), nodes=tuple(_node(text, text) for text in things),
@@ -122,7 +122,7 @@ def snapshot_of_lock(path: str) -> Snapshot:
     )
 
 
-def _read_element(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement:
+def _make_element(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement:
     span = line_of(file)
     return SnapshotElement(
         what="component", path=text, facts={key: Fact(value=value) for key, value in facts.items()}, label=text, span=span

@@ -103,7 +103,7 @@ def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[
     return [
         DocumentPair(
             name=os.path.relpath(os.path.join(repository.top, path)),
-            old=_check_out(repository, states[0], path), new=_check_out(repository, states[1], path),
+            old=_find_checkout(repository, states[0], path), new=_find_checkout(repository, states[1], path),
         )
         for path in paths
     ]
@@ -113,7 +113,7 @@ def _has(repository: Repository, state: Revision | None, path: str) -> bool:
     return os.path.isfile(os.path.join(repository.top, path)) if state is None else state.has(path)
 
 
-def _check_out(repository: Repository, state: Revision | None, path: str) -> Checkout | None:
+def _find_checkout(repository: Repository, state: Revision | None, path: str) -> Checkout | None:
     if not _has(repository, state, path):
         return None
     kind: SideKind = "model" if path.lower().endswith(ENDINGS) else "document"

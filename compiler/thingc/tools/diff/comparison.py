@@ -116,7 +116,7 @@ class _Following:
             if because is None:
                 because = self._definition_changes(old, new) or self.changes.causes("geometry", paths)
             how: How = "added" if before is None else "removed" if after is None else "moved"
-            difference = ("pose", _format_pose(before), _format_pose(after))
+            difference = ("pose", _display_pose(before), _display_pose(after))
             self._add("mount", (f"{old.path}/{name}", f"{new.path}/{name}"), difference, because, _code_location(new.shape), how)
 
     def _mass(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
@@ -414,7 +414,7 @@ def _same(old: Sequence[float], new: Sequence[float]) -> bool:
     return all(abs(a - b) < 1e-9 for a, b in zip(old, new, strict=True))
 
 
-def _format_pose(pose: Pose | None) -> DisplayValue:
+def _display_pose(pose: Pose | None) -> DisplayValue:
     return None if pose is None else (tuple(pose.translation), tuple(rpy_of(pose.rotation)))
 
 

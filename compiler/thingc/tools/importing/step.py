@@ -144,7 +144,7 @@ def import_step(path: str, store: Store, report: Report) -> ImportedAssembly | N
         help = f"to use the file as one part, write `{{file: {name}}}` in a document" if flat else "export the assembly again as STEP"
         report.add(Code.SOURCE_XML, f"`{name}`: {refused}", None, help=help, detail=answer.get("detail"))
         return None
-    return StepDocuments(convert(answer["answer"]["assembly"], StepAssembly), name, digest, store).write_files()
+    return StepDocuments(convert(answer["answer"]["assembly"], StepAssembly), name, digest, store).imported_assembly()
 
 
 class StepDocuments:
@@ -161,7 +161,7 @@ class StepDocuments:
         self.components = [distinct_words([child.name for child in group.children], "part") for group in assembly.assemblies]
         self.stock = stock_materials()
 
-    def write_files(self) -> ImportedAssembly:
+    def imported_assembly(self) -> ImportedAssembly:
         """Return the contents of all files."""
         assembly, root = self.assembly, self.documents[self.assembly.root]
         files = {f"{self.documents[number]}.yaml": self._document(number) for number in range(len(assembly.assemblies))}

@@ -157,7 +157,7 @@ class JointSearch:
                 if across <= around:
                     doubts = doubt or (f"{len(rest) + 1} parts share the axis" if len(rest) > 1 else None)
                     found.append(JointProposal(name="", kind="revolute", parent=first[0], child=side[0], line=line, doubt=doubts))
-                    self.released[self._pair(first[0], side[0])] = across | self._held_pairs(first, side, pins)
+                    self.released[self._pair(first[0], side[0])] = across | self._turning_pairs(first, side, pins)
         pairs = [(one.parent, one.child) for one in found]
         yield from (one for one, pair in zip(found, pairs, strict=True) if pairs.count(pair) == 1)
 
@@ -199,7 +199,7 @@ class JointSearch:
             for pair, touching in self.contacts.items() if name in pair for one in touching.shafts if same_line(one.line, line)
         )
 
-    def _held_pairs(self, first: Sequence[str], other: Sequence[str], pins: Sequence[str]) -> set[Pair]:
+    def _turning_pairs(self, first: Sequence[str], other: Sequence[str], pins: Sequence[str]) -> set[Pair]:
         """Return the pairs that can turn if each pin is connected to only one of the two sides of a joint."""
         held = {pin: [[name for name in side if self._pair(pin, name) in self.contacts] for side in (first, other)] for pin in pins}
         free = {self._pair(pin, name) for pin, (one, two) in held.items() if one for name in two}

@@ -52,7 +52,7 @@ def as_text(result: MechanismComparison) -> Iterator[str]:
     kinds = {one.other: one.kind for one in result.joints}
     for limit in result.limits:
         old, new = (", ".join(_value(kinds[limit.other], end) for end in ends) for ends in (limit.old, limit.new))
-        yield f"  limits of {_format_side(limit)}: {old} -> {new}"
+        yield f"  limits of {_format_names(limit)}: {old} -> {new}"
 
 
 def summary(result: MechanismComparison) -> str:
@@ -88,14 +88,14 @@ def _differences(differences: tuple[MechanismDifference, ...]) -> Iterator[str]:
             case "links" | "joints":
                 yield f"{one.what}: {one.old} -> {one.new}"
             case "mass":
-                yield f"mass of {_format_side(one)}: {one.old:.6g} kg -> {one.new:.6g} kg ({_distance(one)})"
+                yield f"mass of {_format_names(one)}: {one.old:.6g} kg -> {one.new:.6g} kg ({_distance(one)})"
             case "coupling":
-                yield f"coupling of {_format_side(one)}: {_coupling(one.old)} -> {_coupling(one.new)}"
+                yield f"coupling of {_format_names(one)}: {_coupling(one.old)} -> {_coupling(one.new)}"
             case _:
-                yield f"{PHYSICAL[one.what]}{' of ' if one.one else ''}{_format_side(one)}: {_distance(one)}"
+                yield f"{PHYSICAL[one.what]}{' of ' if one.one else ''}{_format_names(one)}: {_distance(one)}"
 
 
-def _format_side(one: MechanismDifference) -> str:
+def _format_names(one: MechanismDifference) -> str:
     return one.one if one.one == one.other else f"{one.one} = {one.other}"
 
 

@@ -47,7 +47,7 @@ class SchemaContext(FrozenStruct):
 
 def narrow(general: Schema, facts: DocumentFacts, around: SchemaContext) -> Schema:
     """Adapt a copy of `general`, the JSON Schema of all assembly documents, to one assembly document."""
-    return _Narrowing(copy.deepcopy(general), facts, around).finish()
+    return _Narrowing(copy.deepcopy(general), facts, around).narrow_all()
 
 
 def params_name(reference: str) -> str:
@@ -75,7 +75,7 @@ class _Narrowing:
         self.facts = facts
         self.around = around
 
-    def finish(self) -> Schema:
+    def narrow_all(self) -> Schema:
         self._references()
         self._materials()
         self._parts()

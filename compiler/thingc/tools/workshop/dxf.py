@@ -31,11 +31,11 @@ def emit(request: EmitRequest) -> Artifacts:
             what = f"`{part.first.definition.label}` is not flat: {sheet.reason}"
             losses.append(Loss("dxf", None, part.first.path, what, "omitted", part.first.origin))
         else:
-            files[f"dxf/{part.file_name(f'{1e3 * sheet.thickness:.6g}mm')}.dxf"] = write_dxf(sheet)
+            files[f"dxf/{part.file_name(f'{1e3 * sheet.thickness:.6g}mm')}.dxf"] = encode_dxf(sheet)
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
 
 
-def write_dxf(sheet: Sheet) -> bytes:
+def encode_dxf(sheet: Sheet) -> bytes:
     """Return the content of the DXF file of a sheet (AutoCAD 2000). The file contains neither the time nor random identifiers."""
     fixed = ezdxf.options.write_fixed_meta_data_for_testing
     ezdxf.options.write_fixed_meta_data_for_testing = True

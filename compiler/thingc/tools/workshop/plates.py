@@ -79,7 +79,7 @@ def emit(request: EmitRequest) -> Artifacts:
     name = request.assembly.name
     plates = arrange(prints, request.workspace.bed)
     return Artifacts(
-        files={f"3mf/{name}_plate_{number}.3mf": write_3mf(plate) for number, plate in enumerate(plates, 1)},
+        files={f"3mf/{name}_plate_{number}.3mf": encode_3mf(plate) for number, plate in enumerate(plates, 1)},
         losses=tuple(losses),
     )
 
@@ -167,7 +167,7 @@ def _pack(prints: Sequence[Print], width: int, depth: int) -> Plate | None:
     return [(one, (x + left, y + front)) for one, (x, y) in zip(prints, corners, strict=True)]
 
 
-def write_3mf(plate: Plate) -> bytes:
+def encode_3mf(plate: Plate) -> bytes:
     """Return the content of the 3MF file of a plate.
 
     PrusaSlicer only reads instances and settings from files that state its version of the format. lib3mf cannot write this metadata with
