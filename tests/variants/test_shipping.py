@@ -5,8 +5,11 @@ number of fetched shared files."""
 
 from __future__ import annotations
 
+import base64
 import concurrent.futures
 import contextlib
+import hashlib
+import json
 import os
 import re
 import shutil
@@ -18,6 +21,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -28,6 +32,8 @@ from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault, run
 from thingc.batch.cluster import remote_workers
 from thingc.batch.cluster.dask_executor import DaskCluster
+from thingc.batch.cluster.protocol import WorkerLost
+from thingc.batch.cluster.remote_workers import RemoteExecutor
 from thingc.driver.environment import Options
 from variants.robots import InThisProcess, batch_here, environment, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
@@ -347,6 +353,19 @@ def test_workers_open_nothing_of_the_drivers_folder(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("damaged", [False, True])
+def test_files_of_a_variant_are_compared_with_its_manifest(tmp_path: Path, damaged: bool) -> None:
+    model = b"<mujoco/>"
+    manifest = json.dumps({"files": {"model.xml": hashlib.sha256(model).hexdigest()}}).encode()
+    sent = {"manifest.json": manifest, "model.xml": model + b" " if damaged else model}
+    row = {"id": "0123456789ab", "shared": {}, "files": {path: base64.b64encode(data).decode() for path, data in sent.items()}}
+    executor: Any = SimpleNamespace(folder=str(tmp_path))
+    with pytest.raises(WorkerLost, match="damaged") if damaged else contextlib.nullcontext():
+        RemoteExecutor._keep(executor, row, None)  # type: ignore[arg-type]
+    written = {path.name: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert written == ({} if damaged else sent)
+
+
 def test_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) -> None:
     whole = packed(workspace(tmp_path))
     with DaskCluster(beside.dask.address) as cluster, pytest.raises(BatchFault, match="cannot receive the workspace: .*damaged during"):

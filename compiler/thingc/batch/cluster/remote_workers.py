@@ -15,6 +15,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import hashlib
+import json
 import os
 import queue
 import shutil
@@ -38,7 +39,7 @@ from thingc.batch.job import STOPPED, Job, Row, refusal
 from thingc.batch.packed_layout import FILES, SHARED, is_packed
 from thingc.batch.planning import Variant
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
-from thingc.targets.artifact import Content, StoredArtifact
+from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 
 if TYPE_CHECKING:
     from thingc.batch.cluster.dask_executor import DaskCluster
@@ -288,7 +289,11 @@ class RemoteExecutor(Cluster):
         for sha256 in row[SHARED].values():
             keep_asset(self.folder, sha256, assets)
         if not is_packed(self.folder):
-            files: dict[str, Content] = {path: base64.b64decode(data) for path, data in row.pop(FILES).items()}
+            sent = {path: base64.b64decode(data) for path, data in row.pop(FILES).items()}
+            listed = json.loads(sent[MANIFEST])["files"]
+            if any(hashlib.sha256(data).hexdigest() != listed.get(path) for path, data in sent.items() if path != MANIFEST):
+                raise WorkerLost(f"the files of the variant `{row['id']}` were damaged during the transfer")
+            files: dict[str, Content] = dict(sent)
             files |= {path: StoredArtifact(sha256=sha256, size=0) for path, sha256 in row.pop(SHARED).items()}
             write_variant(self.folder, row["id"], files, SharedAssets(self.folder))
 

@@ -131,7 +131,7 @@ class MountPoint(Framed):
         position = ", ".join(f"{coordinate:g}" for coordinate in self.location.position)
         return f"<MountPoint {whose} at ({position})>"
 
-    def _seen(self, view: Location) -> MountPoint:
+    def _in_frame(self, view: Location) -> MountPoint:
         """Return a copy of this mount, transformed to the frame of a moved view. The copy still belongs to the same Thing."""
         moved = MountPoint(self._local, self._declared, self._tolerance)
         moved._view = view * self._view

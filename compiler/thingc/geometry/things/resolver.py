@@ -23,7 +23,7 @@ class Framed(ABC):
     __slots__ = ()
 
     @abstractmethod
-    def _seen(self, view: Location) -> Any:
+    def _in_frame(self, view: Location) -> Any:
         """Return a copy of this object that is expressed in another frame. `view` [mm] is the pose of the object's own frame in the other
         frame.
         """
@@ -69,7 +69,7 @@ class TransformResolver(Framed):
     def __repr__(self) -> str:
         return f"<{self.__target!r} moved by {self.__location!r}>"
 
-    def _seen(self, view: Location) -> TransformResolver:
+    def _in_frame(self, view: Location) -> TransformResolver:
         return TransformResolver(self.__target, view * self.__location)
 
 
@@ -87,7 +87,7 @@ def place(value: Any, location: Location) -> Any:
     if isinstance(value, Location):
         return location * value
     if isinstance(value, Framed):
-        return value._seen(location)
+        return value._in_frame(location)
     if isinstance(value, (Builder, types.SimpleNamespace)):
         return TransformResolver(value, location)
     if isinstance(value, Vector):

@@ -119,7 +119,7 @@ class Thing(Framed, metaclass=ThingType):
         """Return a simple solid that contains the whole part, or None if there is no such solid."""
         return None
 
-    def _seen(self, view: Location) -> TransformResolver:
+    def _in_frame(self, view: Location) -> TransformResolver:
         return TransformResolver(self, view)
 
     def __repr__(self) -> str:

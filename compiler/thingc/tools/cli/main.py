@@ -116,7 +116,8 @@ def parse_arguments(words: Sequence[str]) -> argparse.Namespace | None:
     if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would add these words to other arguments
         words, behind = words[: words.index("--")], words[words.index("--") + 1 :]
     try:
-        if own is not None and words[0] == command and "--" not in words:  # options between arguments: `thingc motion DOC --mode M NAME`
+        # `intermixed` allows options between arguments, as in `thingc motion DOC --mode M NAME`, but takes `-x` after `--` for an option
+        if own is not None and words[0] == command and "--" not in words:
             options, unknown = own.parse_known_intermixed_args(words[1:], argparse.Namespace(command=command, version=False))
         else:
             options, unknown = parser.parse_known_args(words)
