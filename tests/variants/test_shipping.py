@@ -359,6 +359,7 @@ def test_files_of_a_variant_are_compared_with_its_manifest(tmp_path: Path, damag
     manifest = json.dumps({"files": {"model.xml": hashlib.sha256(model).hexdigest()}}).encode()
     sent = {"manifest.json": manifest, "model.xml": model + b" " if damaged else model}
     row = {"id": "0123456789ab", "shared": {}, "files": {path: base64.b64encode(data).decode() for path, data in sent.items()}}
+    (tmp_path / "variants").mkdir()
     executor: Any = SimpleNamespace(folder=str(tmp_path))
     with pytest.raises(WorkerLost, match="damaged") if damaged else contextlib.nullcontext():
         RemoteExecutor._keep(executor, row, None)  # type: ignore[arg-type]
