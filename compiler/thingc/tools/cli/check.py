@@ -36,6 +36,7 @@ Run `thingc explain CODE` for an explanation of a code.
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc check` to the parser."""
     parser.epilog = EPILOG
+    parser.set_defaults(stdout_errors=True)
     add = parser.add_argument
     add(
         "document", metavar="DOC", nargs="*",

@@ -31,6 +31,7 @@ STANDARD_INPUT = "-"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc fmt` to the parser."""
     parser.epilog = EPILOG
+    parser.set_defaults(stdout_errors=True)
     add = parser.add_argument
     add("document", metavar="DOC", nargs="+", help="a document, a folder of documents, or - for standard input")
     add("--check", action="store_true", help="write nothing, list files that would change; exit code 1 if a file would change")

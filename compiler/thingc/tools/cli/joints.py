@@ -24,6 +24,7 @@ fits another connection, the proposal has a doubt, and --write accepts it only b
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc joints` to the parser."""
     parser.epilog = EPILOG
+    parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("name", metavar="JOINT", nargs="*", help="a proposal to accept (default: all proposals without a doubt)")
     parser.add_argument("--write", action="store_true", help="write the accepted joints into the document")

@@ -48,9 +48,6 @@ COMMANDS = {
     "why": "show why a part was built or reused, or list the export losses of each target",
 }
 
-TO_STDOUT = frozenset({"check", "joints", "rezero", "set", "rename", "fmt"})
-"""Commands whose text output consists of diagnostics. They also print errors about the command line to standard output."""
-
 EPILOG = """\
 Examples:
   thingc check assemblies/arm.yaml           report errors and warnings
@@ -196,7 +193,10 @@ def _usage_error(message: str, hint: str) -> Exception:
 
 
 def _report(fault: Exception, options: argparse.Namespace | None, words: Sequence[str]) -> int:
-    """Print an exception as a diagnostic in the requested output format, and return the exit code."""
+    """Print an exception as a diagnostic in the requested output format, and return the exit code.
+
+    Commands whose text output consists of diagnostics print errors about the command line to standard output (`stdout_errors`).
+    """
     from thingc.tools.cli import console
 
     diagnostic, debug = console.of_exception(fault), getattr(options, "debug", False)
@@ -205,7 +205,7 @@ def _report(fault: Exception, options: argparse.Namespace | None, words: Sequenc
     form = getattr(options, "format", "text") if options is not None else asked[-1] if asked else "text"
     if form not in console.FINDINGS or str(fault).startswith("--format"):  # an unsupported format is reported as text
         form = "text"
-    wrong = isinstance(fault, console.WrongCommandLine) and getattr(options, "command", None) in TO_STDOUT
+    wrong = isinstance(fault, console.WrongCommandLine) and getattr(options, "stdout_errors", False)
     try:
         code = console.print_found([diagnostic], form, stream=sys.stdout if wrong else sys.stderr, debug=debug)
         sys.stdout.flush()

@@ -30,6 +30,7 @@ nothing is written.
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc rename` to the parser."""
     parser.epilog = EPILOG
+    parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly or materials document (YAML or TOML)")
     parser.add_argument("path", metavar="PATH", help="path of the element: components.hand, joints.yaw, components.hand.mounts.tip")
     parser.add_argument("name", metavar="NAME", help="the new name of the element")

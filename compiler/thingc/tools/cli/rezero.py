@@ -25,6 +25,7 @@ Limits, poses, start positions, mimics, tendons, springs and tests follow; the g
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc rezero` to the parser."""
     parser.epilog = EPILOG
+    parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("zero", metavar="JOINT=ZERO", nargs="*", help="a joint of the document, and the new coordinate of its old zero")
     parser.add_argument("--flip", metavar="JOINT", action="append", default=[], help="reverse the direction of a joint (may be repeated)")
