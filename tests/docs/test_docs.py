@@ -414,6 +414,8 @@ def test_every_command_page_lists_all_options() -> None:
     for command in COMMANDS:
         own = parser_for(command)[1]
         assert own is not None
+        examples = re.findall(rf"^  (?:thingc {command}\b|pip install 'thingc\[{command}\]')", own.format_help(), re.MULTILINE)
+        assert examples, f"the docstring of {command}.py contains no example for the help"
         actions = [action for action in own._actions if action.help != "==SUPPRESS==" and action.dest != "help"]
         text = (COMMAND_PAGES / f"{command}.md").read_text()
         made = text.partition("<!-- generated: options -->\n")[2].partition("<!-- /generated -->")[0]

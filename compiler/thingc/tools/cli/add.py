@@ -1,4 +1,19 @@
-"""Implementation of `thingc add`, which adds a part, assembly, mode, joint or test to a document, and preserves its comments and layout."""
+"""Implementation of `thingc add`, which adds a part, assembly, mode, joint or test to a document, and preserves its comments and layout.
+
+Adds a stub that you then edit. If the document would then have errors, nothing is written.
+
+  thingc add part Bracket --to rover.yaml --on base.top       add the class Bracket in parts/bracket.py, and a component
+  thingc add part links:Bracket                               add only the class, in parts/links.py
+  thingc add part thingc_stock.servos:MG90S --to rover.yaml --on bracket.top --by flange --name hip
+                                                              add a component of an existing part
+  thingc add joint hinge --to rover.yaml --parent base.top --child bracket.bottom
+  thingc add mode hung --to rover.yaml --root bracket.top --base held
+  thingc add mode on_left --to rover.yaml --standing-on left.sole
+  thingc add test light --to rover.yaml --kind mass
+  thingc add assembly leg --to rover.yaml                     create leg.yaml, and add a component
+  thingc add assembly leg --to rover.yaml --on body.left --by hip --name left --param 'length=80 mm'
+                                                              add a component of an existing document
+"""
 
 from __future__ import annotations
 
@@ -24,21 +39,6 @@ from thingc.driver.environment import Options
 from thingc.tools.cli import console, signals
 from thingc.tools.cli.add_templates import BASES, STUBS, DocumentEdit
 
-EPILOG = """\
-Adds a stub that you then edit. If the document would then have errors, nothing is written.
-
-  thingc add part Bracket --to rover.yaml --on base.top       add the class Bracket in parts/bracket.py, and a component
-  thingc add part links:Bracket                               add only the class, in parts/links.py
-  thingc add part thingc_stock.servos:MG90S --to rover.yaml --on bracket.top --by flange --name hip
-                                                              add a component of an existing part
-  thingc add joint hinge --to rover.yaml --parent base.top --child bracket.bottom
-  thingc add mode hung --to rover.yaml --root bracket.top --base held
-  thingc add mode on_left --to rover.yaml --standing-on left.sole
-  thingc add test light --to rover.yaml --kind mass
-  thingc add assembly leg --to rover.yaml                     create leg.yaml, and add a component
-  thingc add assembly leg --to rover.yaml --on body.left --by hip --name left --param 'length=80 mm'
-                                                              add a component of an existing document
-"""
 WHAT = ("part", "assembly", "mode", "joint", "test")
 OPTIONS = {
     "on": ("part", "assembly"), "at": ("part", "assembly"), "by": ("part", "assembly"), "component": ("part", "assembly"),
@@ -51,7 +51,6 @@ OPTIONS = {
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc add` to the parser."""
-    parser.epilog = EPILOG
     add = parser.add_argument
     add("what", type=console.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="kind of the new element")
     add("name", metavar="NAME", help="name of the element; for a part: class or MODULE:CLASS; for an assembly: a document, existing or new")

@@ -1,4 +1,14 @@
-"""Implementation of `thingc batch`, which builds every variant of a document of the format `variants/1`."""
+"""Implementation of `thingc batch`, which builds every variant of a document of the format `variants/1`.
+
+Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, shared meshes in assets/, the tables results.csv and
+results.parquet, and the page index.html. To continue an interrupted batch, use --resume. More than 2000 variants are packed:
+files in chunks/ contain 1024 variants each, and --unpack writes the folder of one variant.
+
+  thingc batch leg_sweep.yaml --dry-run
+  thingc batch leg_sweep.yaml
+  thingc batch leg_sweep.yaml --limit 100 --emit mjcf -o /data/robots
+  thingc batch leg_sweep.yaml --resume
+"""
 
 from __future__ import annotations
 
@@ -33,16 +43,6 @@ from thingc.tools.cli.signals import INTERRUPTED
 if TYPE_CHECKING:
     from thingc.batch.dry_run import DryRun
 
-EPILOG = """\
-Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, shared meshes in assets/, the tables results.csv and
-results.parquet, and the page index.html. To continue an interrupted batch, use --resume. More than 2000 variants are packed:
-files in chunks/ contain 1024 variants each, and --unpack writes the folder of one variant.
-
-  thingc batch leg_sweep.yaml --dry-run
-  thingc batch leg_sweep.yaml
-  thingc batch leg_sweep.yaml --limit 100 --emit mjcf -o /data/robots
-  thingc batch leg_sweep.yaml --resume
-"""
 VERIFY = {"some": 64, "all": 1, "none": 0}
 """The values of the option `--verify`. If models differ only in numbers, MuJoCo compiles only every n-th model."""
 PAUSE = 30.0
@@ -53,7 +53,6 @@ STATUSES = {"built": "built", "kept_out": "excluded", "refused": "refused", "fai
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc batch` to the parser."""
-    parser.epilog = EPILOG
     add = parser.add_argument
     add("document", metavar="DOC", help="a variants document (YAML or TOML)")
     add("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")

@@ -1,6 +1,11 @@
 """Implementation of `thingc build`, which compiles a document and writes the build folder.
 
-`thingc watch` and `thingc why` use the same options.
+Writes build/NAME/ (or DIR/NAME/). If the build fails, the folder stays unchanged. {targets}
+
+  thingc build assemblies/arm.yaml
+  thingc build assemblies/arm.yaml --mode bench --mode drawing --emit mjcf
+  thingc build assemblies/arm.yaml --compat mjx
+  thingc build assemblies/arm.yaml -p 'reach=120 mm' -o variants
 """
 
 from __future__ import annotations
@@ -32,20 +37,11 @@ from thingc.targets.registry import TARGETS, parse_targets, unknown
 from thingc.tools.cli import console
 from thingc.tools.workshop import RENDERED
 
-EPILOG = """\
-{about}
-
-  thingc build assemblies/arm.yaml
-  thingc build assemblies/arm.yaml --mode bench --mode drawing --emit mjcf
-  thingc build assemblies/arm.yaml --compat mjx
-  thingc build assemblies/arm.yaml -p 'reach=120 mm' -o variants
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc build` to the parser."""
-    about = f"Writes build/NAME/ (or DIR/NAME/). If the build fails, the folder stays unchanged. {in_words()}"
-    parser.epilog = EPILOG.format(about=textwrap.fill(about, 120))
+    about, _, examples = (parser.epilog or "").partition("\n\n")
+    parser.epilog = f"{textwrap.fill(about.format(targets=in_words()), 120)}\n\n{examples}"
     console.add_document(parser)
     add_building(parser)
     parser.add_argument("--twice", action="store_true", help="build each part twice without the cache, and report differences as errors")

@@ -1,4 +1,11 @@
-"""Implementation of `thingc calibration`, which checks the calibration of a physical robot and converts it for other programs."""
+"""Implementation of `thingc calibration`, which checks the calibration of a physical robot and converts it for other programs.
+
+Without --emit, the command only checks the calibration.
+
+  thingc calibration arm.yaml left.calibration.yaml                      check the file against the robot
+  thingc calibration arm.yaml left.calibration.yaml --emit lerobot -o left.json
+  thingc calibration arm.yaml left.calibration.yaml --emit ros2_control  print the <ros2_control> block of the first mode
+"""
 
 from __future__ import annotations
 
@@ -16,16 +23,9 @@ from thingc.tools.calibration.calibration import read_calibration
 from thingc.tools.calibration.exports import EXPORTS, ExportRefused
 from thingc.tools.cli import console
 
-EPILOG = """\
-  thingc calibration arm.yaml left.calibration.yaml                      check the file against the robot
-  thingc calibration arm.yaml left.calibration.yaml --emit lerobot -o left.json
-  thingc calibration arm.yaml left.calibration.yaml --emit ros2_control  print the <ros2_control> block of the first mode
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc calibration` to the parser."""
-    parser.epilog = EPILOG
     parser.add_argument("document", metavar="ROBOT", help="an assembly document (YAML or TOML)")
     parser.add_argument("calibration", metavar="FILE", help="a document of the kind `calibration/1`")
     parser.add_argument("--emit", choices=[*EXPORTS], help="format to write")

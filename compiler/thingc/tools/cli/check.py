@@ -1,4 +1,18 @@
-"""Implementation of `thingc check`, which reports all errors and warnings in documents."""
+"""Implementation of `thingc check`, which reports all errors and warnings in documents.
+
+Checks every key, name, unit, reference, limit and mass of a document and of the documents that it uses, in every mode.
+Parts are read from the store; missing parts are modelled first, in a worker process.
+
+  thingc check                                           check every document below the working folder
+  thingc check assemblies                                check every document below a folder
+  thingc check robot.urdf                                check a robot file of another format
+  thingc check robot.yaml --fix                          fix misspelt names, units and similar errors
+  thingc check robot.yaml --format json | jq '.diagnostics[].message'
+  thingc check assemblies/*.yaml --format github         annotate a pull request
+  thingc check assemblies/*.yaml --format sarif > thingc.sarif
+
+Run `thingc explain CODE` for an explanation of a code.
+"""
 
 from __future__ import annotations
 
@@ -17,25 +31,9 @@ from thingc.driver.environment import Environment, Options, store_of, with_envir
 from thingc.driver.pipeline import Compilation
 from thingc.tools.cli import console, robot_files
 
-EPILOG = """\
-Checks every key, name, unit, reference, limit and mass of a document and of the documents that it uses, in every mode.
-Parts are read from the store; missing parts are modelled first, in a worker process.
-
-  thingc check                                           check every document below the working folder
-  thingc check assemblies                                check every document below a folder
-  thingc check robot.urdf                                check a robot file of another format
-  thingc check robot.yaml --fix                          fix misspelt names, units and similar errors
-  thingc check robot.yaml --format json | jq '.diagnostics[].message'
-  thingc check assemblies/*.yaml --format github         annotate a pull request
-  thingc check assemblies/*.yaml --format sarif > thingc.sarif
-
-Run `thingc explain CODE` for an explanation of a code.
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc check` to the parser."""
-    parser.epilog = EPILOG
     parser.set_defaults(stdout_errors=True)
     add = parser.add_argument
     add(

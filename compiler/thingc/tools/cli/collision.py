@@ -1,4 +1,11 @@
-"""Implementation of `thingc collision`, which measures how well the collision shapes of a robot approximate its parts."""
+"""Implementation of `thingc collision`, which measures how well the collision shapes of a robot approximate its parts.
+
+For each part, the table shows the largest distance of a point of the part from the collision shapes, the largest distance of a point of the
+shapes from the part, and the volume of the shapes divided by the volume of the part.
+
+  thingc collision assemblies/arm.yaml
+  thingc collision assemblies/arm.yaml -o shapes.png         also draw the shapes over the parts
+"""
 
 from __future__ import annotations
 
@@ -15,17 +22,9 @@ from thingc.targets.render.picture import NoGraphics
 from thingc.tools.cli import console, render
 from thingc.tools.collision.deviations import Deviation, deviations
 
-EPILOG = """\
-For each part, the table shows the largest distance of a point of the part from the collision shapes, the largest distance of a point of the
-shapes from the part, and the volume of the shapes divided by the volume of the part.
-
-  thingc collision assemblies/arm.yaml
-  thingc collision assemblies/arm.yaml -o shapes.png         also draw the shapes over the parts
-"""
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc collision` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser)
     formats = ("mjcf", "urdf", "sdf", "usd")
     parser.add_argument("--target", choices=formats, default="", help="measure the shapes in this format (default: in all formats)")

@@ -1,4 +1,17 @@
-"""Implementation of `thingc diff`, which shows how a change in documents or in part code affects a robot."""
+"""Implementation of `thingc diff`, which shows how a change in documents or in part code affects a robot.
+
+Compares robots, not text: components, joints, mates, parameters, modes, poses, materials, tests, and the effects on masses, geometry,
+mounts, the bill of materials and prints, each with its cause. Changes of layout are ignored.
+
+  thingc diff HEAD~3                                compare the working tree with a revision: all affected documents
+  thingc diff main..HEAD                            compare two revisions, without checking them out
+  thingc diff main -- assemblies/arm.yaml           compare one document, or one robot file of another format
+  thingc diff old.yaml new.yaml                     compare two documents, build folders or parts.lock.json files
+  thingc diff old.urdf new.urdf                     compare two robot files of other formats (.urdf, .xacro, .sdf, .xml)
+  thingc diff main..HEAD --format markdown > comment.md
+  thingc diff main..HEAD --html change.html
+  thingc diff main..HEAD --fail-on mass,joints,tests
+"""
 
 from __future__ import annotations
 
@@ -25,25 +38,11 @@ from thingc.tools.diff.results import DiffResult, as_json, compare_documents, pa
 from thingc.tools.diff.snapshot import WHATS
 from thingc.tools.diff.text_report import as_html, as_markdown, as_text
 
-EPILOG = """\
-Compares robots, not text: components, joints, mates, parameters, modes, poses, materials, tests, and the effects on masses, geometry,
-mounts, the bill of materials and prints, each with its cause. Changes of layout are ignored.
-
-  thingc diff HEAD~3                                compare the working tree with a revision: all affected documents
-  thingc diff main..HEAD                            compare two revisions, without checking them out
-  thingc diff main -- assemblies/arm.yaml           compare one document, or one robot file of another format
-  thingc diff old.yaml new.yaml                     compare two documents, build folders or parts.lock.json files
-  thingc diff old.urdf new.urdf                     compare two robot files of other formats (.urdf, .xacro, .sdf, .xml)
-  thingc diff main..HEAD --format markdown > comment.md
-  thingc diff main..HEAD --html change.html
-  thingc diff main..HEAD --fail-on mass,joints,tests
-"""
 FORMS = ("text", "json", "markdown")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc diff` to the parser."""
-    parser.epilog = EPILOG
     parser.set_defaults(behind=[])
     add = parser.add_argument
     add(

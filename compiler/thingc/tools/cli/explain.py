@@ -1,4 +1,10 @@
-"""Implementation of `thingc explain`, which explains a diagnostic code with a wrong and a right example."""
+"""Implementation of `thingc explain`, which explains a diagnostic code with a wrong and a right example.
+
+Without CODE, the command lists all codes.
+
+  thingc explain TC302
+  thingc explain 302
+"""
 
 from __future__ import annotations
 
@@ -7,17 +13,9 @@ import argparse
 from thingc.tools.cli import console
 from thingc.tools.reporting.explain import as_page, find, sections, similar_codes
 
-EPILOG = """\
-Without CODE, the command lists all codes.
-
-  thingc explain TC302
-  thingc explain 302
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc explain` to the parser."""
-    parser.epilog = EPILOG
     parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as TC302 or 302 (default: list all codes)")
     console.add_format(parser)
 

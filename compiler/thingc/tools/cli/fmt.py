@@ -1,4 +1,12 @@
-"""Implementation of `thingc fmt`, which formats documents in the canonical layout."""
+"""Implementation of `thingc fmt`, which formats documents in the canonical layout.
+
+Sorts keys as in the language reference (your own names keep their order), indents by two spaces, and separates top-level blocks by
+one empty line. Comments and values never change.
+
+  thingc fmt assemblies                  format every document in a folder
+  thingc fmt --check --diff assemblies   show what would change; exit code 1 for CI
+  thingc fmt - < robot.yaml              format standard input to standard output, for editors
+"""
 
 from __future__ import annotations
 
@@ -16,21 +24,11 @@ from thingc.documents.load.discovery import documents_in, is_document
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.tools.cli import console
 
-EPILOG = """\
-Sorts keys as in the language reference (your own names keep their order), indents by two spaces, and separates top-level blocks by
-one empty line. Comments and values never change.
-
-  thingc fmt assemblies                  format every document in a folder
-  thingc fmt --check --diff assemblies   show what would change; exit code 1 for CI
-  thingc fmt - < robot.yaml              format standard input to standard output, for editors
-"""
-
 STANDARD_INPUT = "-"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc fmt` to the parser."""
-    parser.epilog = EPILOG
     parser.set_defaults(stdout_errors=True)
     add = parser.add_argument
     add("document", metavar="DOC", nargs="+", help="a document, a folder of documents, or - for standard input")

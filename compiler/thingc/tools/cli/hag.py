@@ -1,4 +1,13 @@
-"""Implementation of `thingc hag`, which prints the assembly graph (HAG) of a robot."""
+"""Implementation of `thingc hag`, which prints the assembly graph (HAG) of a robot.
+
+Each node is a definition: a part or a document with its parameters. A definition that is used twice is one node. Each edge connects
+an assembly with a component. The label of an edge shows the mated mounts, and the joint, if any.
+
+  thingc hag assemblies/arm.yaml
+  thingc hag assemblies/arm.yaml --format mermaid >> README.md
+  thingc hag assemblies/arm.yaml --format svg > arm.svg
+  thingc hag assemblies/arm.yaml --format graphml > arm.graphml
+"""
 
 from __future__ import annotations
 
@@ -9,20 +18,9 @@ from thingc.driver.environment import with_environment
 from thingc.driver.pipeline import compile
 from thingc.tools.cli import console
 
-EPILOG = """\
-Each node is a definition: a part or a document with its parameters. A definition that is used twice is one node. Each edge connects
-an assembly with a component. The label of an edge shows the mated mounts, and the joint, if any.
-
-  thingc hag assemblies/arm.yaml
-  thingc hag assemblies/arm.yaml --format mermaid >> README.md
-  thingc hag assemblies/arm.yaml --format svg > arm.svg
-  thingc hag assemblies/arm.yaml --format graphml > arm.graphml
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc hag` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser)
     console.add_format(parser, ("text", "dot", "mermaid", "svg", "graphml", "json"))
     console.add_compiling(parser)

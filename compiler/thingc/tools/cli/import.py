@@ -1,4 +1,14 @@
-"""Implementation of `thingc import`, which converts a robot from another format, such as URDF, or a STEP assembly to a workspace."""
+"""Implementation of `thingc import`, which converts a robot from another format, such as URDF, or a STEP assembly to a workspace.
+
+Writes a document that you can edit, and `import.json`. This file lists the names and the losses, each with its line in the source file.
+
+  thingc import robot.urdf                       write to a folder with the name of the robot
+  thingc import robot.urdf -o robots/arm
+  thingc import robot.urdf --repair inertia=nearest
+  thingc import robot.urdf --root left_sole      add a mode with this link as root
+  thingc import robot.urdf --update              import again: merge changes of the file, preserve your edits
+  thingc import robot.step -o robot              a document for each assembly, and a STEP file for each part
+"""
 
 from __future__ import annotations
 
@@ -28,21 +38,10 @@ if TYPE_CHECKING:
 
 MOST_SAID = 20
 """Maximum number of changes to print. `git diff` shows all changes."""
-EPILOG = """\
-Writes a document that you can edit, and `import.json`. This file lists the names and the losses, each with its line in the source file.
-
-  thingc import robot.urdf                       write to a folder with the name of the robot
-  thingc import robot.urdf -o robots/arm
-  thingc import robot.urdf --repair inertia=nearest
-  thingc import robot.urdf --root left_sole      add a mode with this link as root
-  thingc import robot.urdf --update              import again: merge changes of the file, preserve your edits
-  thingc import robot.step -o robot              a document for each assembly, and a STEP file for each part
-"""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc import` to the parser."""
-    parser.epilog = EPILOG
     add = parser.add_argument
     add("file", metavar="FILE", help="the robot: .urdf, .xacro, .sdf or .xml (MJCF), or an assembly: .step or .stp")
     add("-o", "--output", metavar="DIR", help="output folder (default: the name of the robot)")

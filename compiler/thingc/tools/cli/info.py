@@ -1,4 +1,13 @@
-"""Implementation of `thingc info`, which shows the components and masses of a robot, and the source of each mass."""
+"""Implementation of `thingc info`, which shows the components and masses of a robot, and the source of each mass.
+
+Masses are exact integrals of the geometry times density, or values from the document or the part. The source of each mass is shown:
+`derived`, `estimated (layers)` for prints with an infill, `measured`, `vendor` or `stated`.
+
+  thingc info assemblies/arm.yaml
+  thingc info robot.urdf                                  a robot file of another format
+  thingc info assemblies/arm.yaml --mates                 show mated mounts and the directions of their axes
+  thingc info assemblies/arm.yaml -p 'reach=120 mm' --format json | jq .mass
+"""
 
 from __future__ import annotations
 
@@ -19,20 +28,9 @@ from thingc.tools.cli import console, robot_files
 if TYPE_CHECKING:
     from thingc.targets.networkx_export import Loop
 
-EPILOG = """\
-Masses are exact integrals of the geometry times density, or values from the document or the part. The source of each mass is shown:
-`derived`, `estimated (layers)` for prints with an infill, `measured`, `vendor` or `stated`.
-
-  thingc info assemblies/arm.yaml
-  thingc info robot.urdf                                  a robot file of another format
-  thingc info assemblies/arm.yaml --mates                 show mated mounts and the directions of their axes
-  thingc info assemblies/arm.yaml -p 'reach=120 mm' --format json | jq .mass
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc info` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser, what="an assembly document (YAML or TOML), or a robot of another format (.urdf, .xacro, .sdf, .xml)")
     robot_files.configure(parser)
     parser.add_argument("--mates", action="store_true", help="also show mated mounts, and the axes of the child in the parent frame")

@@ -1,4 +1,13 @@
-"""Implementation of `thingc joints`, which proposes joints between parts that touch, and writes accepted joints into the document."""
+"""Implementation of `thingc joints`, which proposes joints between parts that touch, and writes accepted joints into the document.
+
+A joint is proposed where a shaft is in a hole, where faces enclose a part around one direction, and at bolt circles. If the geometry also
+fits another connection, the proposal has a doubt, and --write accepts it only by its name. Limits are not known: revolute joints become
+`continuous`, and slides get half the length of their faces.
+
+  thingc joints robot/robot.yaml                          list the proposals
+  thingc joints robot/robot.yaml --write                  accept all proposals without a doubt
+  thingc joints robot/robot.yaml base_to_arm --write      accept a proposal by its name
+"""
 
 from __future__ import annotations
 
@@ -10,20 +19,9 @@ from thingc.tools.cli.set import report_edit
 from thingc.tools.joints.joints import JointProposals, propose_joints, write_joints
 from thingc.tools.joints.proposals import JointProposal
 
-EPILOG = """\
-A joint is proposed where a shaft is in a hole, where faces enclose a part around one direction, and at bolt circles. If the geometry also
-fits another connection, the proposal has a doubt, and --write accepts it only by its name. Limits are not known: revolute joints become
-`continuous`, and slides get half the length of their faces.
-
-  thingc joints robot/robot.yaml                          list the proposals
-  thingc joints robot/robot.yaml --write                  accept all proposals without a doubt
-  thingc joints robot/robot.yaml base_to_arm --write      accept a proposal by its name
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc joints` to the parser."""
-    parser.epilog = EPILOG
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("name", metavar="JOINT", nargs="*", help="a proposal to accept (default: all proposals without a doubt)")

@@ -1,4 +1,13 @@
-"""Implementation of `thingc limits`, which finds the intervals of joints in which no parts touch."""
+"""Implementation of `thingc limits`, which finds the intervals of joints in which no parts touch.
+
+One joint moves at a time, and all other joints stay in the pose. A rotation is searched over a full turn, a translation between its
+limits. The document's test `no_collision` with `certify: true` proves combinations of joints.
+
+  thingc limits assemblies/arm.yaml                      all joints, in the start pose of the first mode
+  thingc limits assemblies/arm.yaml elbow --pose folded --resolution '0.05 deg'
+  thingc limits assemblies/arm.yaml --pairs              also all pairs of joints, between their limits
+  thingc limits assemblies/arm.yaml elbow --write        write the limits of the elbow to the document
+"""
 
 from __future__ import annotations
 
@@ -22,19 +31,9 @@ from thingc.tools.cli import console
 if TYPE_CHECKING:
     from thingc.tools.limits.joint_limits import JointLimits, PairLimits
 
-EPILOG = """\
-One joint moves at a time, and all other joints stay in the pose. A rotation is searched over a full turn, a translation between its
-limits. The document's test `no_collision` with `certify: true` proves combinations of joints.
-
-  thingc limits assemblies/arm.yaml                      all joints, in the start pose of the first mode
-  thingc limits assemblies/arm.yaml elbow --pose folded --resolution '0.05 deg'
-  thingc limits assemblies/arm.yaml --pairs              also all pairs of joints, between their limits
-  thingc limits assemblies/arm.yaml elbow --write        write the limits of the elbow to the document
-"""
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc limits` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument("joint", metavar="JOINT", nargs="*", help="joints or patterns (default: all joints with one coordinate)")
     parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first)")

@@ -1,6 +1,11 @@
 """Implementation of `thingc lock`, which writes the properties of the parts in a workspace to a lock file.
 
-With the lock file, thingc can check documents without running part code.
+Writes parts.lock.json at the root of the workspace: parameters with units, defaults and bounds, mounts, volumes, masses and a hash of
+the code, for every Thing in the part folders and every part that a document uses. Commit the file with the documents. This command
+runs the code of parts in a worker process; `thingc check --no-code` then needs neither this code nor a CAD kernel.
+
+  thingc lock
+  thingc lock --check          check that the file is up to date, in a pipeline that trusts the code
 """
 
 from __future__ import annotations
@@ -30,19 +35,9 @@ from thingc.model.resolve.resolver import Settings, resolve
 from thingc.tools.cli import console
 from thingc.tools.cli.parts import unreadable
 
-EPILOG = """\
-Writes parts.lock.json at the root of the workspace: parameters with units, defaults and bounds, mounts, volumes, masses and a hash of
-the code, for every Thing in the part folders and every part that a document uses. Commit the file with the documents. This command
-runs the code of parts in a worker process; `thingc check --no-code` then needs neither this code nor a CAD kernel.
-
-  thingc lock
-  thingc lock --check          check that the file is up to date, in a pipeline that trusts the code
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc lock` to the parser."""
-    parser.epilog = EPILOG
     parser.add_argument("folder", metavar="FOLDER", nargs="?", default=".", help="a folder of the workspace (default: the working folder)")
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if the file is not up to date")
     console.add_format(parser, console.FINDINGS)

@@ -1,4 +1,12 @@
-"""Implementation of `thingc lsp`, which runs the language server for editors."""
+"""Implementation of `thingc lsp`, which runs the language server for editors.
+
+Editors start this command and use the Language Server Protocol over standard input and output.
+
+  pip install 'thingc[lsp]'
+
+Code of a workspace runs only if the editor sends `initializationOptions: {trusted: true}`. Otherwise parts are read from parts.lock.json,
+as with `thingc check --no-code`.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +18,9 @@ from msgspec.structs import replace
 
 from thingc.tools.cli import console, signals
 
-EPILOG = """\
-Editors start this command and use the Language Server Protocol over standard input and output.
-
-  pip install 'thingc[lsp]'
-
-Code of a workspace runs only if the editor sends `initializationOptions: {trusted: true}`. Otherwise parts are read from parts.lock.json,
-as with `thingc check --no-code`.
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc lsp` to the parser."""
-    parser.epilog = EPILOG
     parser.add_argument("--stdio", action="store_true", help="use standard input and output (the default; some editors pass this option)")
     console.add_geometry(parser)
 

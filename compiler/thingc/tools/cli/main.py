@@ -1,4 +1,13 @@
-"""The entry point of `thingc`: parse the command line, import the module of one command, and run the command."""
+"""The entry point of `thingc`: parse the command line, import the module of one command, and run the command.
+
+Examples:
+  thingc check assemblies/arm.yaml           report errors and warnings
+  thingc build  assemblies/arm.yaml           models, meshes, print files, bill of materials in build/arm/
+  thingc build assemblies/arm.yaml -p 'reach=120 mm' --mode bench --emit mjcf
+  thingc info assemblies/arm.yaml            masses, and the source of each number
+
+Run `thingc COMMAND --help` for the arguments and options of a command.
+"""
 
 from __future__ import annotations
 
@@ -48,16 +57,6 @@ COMMANDS = {
     "why": "show why a part was built or reused, or list the export losses of each target",
 }
 
-EPILOG = """\
-Examples:
-  thingc check assemblies/arm.yaml           report errors and warnings
-  thingc build  assemblies/arm.yaml           models, meshes, print files, bill of materials in build/arm/
-  thingc build assemblies/arm.yaml -p 'reach=120 mm' --mode bench --emit mjcf
-  thingc info assemblies/arm.yaml            masses, and the source of each number
-
-Run `thingc COMMAND --help` for the arguments and options of a command.
-"""
-
 
 class Parser(argparse.ArgumentParser):
     """An argument parser that raises `WrongCommandLine` instead of exiting if the command line is invalid."""
@@ -76,7 +75,7 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
     """
     own: Parser | None = None
     parser = Parser(
-        prog="thingc", description="A compiler for robots: one document, many kinematic roots.", epilog=EPILOG,
+        prog="thingc", description="A compiler for robots: one document, many kinematic roots.", epilog=examples_of(__doc__),
         formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False,
     )
     parser.add_argument("--version", action="store_true", help="print the version and exit")
@@ -89,9 +88,16 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         if name == command:
-            importlib.import_module(f"thingc.tools.cli.{name}").configure(sub)
+            module = importlib.import_module(f"thingc.tools.cli.{name}")
+            sub.epilog = examples_of(module.__doc__)
+            module.configure(sub)
             own = sub
     return parser, own
+
+
+def examples_of(docstring: str | None) -> str:
+    """Return the end of the help of a command: the docstring of its module without the first paragraph."""
+    return (docstring or "").partition("\n\n")[2]
 
 
 def parse_arguments(words: Sequence[str]) -> argparse.Namespace | None:

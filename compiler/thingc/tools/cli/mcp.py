@@ -1,13 +1,5 @@
-"""Implementation of `thingc mcp`, which runs the MCP server for assistants."""
+"""Implementation of `thingc mcp`, which runs the MCP server for assistants.
 
-from __future__ import annotations
-
-import argparse
-import os
-
-from thingc.tools.cli import console
-
-EPILOG = """\
 Assistants start this command and use the Model Context Protocol (MCP) over standard input and output.
 
   pip install 'thingc[mcp]'
@@ -16,10 +8,16 @@ The tools are check, info, explain, parts and render, which read, and set and ad
 folder. Code of the workspace runs only with --trusted. Otherwise parts are read from parts.lock.json, as with `thingc check --no-code`.
 """
 
+from __future__ import annotations
+
+import argparse
+import os
+
+from thingc.tools.cli import console
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc mcp` to the parser."""
-    parser.epilog = EPILOG
     parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="the folder of the robots (default: the working folder)")
     parser.add_argument("--trusted", action="store_true", help="allow the tools to run code of the workspace")
     console.add_geometry(parser)

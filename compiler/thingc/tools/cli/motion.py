@@ -1,4 +1,10 @@
-"""Implementation of `thingc motion`, which replays a motion of a document in MuJoCo."""
+"""Implementation of `thingc motion`, which replays a motion of a document in MuJoCo.
+
+Without --csv, the motion is played in the viewer of MuJoCo.
+
+  thingc motion assemblies/arm.yaml wave
+  thingc motion assemblies/arm.yaml wave --mode bench --csv tracked.csv     without a window: tracked positions and errors
+"""
 
 from __future__ import annotations
 
@@ -18,17 +24,9 @@ from thingc.tools.cli import console
 if TYPE_CHECKING:
     from thingc.model.assembly.types import JointEdge
 
-EPILOG = """\
-Without --csv, the motion is played in the viewer of MuJoCo.
-
-  thingc motion assemblies/arm.yaml wave
-  thingc motion assemblies/arm.yaml wave --mode bench --csv tracked.csv     without a window: tracked positions and errors
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc motion` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument("motion", metavar="MOTION", nargs="?", help="a motion of the document (default: the first)")
     parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first)")

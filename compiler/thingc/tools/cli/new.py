@@ -1,4 +1,14 @@
-"""Implementation of `thingc new`, which creates a workspace with a small robot that can be built."""
+"""Implementation of `thingc new`, which creates a workspace with a small robot that can be built.
+
+Creates the folder NAME with a robot of that name: parts, a document with two modes and tests, settings for editors, Git and GitHub.
+An existing folder must be empty except for `.git`. Use `.` for the working folder.
+
+  thingc new rover                       {arm}
+  thingc new rover --template legged     {legged}
+  thingc new rover --template gripper    {gripper}
+  thingc new robots/rover --template empty
+  thingc new .                           create it in the working folder, and name the robot after it
+"""
 
 from __future__ import annotations
 
@@ -14,23 +24,13 @@ from thingc.driver.output import write_new
 from thingc.tools.cli import console, signals
 from thingc.tools.templates import TEMPLATES, files_of
 
-EPILOG = """\
-Creates the folder NAME with a robot of that name: parts, a document with two modes and tests, settings for editors, Git and GitHub.
-An existing folder must be empty except for `.git`. Use `.` for the working folder.
-
-  thingc new rover                       {arm}
-  thingc new rover --template legged     {legged}
-  thingc new rover --template gripper    {gripper}
-  thingc new robots/rover --template empty
-  thingc new .                           create it in the working folder, and name the robot after it
-""".format(**TEMPLATES)
 RESERVED = {"world", "root", "origin", "scene"}
 """Names that a robot cannot have: the world, frames of the world, and the scene files of MuJoCo models."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc new` to the parser."""
-    parser.epilog = EPILOG
+    parser.epilog = (parser.epilog or "").format(**TEMPLATES)
     parser.add_argument("place", metavar="NAME", help="the folder to create; its last component is the name of the robot")
     parser.add_argument(
         "--template", type=console.one_of(list(TEMPLATES)), metavar="{" + ",".join(TEMPLATES) + "}", default=next(iter(TEMPLATES)),

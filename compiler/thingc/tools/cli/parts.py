@@ -1,4 +1,14 @@
-"""Implementation of `thingc parts`, which lists the available parts with their parameters and mounts."""
+"""Implementation of `thingc parts`, which lists the available parts with their parameters and mounts.
+
+Lists the Things in the part folders of the workspace and in the allowed packages. For parts given as arguments, the command also shows the
+frames of their mounts for default parameters (the axes of the part along x, y and z of the mount) and the names of their reference
+geometry. An argument can be any part that a document can use, such as a shape, a function, or a class of another installed package.
+
+  thingc parts
+  thingc parts thingc_stock bd_warehouse.fastener:SocketHeadCapScrew
+  thingc parts arm:RotorBrace
+  thingc parts --format json | jq '.parts[].reference'
+"""
 
 from __future__ import annotations
 
@@ -23,21 +33,9 @@ from thingc.tools.cli import console
 WIDTH = 120
 """Maximum number of characters in a line of names."""
 
-EPILOG = """\
-Lists the Things in the part folders of the workspace and in the allowed packages. For parts given as arguments, the command also shows the
-frames of their mounts for default parameters (the axes of the part along x, y and z of the mount) and the names of their reference
-geometry. An argument can be any part that a document can use, such as a shape, a function, or a class of another installed package.
-
-  thingc parts
-  thingc parts thingc_stock bd_warehouse.fastener:SocketHeadCapScrew
-  thingc parts arm:RotorBrace
-  thingc parts --format json | jq '.parts[].reference'
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc parts` to the parser."""
-    parser.epilog = EPILOG
     parser.add_argument("part", metavar="PART", nargs="*", help="list only this part, module or package: module:Class, module or package")
     parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="a folder of the workspace (default: the working folder)")
     console.add_no_code(parser)

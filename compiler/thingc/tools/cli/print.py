@@ -1,4 +1,11 @@
-"""Implementation of `thingc print`, which shows how the printed parts of a robot are printed: their size, supports, mass and filament."""
+"""Implementation of `thingc print`, which shows how the printed parts of a robot are printed: their size, supports, mass and filament.
+
+Overhangs are surfaces that are flatter than 45 degrees; the support is the space below them. The command also tries the directions in which
+the part rests on a large face, and shows the direction with the least support, if it is smaller. To use it, write `print: {up: ...}`.
+`thingc build DOC --emit 3mf` writes the print plates.
+
+  thingc print assemblies/arm.yaml
+"""
 
 from __future__ import annotations
 
@@ -22,18 +29,9 @@ if TYPE_CHECKING:
 FILAMENT = 1.75e-3
 """Diameter of the filament [m]."""
 
-EPILOG = """\
-Overhangs are surfaces that are flatter than 45 degrees; the support is the space below them. The command also tries the directions in which
-the part rests on a large face, and shows the direction with the least support, if it is smaller. To use it, write `print: {up: ...}`.
-`thingc build DOC --emit 3mf` writes the print plates.
-
-  thingc print assemblies/arm.yaml
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc print` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser)
     console.add_format(parser)
     console.add_compiling(parser)

@@ -1,4 +1,11 @@
-"""Implementation of `thingc rename`, which renames an element of a document and updates all references to the element."""
+"""Implementation of `thingc rename`, which renames an element of a document and updates all references to the element.
+
+Also updates documents that use the element, tests, variants, and the Python code of parts. If a reference would change its meaning,
+nothing is written.
+
+  thingc rename assemblies/arm.yaml components.hand gripper
+  thingc rename assemblies/arm.yaml joints.yaw turn --diff      show the change, write nothing
+"""
 
 from __future__ import annotations
 
@@ -18,18 +25,9 @@ from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspa
 from thingc.documents.workspace import Workspace
 from thingc.tools.cli import console, signals
 
-EPILOG = """\
-Also updates documents that use the element, tests, variants, and the Python code of parts. If a reference would change its meaning,
-nothing is written.
-
-  thingc rename assemblies/arm.yaml components.hand gripper
-  thingc rename assemblies/arm.yaml joints.yaw turn --diff      show the change, write nothing
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc rename` to the parser."""
-    parser.epilog = EPILOG
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly or materials document (YAML or TOML)")
     parser.add_argument("path", metavar="PATH", help="path of the element: components.hand, joints.yaw, components.hand.mounts.tip")

@@ -1,4 +1,14 @@
-"""Implementation of `thingc render`, which renders a picture of a robot in a mode and a pose, without a display."""
+"""Implementation of `thingc render`, which renders a picture of a robot in a mode and a pose, without a display.
+
+The robot fills the picture. The floor is the plane z = 0 of the world, shown as a wall if gravity in the mode is parallel to it.
+MuJoCo draws the picture with EGL, which requires neither a screen nor a graphics card.
+
+  thingc render assemblies/arm.yaml                                   first mode in its start pose: arm_bench_home.png
+  thingc render assemblies/arm.yaml --mode drawing --pose writing -o writing.png
+  thingc render assemblies/arm.yaml --joints --root                   with joint axes, and the frame of the root
+  thingc render assemblies/arm.yaml --mounts-of hand                  with the mounts of the hand: x red, y green, z blue
+  thingc render assemblies/arm.yaml --azimuth 90 --elevation -10 --size 1920x1080
+"""
 
 from __future__ import annotations
 
@@ -26,16 +36,6 @@ from thingc.tools.cli import console
 if TYPE_CHECKING:
     from thingc.targets.render.frames import Mark
 
-EPILOG = """\
-The robot fills the picture. The floor is the plane z = 0 of the world, shown as a wall if gravity in the mode is parallel to it.
-MuJoCo draws the picture with EGL, which requires neither a screen nor a graphics card.
-
-  thingc render assemblies/arm.yaml                                   first mode in its start pose: arm_bench_home.png
-  thingc render assemblies/arm.yaml --mode drawing --pose writing -o writing.png
-  thingc render assemblies/arm.yaml --joints --root                   with joint axes, and the frame of the root
-  thingc render assemblies/arm.yaml --mounts-of hand                  with the mounts of the hand: x red, y green, z blue
-  thingc render assemblies/arm.yaml --azimuth 90 --elevation -10 --size 1920x1080
-"""
 
 COLLISION = "1 0.3 0.1 0.4"
 """Colour of collision shapes, as red, green, blue and opacity."""
@@ -49,7 +49,6 @@ LARGEST = 8192
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc render` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser)
     add = parser.add_argument
     add("--mode", metavar="M", help="mode to show (default: the first)")

@@ -1,4 +1,12 @@
-"""Implementation of `thingc rezero`, which moves zeros of joints and reverses joints in a document."""
+"""Implementation of `thingc rezero`, which moves zeros of joints and reverses joints in a document.
+
+The coordinate of a joint changes by `q_new = q_old + ZERO`, with --flip by `q_new = ZERO - q_old`, as `thingc same OLD NEW` prints it.
+Limits, poses, start positions, mimics, tendons, springs and tests follow; the geometry does not change. Comments and layout are preserved.
+
+  thingc rezero arm.yaml 'elbow=90 deg'                     q_new = q_old + 90 deg
+  thingc rezero arm.yaml 'elbow=90 deg' 'slide=-5 mm' --flip elbow
+  thingc rezero arm.yaml --flip elbow --diff                show the change, write nothing
+"""
 
 from __future__ import annotations
 
@@ -12,19 +20,9 @@ from thingc.tools.rezero.quantity_text import ExactQuantity, read_quantity
 from thingc.tools.rezero.rezero import rezero
 from thingc.tools.rezero.shift_edits import JointShift
 
-EPILOG = """\
-The coordinate of a joint changes by `q_new = q_old + ZERO`, with --flip by `q_new = ZERO - q_old`, as `thingc same OLD NEW` prints it.
-Limits, poses, start positions, mimics, tendons, springs and tests follow; the geometry does not change. Comments and layout are preserved.
-
-  thingc rezero arm.yaml 'elbow=90 deg'                     q_new = q_old + 90 deg
-  thingc rezero arm.yaml 'elbow=90 deg' 'slide=-5 mm' --flip elbow
-  thingc rezero arm.yaml --flip elbow --diff                show the change, write nothing
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc rezero` to the parser."""
-    parser.epilog = EPILOG
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("zero", metavar="JOINT=ZERO", nargs="*", help="a joint of the document, and the new coordinate of its old zero")

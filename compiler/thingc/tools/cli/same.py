@@ -1,4 +1,14 @@
-"""Implementation of `thingc same`, which checks whether two robots are the same mechanism."""
+"""Implementation of `thingc same`, which checks whether two robots are the same mechanism.
+
+Compares axes of joints, masses, inertias and couplings. Root, names, link frames, joint zeros and joint signs may differ; the output is the
+map between the robots. Limits are shown, but do not change the result. Meshes, contacts, drives and tendons are not compared.
+
+  thingc same old.urdf new.urdf                     two files: documents, URDF, xacro, MJCF, SDF
+  thingc same arm.yaml build/arm                    a document and a build folder
+  thingc same main..HEAD -- assemblies/arm.yaml     two revisions of a file
+
+Exit code: 0 if the robots are the same mechanism, 1 if they differ or have errors, 2 for an invalid command line.
+"""
 
 from __future__ import annotations
 
@@ -15,21 +25,9 @@ from thingc.tools.same.comparison import TOLERANCE, MechanismComparison, compare
 from thingc.tools.same.sides import mechanisms
 from thingc.tools.same.text_report import as_text
 
-EPILOG = """\
-Compares axes of joints, masses, inertias and couplings. Root, names, link frames, joint zeros and joint signs may differ; the output is the
-map between the robots. Limits are shown, but do not change the result. Meshes, contacts, drives and tendons are not compared.
-
-  thingc same old.urdf new.urdf                     two files: documents, URDF, xacro, MJCF, SDF
-  thingc same arm.yaml build/arm                    a document and a build folder
-  thingc same main..HEAD -- assemblies/arm.yaml     two revisions of a file
-
-Exit code: 0 if the robots are the same mechanism, 1 if they differ or have errors, 2 for an invalid command line.
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc same` to the parser."""
-    parser.epilog = EPILOG
     parser.set_defaults(behind=[])
     add = parser.add_argument
     add("side", metavar="SIDE", nargs="+", help="two robots: documents, files of other formats, build folders or Git revisions")

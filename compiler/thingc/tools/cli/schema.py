@@ -1,6 +1,13 @@
 """Implementation of `thingc schema`, which writes a JSON Schema for each document.
 
-Editors use it to suggest parts, mounts, joints and names.
+Writes .thingc/schema/<document>.json for every document of the workspace. If your editor does not use `thingc lsp`, add the path of the
+schema to the first line of the document:
+
+  # yaml-language-server: $schema=.thingc/schema/arm.yaml.json     YAML
+  #:schema .thingc/schema/arm.toml.json                            TOML
+
+  thingc schema                         all documents of the workspace
+  thingc schema assemblies/arm.yaml     only this document
 """
 
 from __future__ import annotations
@@ -21,22 +28,11 @@ from thingc.geometry.lock.lock import read_lock
 from thingc.tools.cli import console
 from thingc.tools.schemas.refresh_schemas import SCHEMAS, Schemas
 
-EPILOG = """\
-Writes .thingc/schema/<document>.json for every document of the workspace. If your editor does not use `thingc lsp`, add the path of the
-schema to the first line of the document:
-
-  # yaml-language-server: $schema=.thingc/schema/arm.yaml.json     YAML
-  #:schema .thingc/schema/arm.toml.json                            TOML
-
-  thingc schema                         all documents of the workspace
-  thingc schema assemblies/arm.yaml     only this document
-"""
 REMOVED = "use `thingc lsp`, or run `thingc schema` after every save and write the paths of the schemas into the documents (see --help)"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc schema` to the parser."""
-    parser.epilog = EPILOG
     parser.add_argument(
         "place", metavar="FOLDER|DOC", nargs="*", default=["."],
         help="a document, or a folder of a workspace (for all documents in it) (default: the working folder)",

@@ -1,4 +1,12 @@
-"""Implementation of `thingc sensitivity`, which computes derivatives of properties of a robot with respect to its parameters."""
+"""Implementation of `thingc sensitivity`, which computes derivatives of properties of a robot with respect to its parameters.
+
+Derivatives are exact, except for parameters of modelled parts: these are estimated from five robots near this one, and the error of the
+estimate is shown after `+-`.
+
+  thingc sensitivity assemblies/arm.yaml                            mass and centre of mass by all parameters
+  thingc sensitivity assemblies/arm.yaml --of mass,centre.z,tests.* also what the tests of the document measure
+  thingc sensitivity assemblies/arm.yaml --of site:tip.z --by reach,joints.elbow.turn -p 'reach=120 mm'
+"""
 
 from __future__ import annotations
 
@@ -19,14 +27,6 @@ if TYPE_CHECKING:
     from thingc.batch.families.function import NotDifferentiable
     from thingc.batch.families.sensitivity import Sensitivity
 
-EPILOG = """\
-Derivatives are exact, except for parameters of modelled parts: these are estimated from five robots near this one, and the error of the
-estimate is shown after `+-`.
-
-  thingc sensitivity assemblies/arm.yaml                            mass and centre of mass by all parameters
-  thingc sensitivity assemblies/arm.yaml --of mass,centre.z,tests.* also what the tests of the document measure
-  thingc sensitivity assemblies/arm.yaml --of site:tip.z --by reach,joints.elbow.turn -p 'reach=120 mm'
-"""
 SHOWN = {MASS: "g", LENGTH: "mm", ANGLE: "deg", INERTIA: "kg*mm^2"}
 """The units in which results are displayed, by physical dimension.
 
@@ -40,7 +40,6 @@ NONE = 1e-12
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc sensitivity` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument(
         "--of", metavar="RESULT,...", type=_split, default=["mass", "centre"], help="results such as mass, centre.z (or com.z), inertia, "

@@ -1,4 +1,12 @@
-"""Implementation of `thingc set`, which sets the values at given paths of a document, and preserves comments and layout."""
+"""Implementation of `thingc set`, which sets the values at given paths of a document, and preserves comments and layout.
+
+A path has the same form as in the option --set of other commands. For a parameter of the document, write its name, or parameters.NAME.
+If the document would have errors, nothing is written.
+
+  thingc set assemblies/arm.yaml 'joints.elbow.limit.upper=90 deg' 'reach=120 mm'
+  thingc set robot.yaml components.foot.part=feet:Wide
+  thingc set robot.yaml 'components.plate.mass=82 g' --diff      show the change, write nothing
+"""
 
 from __future__ import annotations
 
@@ -14,19 +22,9 @@ from thingc.driver.edit_document import EditResult, parameter_name, write_values
 from thingc.driver.environment import Options
 from thingc.tools.cli import console
 
-EPILOG = """\
-A path has the same form as in the option --set of other commands. For a parameter of the document, write its name, or parameters.NAME.
-If the document would have errors, nothing is written.
-
-  thingc set assemblies/arm.yaml 'joints.elbow.limit.upper=90 deg' 'reach=120 mm'
-  thingc set robot.yaml components.foot.part=feet:Wide
-  thingc set robot.yaml 'components.plate.mass=82 g' --diff      show the change, write nothing
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc set` to the parser."""
-    parser.epilog = EPILOG
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="a path or the name of a parameter, and its new value")

@@ -1,4 +1,13 @@
-"""Implementation of `thingc test`, which runs the tests in a document."""
+"""Implementation of `thingc test`, which runs the tests in a document.
+
+Runs the tests of the document, but not the tests of nested documents. A failed test is reported as an error at the violated
+value. The exit code is 0 if all tests pass.
+
+  thingc test assemblies/arm.yaml
+  thingc test assemblies/arm.yaml --only weight --only 'holds_*'
+  thingc test assemblies/arm.yaml --mode bench -p 'reach=120 mm'
+  thingc test assemblies/arm.yaml --format junit > arm.xml
+"""
 
 from __future__ import annotations
 
@@ -21,20 +30,9 @@ if TYPE_CHECKING:
     from thingc.driver.testing.test_runner import Selection
     from thingc.model.assembly.types import Assembly
 
-EPILOG = """\
-Runs the tests of the document, but not the tests of nested documents. A failed test is reported as an error at the violated
-value. The exit code is 0 if all tests pass.
-
-  thingc test assemblies/arm.yaml
-  thingc test assemblies/arm.yaml --only weight --only 'holds_*'
-  thingc test assemblies/arm.yaml --mode bench -p 'reach=120 mm'
-  thingc test assemblies/arm.yaml --format junit > arm.xml
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc test` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument(
         "--only", metavar="NAME", action="append", default=[], help="run only tests with this name or pattern (may be repeated)",

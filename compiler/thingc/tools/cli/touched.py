@@ -1,4 +1,14 @@
-"""Implementation of `thingc touched`, which lists the documents that changed files affect."""
+"""Implementation of `thingc touched`, which lists the documents that changed files affect.
+
+Lists the documents below the working folder that depend on the given files, directly or through nested documents, materials, part code
+or part files. Runs no code of the workspace.
+
+  thingc touched parts/arm.py
+  thingc touched --since origin/main                    all changes of this branch
+  thingc touched --since origin/main --roots            documents to build: assemblies with modes, or not nested in others
+  thingc touched --since origin/main -0 | xargs -0r thingc check --
+  thingc touched --since origin/main --robot-files      changed URDF, xacro, MJCF and SDF files
+"""
 
 from __future__ import annotations
 
@@ -10,21 +20,9 @@ from thingc.base.diagnostics import shown_path
 from thingc.tools.cli import console
 from thingc.tools.cli.robot_files import changed_robots
 
-EPILOG = """\
-Lists the documents below the working folder that depend on the given files, directly or through nested documents, materials, part code
-or part files. Runs no code of the workspace.
-
-  thingc touched parts/arm.py
-  thingc touched --since origin/main                    all changes of this branch
-  thingc touched --since origin/main --roots            documents to build: assemblies with modes, or not nested in others
-  thingc touched --since origin/main -0 | xargs -0r thingc check --
-  thingc touched --since origin/main --robot-files      changed URDF, xacro, MJCF and SDF files
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc touched` to the parser."""
-    parser.epilog = EPILOG
     parser.add_argument("files", metavar="FILE", nargs="*", help="a changed file (it may be deleted)")
     parser.add_argument("--since", metavar="REVISION", help="add all files that have changed since the common ancestor with REVISION (Git)")
     parser.add_argument("--all", action="store_true", help="list every document below the working folder")

@@ -1,4 +1,14 @@
-"""Implementation of `thingc view`, which shows a robot in the browser and updates the page after every save."""
+"""Implementation of `thingc view`, which shows a robot in the browser and updates the page after every save.
+
+Serves the page on this machine only, under a secret address, and opens it in a browser. The page updates after every save and shows the
+diagnostics of `thingc check`. Nothing is written. An existing build folder with html/, or its page, is opened without a server.
+
+  thingc view assemblies/arm.yaml
+  thingc view assemblies/arm.yaml --mode bench --no-open
+  thingc view assemblies/arm.yaml --against assemblies/arm.yaml      show the effect of an edit
+  thingc view robot.urdf                                             a robot file of another format
+  thingc view build/arm
+"""
 
 from __future__ import annotations
 
@@ -41,21 +51,9 @@ OF_DOCUMENTS = {
 }
 """Options that have no effect on an existing build, keyed by the attribute of the parsed arguments."""
 
-EPILOG = """\
-Serves the page on this machine only, under a secret address, and opens it in a browser. The page updates after every save and shows the
-diagnostics of `thingc check`. Nothing is written. An existing build folder with html/, or its page, is opened without a server.
-
-  thingc view assemblies/arm.yaml
-  thingc view assemblies/arm.yaml --mode bench --no-open
-  thingc view assemblies/arm.yaml --against assemblies/arm.yaml      show the effect of an edit
-  thingc view robot.urdf                                             a robot file of another format
-  thingc view build/arm
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc view` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser, metavar="DOC|BUILD", what=(
         "an assembly document (YAML or TOML), a robot of another format (.urdf, .xacro, .sdf, .xml), a build folder with html/, or its page"
     ))

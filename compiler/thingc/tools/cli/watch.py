@@ -1,4 +1,12 @@
-"""Implementation of `thingc watch`, which builds a document after every save, until Ctrl-C."""
+"""Implementation of `thingc watch`, which builds a document after every save, until Ctrl-C.
+
+Watches all inputs of the build: documents, part modules and the files that they read, materials, thingc.toml. If a save has errors,
+they are reported and the last successful build remains. The CAD kernel is loaded once.
+
+  thingc watch assemblies/arm.yaml
+  thingc watch assemblies/arm.yaml --mode bench --emit mjcf
+  thingc watch assemblies/arm.yaml --format json      print a line of JSON for each build
+"""
 
 from __future__ import annotations
 
@@ -22,19 +30,9 @@ from thingc.tools.cli import console, signals
 from thingc.tools.cli.build import add_building, answer_of, chosen_targets, tell, wish_of
 from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 
-EPILOG = """\
-Watches all inputs of the build: documents, part modules and the files that they read, materials, thingc.toml. If a save has errors,
-they are reported and the last successful build remains. The CAD kernel is loaded once.
-
-  thingc watch assemblies/arm.yaml
-  thingc watch assemblies/arm.yaml --mode bench --emit mjcf
-  thingc watch assemblies/arm.yaml --format json      print a line of JSON for each build
-"""
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc watch` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser)
     add_building(parser)
     console.add_format(parser)

@@ -1,4 +1,10 @@
-"""Implementation of `thingc why`, which shows why a part was built or reused, or which information the output formats cannot represent."""
+"""Implementation of `thingc why`, which shows why a part was built or reused, or which information the output formats cannot represent.
+
+The command expects either an occurrence or --losses.
+
+  thingc why assemblies/arm.yaml hand/cap       show whether the part must be rebuilt, and what has changed
+  thingc why assemblies/arm.yaml --losses       show what targets cannot express, and the consequences
+"""
 
 from __future__ import annotations
 
@@ -17,18 +23,12 @@ from thingc.targets.artifact import Loss
 from thingc.tools.cli import console
 from thingc.tools.cli.build import add_compat, add_emit, chosen_targets
 
-EPILOG = """\
-  thingc why assemblies/arm.yaml hand/cap       show whether the part must be rebuilt, and what has changed
-  thingc why assemblies/arm.yaml --losses       show what targets cannot express, and the consequences
-"""
-
 _NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
 """Regular expression of numbers in the descriptions of export losses."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc why` to the parser."""
-    parser.epilog = EPILOG
     console.add_document(parser)
     parser.add_argument("occurrence", metavar="OCCURRENCE", nargs="?", help="the path of a part, such as hand/cap")
     parser.add_argument("--losses", action="store_true", help="list the export losses of each target")
