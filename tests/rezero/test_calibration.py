@@ -208,3 +208,53 @@ def test_other_commands_know_the_document(here: Path, capsys: pytest.CaptureFixt
     assert main(["calibration", "arm.yaml", "arm.yaml"]) == 1
     said = "".join(capsys.readouterr())
     assert "expected a document of kind `calibration`, found `assembly`" in said and "use `thingc calibration ROBOT FILE`" in said
+
+
+def test_rezero_keeps_the_encoder_values_of_all_positions(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The encoder value at a physical position does not change. `q` of the old robot is `zero + q` or `zero - q` of the new robot."""
+    text = GOOD + "  slide: {id: 4, offset: 500, sign: -1, resolution: 0.02 mm}\n"
+    (here / "left.calibration.yaml").write_text(text)
+    (here / "other.yaml").write_text("thingc: calibration/1\njoints: {pan: {id: 1, offset: 7, ticks_per_turn: 100}}\n")
+    (here / "unrelated.yaml").write_text("thingc: calibration/1\njoints: {thumb: {id: 1, offset: 7, ticks_per_turn: 100}}\n")
+    old = table(here)
+    words = ["pan=-90 deg", "lift=30 deg", "slide=-7 mm", "--flip", "lift", "--flip", "slide", "--calibration", "left.calibration.yaml"]
+    assert main(["rezero", "arm.yaml", *words, "--diff"]) == 0
+    assert "+++ left.calibration.yaml" in capsys.readouterr().out and (here / "left.calibration.yaml").read_text() == text
+    assert main(["rezero", "arm.yaml", *words]) == 0
+    out = capsys.readouterr().out
+    assert "left.calibration.yaml: joints.slide.offset: 500 -> 850" in out, out
+    assert "warning[TC801]: `other.yaml` also contains these joints" in out and "--calibration other.yaml" in out, out
+    assert "unrelated" not in out
+    new = table(here)
+    assert new["wheel"] == old["wheel"]
+    moves = {"pan": (1, math.radians(-90)), "lift": (-1, math.radians(30)), "slide": (-1, -0.007)}
+    for name, (sign, zero) in moves.items():
+        for q in (-0.003, 0.0, 0.05):
+            before, after = (one["offset"] + one["sign"] * at * one["ticks_per_unit"] for one, at in (
+                (old[name], q), (new[name], sign * q + zero),
+            ))
+            assert abs(apart(name, before, after)) <= 0.5, (name, q, before, after)
+        assert all(abs(apart(name, *ends)) <= 1 for ends in zip(old[name]["range"], new[name]["range"], strict=True))
+
+
+def test_rezero_writes_nothing_if_the_new_calibration_has_errors(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The measured range of an encoder with one turn does not fit a zero at the other side of the turn."""
+    text = "thingc: calibration/1\njoints:\n  pan: {id: 1, offset: 1000, ticks_per_turn: 4096, range: [10, 2300]}\n"
+    (here / "left.calibration.yaml").write_text(text)
+    assert main(["rezero", "arm.yaml", "pan=120 deg", "--calibration", "left.calibration.yaml"]) != 0
+    assert "--> left.calibration.yaml:3:" in capsys.readouterr().out
+    assert ((here / "arm.yaml").read_text(), (here / "left.calibration.yaml").read_text()) == (ROBOT, text)
+
+
+def apart(name: str, one: float, other: float) -> float:
+    """Return the difference of two encoder values. The encoders of rotations have one turn."""
+    return other - one if name == "slide" else (other - one + 2048) % 4096 - 2048
+
+
+def table(here: Path) -> dict[str, dict[str, Any]]:
+    """Return the motors of the calibration, as thingc exports them to Python."""
+    assert main(["calibration", "arm.yaml", "left.calibration.yaml", "--emit", "python", "-o", "out.py"]) == 0
+    names: dict[str, Any] = {}
+    exec((here / "out.py").read_text(), names)
+    joints: dict[str, dict[str, Any]] = names["JOINTS"]
+    return joints

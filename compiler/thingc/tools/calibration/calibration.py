@@ -35,15 +35,28 @@ class CalibratedJoint(FrozenStruct):
     model: str | None
 
 
-def read_calibration(path: str, assembly: Assembly, report: Report) -> tuple[CalibratedJoint, ...]:
-    """Read a calibration document. Errors are added to `report`."""
+class Calibration(FrozenStruct):
+    """A calibration document, and its joints without errors."""
+
+    document: Document
+    joints: tuple[CalibratedJoint, ...] = ()
+
+
+def read_calibration(path: str, assembly: Assembly, report: Report) -> Calibration | None:
+    """Read a calibration document. Errors are added to `report`. Return None if the file cannot be read."""
     workspace = Workspace.find(path, report)
     documents = load(path, workspace, report, kinds=("calibration",)) if workspace is not None else None
-    spec = validate_one(documents.root, report) if documents is not None else None
-    if documents is None or not isinstance(spec, CalibrationSpec):
-        return ()
-    reader = _Reader(documents.root, spec, assembly, report)
-    return tuple(one for name, motor in spec.joints.items() if (one := reader.calibrated_joint(name, motor)) is not None)
+    return None if documents is None else check_calibration(documents.root, assembly, report)
+
+
+def check_calibration(document: Document, assembly: Assembly, report: Report) -> Calibration:
+    """Check a calibration document against a robot. Errors are added to `report`."""
+    spec = validate_one(document, report)
+    if not isinstance(spec, CalibrationSpec):
+        return Calibration(document=document)
+    reader = _Reader(document, spec, assembly, report)
+    joints = (reader.calibrated_joint(name, motor) for name, motor in spec.joints.items())
+    return Calibration(document=document, joints=tuple(one for one in joints if one is not None))
 
 
 class _Reader:

@@ -14,14 +14,14 @@ from thingc.targets.ros.joints import joints
 from thingc.targets.xml_writer import write
 from thingc.tools.calibration.calibration import CalibratedJoint
 
-Calibration = Sequence[CalibratedJoint]
+Joints = Sequence[CalibratedJoint]
 
 
 class ExportRefused(UserError):
     """Raised if a format cannot express a calibration."""
 
 
-def lerobot(calibration: Calibration, robot: Robot) -> str:
+def lerobot(calibration: Joints, robot: Robot) -> str:
     """Return the calibration file of LeRobot as JSON: `MotorCalibration` by name of the motor.
 
     `homing_offset` makes the middle of the range the middle of the encoder: the motor reports the encoder value minus `homing_offset`.
@@ -40,7 +40,7 @@ def _homing_values(one: CalibratedJoint) -> dict[str, int]:
     }
 
 
-def lerobot_motors(calibration: Calibration, robot: Robot) -> str:
+def lerobot_motors(calibration: Joints, robot: Robot) -> str:
     """Return the motor mapping of LeRobot as JSON: the arguments of `Motor` by name of the motor."""
     nameless = next((one for one in calibration if one.model is None), None)
     if nameless is not None:
@@ -48,7 +48,7 @@ def lerobot_motors(calibration: Calibration, robot: Robot) -> str:
     return _json({safe(one.joint.path): {"id": one.id, "model": one.model, "norm_mode": "degrees"} for one in calibration})
 
 
-def ros2_control_block(calibration: Calibration, robot: Robot) -> str:
+def ros2_control_block(calibration: Joints, robot: Robot) -> str:
     """Return the `<ros2_control>` block of the robot, in which each joint also has the parameters of its motor."""
     block, motors = ros2_control(robot), {one.joint.path: one for one in calibration}
     if block is None:
@@ -62,7 +62,7 @@ def ros2_control_block(calibration: Calibration, robot: Robot) -> str:
     return write(block, "Parameters of motors: ticks = offset + sign * q * ticks_per_unit [1/rad or 1/m]").text
 
 
-def python(calibration: Calibration, robot: Robot) -> str:
+def python(calibration: Joints, robot: Robot) -> str:
     """Return a Python module with the dictionary `JOINTS`."""
     entries = {
         one.joint.path: {
@@ -78,7 +78,7 @@ def _json(data: Mapping[str, object]) -> str:
     return json.dumps(data, indent=4) + "\n"
 
 
-EXPORTS: Mapping[str, Callable[[Calibration, Robot], str]] = {
+EXPORTS: Mapping[str, Callable[[Joints, Robot], str]] = {
     "lerobot": lerobot, "lerobot_motors": lerobot_motors, "ros2_control": ros2_control_block, "python": python,
 }
 """The formats of the option `--emit`."""

@@ -60,14 +60,14 @@ def _convert(arguments: argparse.Namespace, environment: Environment) -> list[Di
         return console.final(report, strict=arguments.strict)
     calibration = read_calibration(arguments.calibration, compilation.assembly, report)
     found = console.final(report, strict=arguments.strict)
-    if console.exit_code(found):
+    if calibration is None or console.exit_code(found):
         return found
     if arguments.emit is None:
         if arguments.format == "text":
-            console.say(f"{arguments.calibration}: ok, {format_count(len(calibration), 'motor')}")
+            console.say(f"{arguments.calibration}: ok, {format_count(len(calibration.joints), 'motor')}")
         return found
     try:
-        text = EXPORTS[arguments.emit](calibration, compilation.robots[0])
+        text = EXPORTS[arguments.emit](calibration.joints, compilation.robots[0])
     except ExportRefused as fault:
         raise console.WrongCommandLine(f"--emit {arguments.emit}: {fault}", fault.diagnostic.help) from fault
     with console.writing(arguments.output, "choose another file with -o"):

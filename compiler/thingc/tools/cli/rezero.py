@@ -1,7 +1,8 @@
 """Implementation of `thingc rezero`, which moves zeros of joints and reverses joints in a document.
 
 The coordinate of a joint changes by `q_new = q_old + ZERO`, with --flip by `q_new = ZERO - q_old`, as `thingc same OLD NEW` prints it.
-Limits, poses, start positions, mimics, tendons, springs and tests follow; the geometry does not change. Comments and layout are preserved.
+Limits, poses, start positions, mimics, tendons, springs, tests and the given calibrations follow; the geometry does not change. Comments
+and layout are preserved.
 
   thingc rezero arm.yaml 'elbow=90 deg'                     q_new = q_old + 90 deg
   thingc rezero arm.yaml 'elbow=90 deg' 'slide=-5 mm' --flip elbow
@@ -27,14 +28,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("zero", metavar="JOINT=ZERO", nargs="*", help="a joint of the document, and the new coordinate of its old zero")
     parser.add_argument("--flip", metavar="JOINT", action="append", default=[], help="reverse the direction of a joint (may be repeated)")
+    parser.add_argument(
+        "--calibration", metavar="FILE", action="append", default=[], help="also change a calibration of this robot (may be repeated)",
+    )
     console.add_editing(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc rezero`, and return the exit code, which is 0 if the document was changed (with `--diff`: can be changed)."""
-    console.require_document(arguments.document)
+    for document in (arguments.document, *arguments.calibration):
+        console.require_document(document)
     options, shifts = console.options_of(arguments), _shifts(arguments)
-    outcome = rezero(arguments.document, shifts, options, strict=arguments.strict, dry=arguments.diff)
+    outcome = rezero(
+        arguments.document, shifts, options, calibrations=arguments.calibration, strict=arguments.strict, dry=arguments.diff,
+    )
     return report_edit(outcome, arguments, diff=arguments.diff)
 
 

@@ -13,9 +13,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Report, Severity, shown_path
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.base.pose import Pose
-from thingc.base.source import Document, walk
+from thingc.base.source import Document, entries_of, node_at, walk
 from thingc.documents.format.value_edits import CannotSetValue, Keys, changes, set_values
 from thingc.documents.load.discovery import documents_in
 from thingc.documents.load.documents import load
@@ -29,7 +29,8 @@ from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
 from thingc.model.robot.kinematics import occurrence_poses
 from thingc.model.robot.types import Robot
-from thingc.tools.rezero.shift_edits import JointShift, ShiftEdits, ShiftRefused, find_joint
+from thingc.tools.calibration.calibration import check_calibration, read_calibration
+from thingc.tools.rezero.shift_edits import JointShift, ShiftEdits, ShiftRefused, calibration_edits, find_joint
 
 ALIKE, CLOSED = 1e-9, 1e-6
 """Largest difference [m, or of an entry of a rotation matrix] between poses of the old and the new robot, without and with closed loops."""
@@ -39,15 +40,32 @@ State = tuple[Mapping[str, float], Pose | None]
 """Coordinates [rad or m] by joint, and the pose of the root in the world."""
 
 
-def rezero(document: str, shifts: Sequence[JointShift], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
-    """Move joints of a document file, unless this would cause errors or other poses. With `dry`, no file is written."""
+def rezero(
+    document: str, shifts: Sequence[JointShift], options: Options, *, calibrations: Sequence[str] = (), strict: bool = False,
+    dry: bool = False,
+) -> EditResult:
+    """Move joints of a document file, unless this would cause errors or other poses. With `dry`, no file is written.
+
+    `calibrations` are the paths of calibrations of this robot, which change as well. The result contains a warning for each other
+    calibration of the workspace that contains one of the joints.
+    """
     first = _compile(document, options)
-    if first.documents is None or first.report.failed:
-        return EditResult(found=tuple(first.report.sorted_diagnostics()))
-    root = first.documents.root
-    edits: dict[str, dict[Keys, str]] = {}
+    report = first.report
+    read = () if first.assembly is None else [read_calibration(path, first.assembly, report) for path in dict.fromkeys(calibrations)]
+    if first.documents is None or report.failed:
+        return EditResult(found=tuple(report.sorted_diagnostics()))
+    root, edits, calibrated = first.documents.root, dict[str, dict[Keys, str]](), [one for one in read if one is not None]
+    unchanged: list[Diagnostic] = []
     try:
-        old = {root.path: first} | {path: _sound(path, options) for path in _users(root, shifts)}
+        old = {root.path: first}
+        for user in _documents_with(root, shifts):
+            if user.kind != "calibration":
+                old[user.path] = _sound(user.path, options)
+            elif user.path not in [one.document.path for one in calibrated]:
+                message = f"`{user.relative}` also contains these joints, and was not changed"
+                help = f"if it is a calibration of this robot, use `--calibration {shown_path(user.path)}`"
+                span = user.span(("joints",), key=True)
+                unchanged.append(Diagnostic(code=Code.COMMAND_LINE, severity=Severity.WARNING, message=message, help=help, span=span))
         originals = documents = {path: one.documents.root for path, one in old.items() if one.documents is not None}
         for shift in shifts:
             moved = {path: _moved_joints(documents[root.path], compilation, shift) for path, compilation in old.items()}
@@ -59,13 +77,22 @@ def rezero(document: str, shifts: Sequence[JointShift], options: Options, *, str
             for path in old:
                 _compare(documents[path], old[path], new[path], shift, [joint.path for joint in moved[path]])
             old = new
+        for one in calibrated:
+            originals |= {one.document.path: one.document}
+            edits[one.document.path] = dict(calibration_edits(one.joints, shifts))
+            documents |= {one.document.path: set_values(one.document, edits[one.document.path])}
+            if (assembly := old[root.path].assembly) is not None:
+                check_calibration(documents[one.document.path], assembly, report)
     except CannotSetValue as fault:
         return EditResult(found=(ShiftRefused(str(fault), "edit the document by hand", fault.span).diagnostic,))
     except ShiftRefused as refused:
         return EditResult(found=(refused.diagnostic,))
+    if report.failed:
+        return EditResult(found=tuple(report.sorted_diagnostics()))
     done = [change for path, own in edits.items() for change in _result_rows(root, originals[path], own)]
     changed = {path: (originals[path], one.text) for path, one in documents.items() if edits[path]}
-    return write_texts(root, changed, tuple(done), options, strict=strict, dry=dry)
+    result = write_texts(root, changed, tuple(done), options, strict=strict, dry=dry)
+    return replace(result, found=(*result.found, *unchanged))
 
 
 def _result_rows(root: Document, document: Document, edits: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
@@ -87,8 +114,8 @@ def _sound(document: str, options: Options) -> Compilation:
     return compilation
 
 
-def _users(root: Document, shifts: Sequence[JointShift]) -> Iterator[str]:
-    """Yield the paths of the assemblies of the workspace that use the document.
+def _documents_with(root: Document, shifts: Sequence[JointShift]) -> Iterator[Document]:
+    """Yield the assemblies of the workspace that use the document `root`, and the calibrations that contain a joint of its name.
 
     Raises `ShiftRefused` for a variants document that sets values of the joints, and for a file that names the document but cannot be read.
     """
@@ -102,8 +129,9 @@ def _users(root: Document, shifts: Sequence[JointShift]) -> Iterator[str]:
             _check_unrelated(path, root, report)
         if documents is None or path == root.path:
             continue
-        if any(one.path == root.path for one in documents.by_path.values()):
-            yield path
+        of_joints = any(shift.joint in entries_of(node_at(documents.root.tree, ("joints",))) for shift in shifts)
+        if documents.root.kind == "calibration" and of_joints or any(one.path == root.path for one in documents.by_path.values()):
+            yield documents.root
         if documents.root.kind == "variants":
             for keys, node in walk(documents.root.tree):
                 if any(f"joints.{shift.joint}." in str(keys[-1:]) for shift in shifts):

@@ -17,6 +17,7 @@ from thingc.base.units import Dimension, UnitError
 from thingc.documents.format.value_edits import Keys
 from thingc.model.resolve.references import GLOB
 from thingc.model.resolve.types import AssemblyDefinition, Joint
+from thingc.tools.calibration.calibration import CalibratedJoint
 from thingc.tools.rezero.quantity_text import ExactQuantity, read_quantity
 
 OF_ZERO = frozenset({"ctrl", "ctrlrange", "polycoef", "qpos", "range", "ref", "springref"})
@@ -277,3 +278,21 @@ class ShiftEdits:
             if key is not None and words & names:
                 message = f"the raw attribute `{key}` may depend on the coordinate of joint `{self.shift.joint}`"
                 raise ShiftRefused(message, "remove it, or edit the document by hand", self.document.span(("raw", *path, key)))
+
+
+def calibration_edits(calibrated: Sequence[CalibratedJoint], shifts: Sequence[JointShift]) -> Edits:
+    """Yield the new offsets, rounded to whole ticks, and the new directions of encoders, so that they fit the new coordinates.
+
+    The values of an encoder are `offset + sign * q_old * ticks`, and `q_old` is `shift.sign * (q_new - zero)`.
+    """
+    for shift in shifts:
+        one = next((one for one in calibrated if one.joint.name == shift.joint), None)
+        if one is None:
+            continue
+        sign = one.sign * shift.sign
+        offset = one.offset - round(sign * float(shift.zero.value) * one.ticks)
+        offset = offset if one.modulus is None else offset % one.modulus
+        yield from (
+            (("joints", shift.joint, key), str(new)) for key, old, new in (("offset", one.offset, offset), ("sign", one.sign, sign))
+            if new != old
+        )
