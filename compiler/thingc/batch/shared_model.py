@@ -17,6 +17,8 @@ import sys
 from collections.abc import KeysView, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import format_count
 from thingc.batch.mujoco_arrays.equality import different_fields, names, owner_of
@@ -25,8 +27,6 @@ from thingc.batch.run_options import is_whole
 
 if TYPE_CHECKING:
     import mujoco
-    import numpy as np
-
     Array = np.ndarray[Any, np.dtype[Any]]
     Fields = dict[str, Array]
 
@@ -64,8 +64,6 @@ def changeable_fields() -> KeysView[str]:
     The fields in `SHAPES` and `BUFFERS` and all visual settings are excluded.
     """
     import mujoco
-    import numpy as np
-
     model = mujoco.MjSpec().compile()
     read = (name for name in names(model) if name not in BUFFERS and not name.startswith((*SHAPES, "vis.")))
     return {name: None for name in read if name in SHORTCUTS or np.asarray(getattr(*owner_of(model, name))).dtype.kind == "f"}.keys()
@@ -119,8 +117,6 @@ class ModelGroup:
 
     def value(self, model: mujoco.MjModel, name: str) -> Array:
         """Return the value of a field of a MuJoCo model. For fields in `LEADING`, return only the rows that belong to bodies."""
-        import numpy as np
-
         value = np.asarray(getattr(*owner_of(model, name)))
         return value[: self.bodies] if name in LEADING else value
 
@@ -134,8 +130,6 @@ class ModelGroup:
 
     def stack(self, name: str) -> Array:
         """Return the values of a field in all models of the group, as an array with shape (models, *shape of the field)."""
-        import numpy as np
-
         first = self.first[name]
         made = np.empty((len(self.indices), *first.shape), first.dtype)
         made[:] = first
@@ -178,8 +172,6 @@ def write(
     variants. In this example, the second file `legs.mjz` contains the model. The files of the same batch always have the same bytes. Raises
     the same errors as `fields`, and `OSError` if writing fails.
     """
-    import numpy as np
-
     from thingc.base.zip_files import MODEL, make_zip
 
     target = os.fsdecode(path)
@@ -219,8 +211,6 @@ def _leading(values: Any) -> Any:
 
 def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVariant) -> None:
     """Raise `StructuresDiffer` if the MuJoCo models of two variants differ in a field that `changeable_fields` does not contain."""
-    import numpy as np
-
     both = f"in `{first.name}` and `{second.name}`"
     here, there = element_names(model), element_names(other)
     for kind, _, count in _KINDS.values():
@@ -248,8 +238,6 @@ def _raise_of_meshes(model: Any, other: Any, both: str) -> None:
 
     The error message contains the name of the first mesh that differs.
     """
-    import numpy as np
-
     for k in range(model.nmesh):
         slices = [slice(one.mesh_vertadr[k], one.mesh_vertadr[k] + one.mesh_vertnum[k]) for one in (model, other)]
         if not np.array_equal(model.mesh_vert[slices[0]], other.mesh_vert[slices[1]]):
@@ -268,8 +256,6 @@ def _where(model: Any, name: str, a: Any, b: Any) -> str:
 
     Return an empty string if the rows of the arrays do not belong to named elements.
     """
-    import numpy as np
-
     kind = name.partition("_")[0]
     if a.shape != b.shape or not (kind == "dof" or kind in _KINDS):
         return ""

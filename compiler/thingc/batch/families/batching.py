@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.batch.families.merged_mesh_model import ModelSource, likeness, merge_models
@@ -75,8 +77,6 @@ def make_batches(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[i
 
 def _stack(groups: Sequence[ModelGroup], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
     """Combine the settings of several groups in one `Batched` object. `more` contains arrays for additional fields."""
-    import numpy as np
-
     first = groups[0]
     differing = [
         name for name in first.first
@@ -91,8 +91,6 @@ def _stack(groups: Sequence[ModelGroup], model: mujoco.MjModel, more: Mapping[st
 
 def _merge_groups(groups: Sequence[ModelGroup], source: Callable[[int], ModelSource]) -> Batched | None:
     """Combine groups whose models have different meshes. Return None if the models of the groups cannot be merged."""
-    import numpy as np
-
     together = merge_models([source(group.indices[0]) for group in groups], [group.model for group in groups])
     if together is None or len({group.bodies for group in groups}) > 1:
         return None

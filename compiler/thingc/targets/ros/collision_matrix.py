@@ -11,7 +11,10 @@ import hashlib
 import json
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.store.local import Store
@@ -22,10 +25,6 @@ from thingc.targets.mjcf.accepted_models import mujoco_version
 from thingc.targets.name_mangling import safe
 from thingc.targets.urdf.links import UNBOUNDED
 from thingc.targets.xml_writer import Element, write
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 SAMPLES = 10_000
 SEED = 0
@@ -142,8 +141,6 @@ class _Sampler:
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
         import mujoco
-        import numpy as np
-
         spec = mujoco.MjSpec.from_string(text, assets=dict(assets))
         for mesh in spec.meshes:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
@@ -166,16 +163,12 @@ class _Sampler:
 
     def counts(self) -> dict[Pair, int]:
         """Return the number of configurations in which each pair of links collides. Independent joints are sampled between their limits."""
-        import numpy as np
-
         drawn = np.random.Generator(np.random.PCG64(SEED)).random((self.samples, len(self.free)))
         ends = np.array([self._ends(joint) for joint in self.free.values()]).reshape(-1, 2)
         return self._meeting(ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]))
 
     def at(self, q: Mapping[str, float]) -> Collection[Pair]:
         """Return the pairs of links that collide in one configuration. `q` contains the values of the joints, by name."""
-        import numpy as np
-
         return self._meeting(np.array([[q[name] for name in self.free]])).keys()
 
     def _meeting(self, q: NDArray[np.float64]) -> dict[Pair, int]:
@@ -184,8 +177,6 @@ class _Sampler:
         `q` is an array `(n, independent joints)` with one configuration in each row.
         """
         import mujoco
-        import numpy as np
-
         met: list[tuple[int, NDArray[np.int32]]] = []
         for number, position in enumerate(q[:, self.leader] * self.multiplier + self.offset if self.free else q):
             self.data.qpos[:] = position

@@ -10,14 +10,12 @@ shapes from the part, and the volume of the shapes divided by the volume of the 
 from __future__ import annotations
 
 import argparse
-from functools import partial
 
 from msgspec import to_builtins
-from msgspec.structs import replace
 
-from thingc.base.diagnostics import Diagnostic
-from thingc.driver import pipeline
-from thingc.driver.environment import Environment, with_environment
+from thingc.driver.environment import Environment
+from thingc.driver.pipeline import Compilation
+from thingc.model.assembly.types import Assembly
 from thingc.targets.render.picture import NoGraphics
 from thingc.tools.cli import console, render
 from thingc.tools.collision.deviations import Deviation, deviations
@@ -35,29 +33,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc collision`, and return the exit code. With text output, diagnostics are printed to standard error."""
-    console.require_document(arguments.document)
     render.check_output(arguments.output)
     found: list[Deviation] = []
-    options = replace(console.options_of(arguments), compat=())
+
+    def measure(environment: Environment, compilation: Compilation, assembly: Assembly) -> None:
+        found[:] = deviations(assembly.in_target(arguments.target), environment.store)
+        if arguments.output is not None:
+            robot = compilation.robots[0]
+            pose = robot.keyframes[0].name if robot.keyframes else None
+            render.draw(environment, compilation, robot, pose, arguments.output, collision=True)
+
     try:
-        diagnostics = with_environment(arguments.document, options, partial(_measure, arguments, found))
+        diagnostics, _ = console.compile_document(arguments, measure, compat=())
     except NoGraphics as fault:
         diagnostics = [fault.diagnostic]
     return console.print_result(arguments, diagnostics, as_text(found) if found else (), collision=to_builtins(found))
-
-
-def _measure(arguments: argparse.Namespace, found: list[Deviation], environment: Environment) -> list[Diagnostic]:
-    """Measure the deviations, and draw the picture if requested. Return the diagnostics."""
-    compilation = pipeline.compile(environment)
-    diagnostics = console.final(compilation.report, strict=arguments.strict)
-    if console.exit_code(diagnostics) or compilation.assembly is None:
-        return diagnostics
-    found += deviations(compilation.assembly.in_target(arguments.target), environment.store)
-    if arguments.output is not None:
-        robot = compilation.robots[0]
-        pose = robot.keyframes[0].name if robot.keyframes else None
-        render.draw(environment, compilation, robot, pose, arguments.output, collision=True)
-    return console.final(compilation.report, strict=arguments.strict)
 
 
 def as_text(found: list[Deviation]) -> list[str]:

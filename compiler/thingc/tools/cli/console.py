@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import TextIO, TypeVar
+from typing import TYPE_CHECKING, TextIO, TypeVar
 
 from thingc.base.diagnostic_output import as_json, as_text, summary
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity, UserError, shown_path
@@ -19,7 +19,11 @@ from thingc.base.filesystem import NO_ROOM, listing, without_suffix, working_fol
 from thingc.base.pose import Matrix, Vector, axis_name, transpose
 from thingc.base.safe_text import escape_control, json_text, shown_line
 from thingc.base.suggestions import Hint, did_you_mean, file_meant, nearest, text_of
-from thingc.driver.environment import Options
+from thingc.driver.environment import Answer, Environment, Options, with_environment
+
+if TYPE_CHECKING:
+    from thingc.driver.pipeline import Compilation
+    from thingc.model.assembly.types import Assembly
 
 Number = TypeVar("Number", int, float)
 USAGE = 2
@@ -235,6 +239,32 @@ def options_of(arguments: argparse.Namespace) -> Options:
         progress=ProgressLine() if getattr(arguments, "format", "text") == "text" else None,
         printed=show_printed if getattr(arguments, "format", "text") == "text" else None,
     )
+
+
+def compile_document(
+    arguments: argparse.Namespace, process: Callable[[Environment, Compilation, Assembly], Answer], modes: Sequence[str] = (),
+    **options: object,
+) -> tuple[list[Diagnostic], Answer | None]:
+    """Compile the document of a command, and call `process` if the document has no errors.
+
+    Return the diagnostics, and the result of `process`, or None after errors. `options` replaces compile options of the command line. The
+    diagnostics contain an `UnknownChoice` that was raised. Raises `WrongCommandLine`.
+    """
+    from msgspec.structs import replace
+
+    from thingc.driver import pipeline
+
+    def compile_and_process(environment: Environment) -> tuple[list[Diagnostic], Answer | None]:
+        compilation = pipeline.compile(environment, modes)
+        assembly = None if exit_code(final(compilation.report, strict=arguments.strict)) else compilation.assembly
+        answer = None if assembly is None else process(environment, compilation, assembly)
+        return final(compilation.report, strict=arguments.strict), answer
+
+    require_document(arguments.document)
+    try:
+        return with_environment(arguments.document, replace(options_of(arguments), **options), compile_and_process)
+    except pipeline.UnknownChoice as fault:
+        return [fault.diagnostic], None
 
 
 def require_document(path: str) -> None:

@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import asdict
 
-from thingc.base.diagnostics import Diagnostic
 from thingc.base.units import ANGLE, LENGTH, UnitError, parse_quantity
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, with_environment
-from thingc.driver.pipeline import UnknownChoice
+from thingc.driver.environment import Environment
+from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.tools.cli import console
 
 if TYPE_CHECKING:
+    from thingc.model.assembly.types import Assembly
     from thingc.tools.limits.joint_limits import JointLimits, PairLimits
 
 
@@ -50,12 +50,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc limits`, and return the exit code, which is 0 if the joints could be searched and, with `--write`, the limits written."""
-    console.require_document(arguments.document)
-    widths, options = _widths(arguments.resolution), console.options_of(arguments)
-    try:
-        diagnostics, found, pairs = with_environment(arguments.document, options, partial(_search, arguments, widths))
-    except UnknownChoice as fault:
-        diagnostics, found, pairs = [fault.diagnostic], [], []
+    search = partial(_search, arguments, _widths(arguments.resolution))
+    diagnostics, answer = console.compile_document(arguments, search, modes=() if arguments.mode is None else [arguments.mode])
+    found, pairs = answer or ([], [])
     if arguments.format == "json" and not (arguments.write and found):
         console.print_json(diagnostics, joints=list(map(_as_data, found)), pairs=[asdict(one) for one in pairs])
         return console.exit_code(diagnostics)
@@ -67,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     from thingc.tools.cli import set as set_command
 
     given = {path: text for one in found for path, text in _values(one).items()}
-    return set_command.write(arguments.document, given, options, arguments) if given else code
+    return set_command.write(arguments.document, given, console.options_of(arguments), arguments) if given else code
 
 
 def _widths(texts: Sequence[str]) -> dict[object, float]:
@@ -86,13 +83,9 @@ def _widths(texts: Sequence[str]) -> dict[object, float]:
 
 
 def _search(
-    arguments: argparse.Namespace, widths: dict[object, float], environment: Environment,
-) -> tuple[list[Diagnostic], list[JointLimits], list[PairLimits]]:
-    """Compile the document. Return the diagnostics, the limits of the joints, and the pairs of joints. Raises `UnknownChoice`."""
-    compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
-    diagnostics = console.final(compilation.report, strict=arguments.strict)
-    if console.exit_code(diagnostics) or compilation.assembly is None:
-        return diagnostics, [], []
+    arguments: argparse.Namespace, widths: dict[object, float], environment: Environment, compilation: Compilation, _: Assembly,
+) -> tuple[list[JointLimits], list[PairLimits]]:
+    """Return the limits of the joints, and the pairs of joints. Raises `UnknownChoice`."""
     from thingc.driver.testing.collisions import collisions_of
     from thingc.tools.limits.joint_limits import LimitSearch, movable_joints, posed_robot
 
@@ -106,7 +99,7 @@ def _search(
             )
     search = LimitSearch(robot, frame, collisions_of(pipeline.request_of(environment, compilation)))
     pairs = combinations(joints, 2) if arguments.pairs else ()
-    return diagnostics, [search.joint(one, widths[one.twist.coordinate]) for one in joints], [search.pair(*pair) for pair in pairs]
+    return [search.joint(one, widths[one.twist.coordinate]) for one in joints], [search.pair(*pair) for pair in pairs]
 
 
 def as_text(found: Sequence[JointLimits], pairs: Sequence[PairLimits]) -> list[str]:

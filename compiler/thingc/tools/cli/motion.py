@@ -11,18 +11,19 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from thingc.base.diagnostics import Code, Diagnostic
+from thingc.base.diagnostics import Code
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, with_environment
-from thingc.driver.pipeline import UnknownChoice
+from thingc.driver.environment import Environment
+from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.tools.cli import console
 
 if TYPE_CHECKING:
-    from thingc.model.assembly.types import JointEdge
+    from thingc.model.assembly.types import Assembly, JointEdge
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -39,28 +40,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc motion`, and return the exit code, which is 0 if the motion could be simulated."""
-    console.require_document(arguments.document)
-    errors: list[tuple[JointEdge, float, float]] = []
-    try:
-        diagnostics = with_environment(arguments.document, console.options_of(arguments), partial(_replay, arguments, errors))
-    except UnknownChoice as fault:
-        diagnostics = [fault.diagnostic]
-    found = [{"joint": joint.name, "error": error, "time": round(time, 9)} for joint, error, time in errors]
-    rows = [(joint.name, joint.twist.format(error), f"{time:.3f} s") for joint, error, time in errors]
+    modes = () if arguments.mode is None else [arguments.mode]
+    diagnostics, errors = console.compile_document(arguments, partial(_replay, arguments), modes)
+    found = [{"joint": joint.name, "error": error, "time": round(time, 9)} for joint, error, time in errors or ()]
+    rows = [(joint.name, joint.twist.format(error), f"{time:.3f} s") for joint, error, time in errors or ()]
     lines = console.table([("joint", "largest error", "at"), *rows]) if rows else ()
     return console.print_result(arguments, diagnostics, lines, joints=found)
 
 
-def _replay(arguments: argparse.Namespace, errors: list[tuple[JointEdge, float, float]], environment: Environment) -> list[Diagnostic]:
-    """Compile the document, and simulate its motion. Add the joints to `errors`, each with its largest error and the time of the error.
-
-    Return the diagnostics. Raises `UnknownChoice`."""
-    errors.clear()
-    compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
-    diagnostics = console.final(compilation.report, strict=arguments.strict)
-    if console.exit_code(diagnostics) or compilation.assembly is None:
-        return diagnostics
-    motions = {motion.name: motion for motion in compilation.assembly.definition.motions}
+def _replay(
+    arguments: argparse.Namespace, environment: Environment, compilation: Compilation, assembly: Assembly,
+) -> Sequence[tuple[JointEdge, float, float]]:
+    """Simulate a motion. With `--csv`, return the joints, each with its largest error and the time of the error. Raises `UnknownChoice`."""
+    motions = {motion.name: motion for motion in assembly.definition.motions}
     name = arguments.motion if arguments.motion is not None else next(iter(motions), None)
     if name not in motions:
         hint = did_you_mean(name, list(motions), what="motions") if name and motions else "add `motions:` to the document"
@@ -75,16 +67,15 @@ def _replay(arguments: argparse.Namespace, errors: list[tuple[JointEdge, float, 
     try:
         if arguments.csv is None:
             replay.show()
-            return diagnostics
+            return ()
         times, tracked, wanted = replay.track()
     except Diverged as fault:
-        joint, report = fault.joint, compilation.report
+        joint = fault.joint
         where = motions[name].origin if joint is None else (joint.actuator or joint).origin
         message = f"the simulation of motion `{name}` diverges at {fault.time:.6g} s" + (f" at joint `{joint.name}`" if joint else "")
-        report.add(Code.CHATTER, message, where, help="lower `kp` or `kv` of the drives, set `armature`, or use a smaller `timestep`")
-        return console.final(report, strict=arguments.strict)
-    off = abs(tracked - wanted)
-    errors += zip(replay.joints, off.max(axis=0).tolist(), times[off.argmax(axis=0)].tolist(), strict=True)
+        help = "lower `kp` or `kv` of the drives, set `armature`, or use a smaller `timestep`"
+        compilation.report.add(Code.CHATTER, message, where, help=help)
+        return ()
     units = [(math.degrees(1.0), "deg") if joint.twist.turns else (1e3, "mm") for joint in replay.joints]
     header = ",".join(["time [s]", *(f"{joint.name} [{unit}]" for joint, (_, unit) in zip(replay.joints, units, strict=True))])
     table = np.column_stack([times, tracked * [scale for scale, _ in units]])
@@ -92,4 +83,5 @@ def _replay(arguments: argparse.Namespace, errors: list[tuple[JointEdge, float, 
         np.savetxt(arguments.csv, table, fmt="%.9g", delimiter=",", header=header, comments="")
     except OSError as fault:
         raise console.WrongCommandLine(f"cannot write `{arguments.csv}`: {fault.strerror}", "choose another file with --csv") from fault
-    return diagnostics
+    off = abs(tracked - wanted)
+    return [*zip(replay.joints, off.max(axis=0).tolist(), times[off.argmax(axis=0)].tolist(), strict=True)]

@@ -23,17 +23,18 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic, shown_path
+from thingc.base.diagnostics import Code, shown_path
 from thingc.base.filesystem import write_whole
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, with_environment
+from thingc.driver.environment import Environment
 from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.model.robot.types import Robot
 from thingc.targets.render.picture import Shot, picture, ready
 from thingc.tools.cli import console
 
 if TYPE_CHECKING:
+    from thingc.model.assembly.types import Assembly
     from thingc.targets.render.frames import Mark
 
 
@@ -71,10 +72,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc render`, and return the exit code, which is 0 if the picture was written. Diagnostics are printed to standard error."""
-    console.require_document(arguments.document)
-    options = replace(console.options_of(arguments), compat=())  # pictures need only the model for MuJoCo
     check_output(arguments.output)
-    diagnostics = with_environment(arguments.document, options, partial(_render, arguments))
+    modes = () if arguments.mode is None else [arguments.mode]
+    diagnostics, _ = console.compile_document(arguments, partial(_render, arguments), modes, compat=())  # pictures need only MuJoCo
     return console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
 
 
@@ -89,15 +89,8 @@ def check_output(path: str | None) -> None:
         raise console.WrongCommandLine(f"-o: there is no folder `{folder}`", "create the folder, or choose another one", Code.OUTPUT)
 
 
-def _render(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """Render the picture and write the picture to a file if the document has no errors. Return the diagnostics.
-
-    Raises `UnknownChoice`, `NoGraphics` and `WrongCommandLine`.
-    """
-    compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
-    diagnostics = console.final(compilation.report, strict=arguments.strict)
-    if console.exit_code(diagnostics):
-        return diagnostics
+def _render(arguments: argparse.Namespace, environment: Environment, compilation: Compilation, _: Assembly) -> None:
+    """Render the picture, and write it to a file. Raises `UnknownChoice`, `NoGraphics` and `WrongCommandLine`."""
     robot = compilation.robots[0]
     pose = _pose(robot, arguments.pose, environment.document)
     marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
@@ -105,7 +98,6 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
     path = arguments.output if arguments.output is not None else f"{named}.png"
     shot = Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation)
     draw(environment, compilation, robot, pose, path, shot=shot, marks=marks, collision=arguments.collision)
-    return console.final(compilation.report, strict=arguments.strict)
 
 
 def draw(

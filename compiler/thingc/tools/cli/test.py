@@ -21,8 +21,8 @@ from thingc.base.diagnostics import Diagnostic, Severity, Stage, UserError, show
 from thingc.base.one_line_repr import format_count
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, with_environment
-from thingc.driver.pipeline import UnknownChoice
+from thingc.driver.environment import Environment
+from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.tools.cli import console
 
 if TYPE_CHECKING:
@@ -48,24 +48,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc test`, and return the exit code, which is 0 if all selected tests pass."""
     results: list[Result] = []
-    name = "thingc"
+    name = None
     try:
-        console.require_document(arguments.document)
-        diagnostics, name = with_environment(arguments.document, console.options_of(arguments), partial(_run, arguments, results))
+        diagnostics, name = console.compile_document(arguments, partial(_run, arguments, results))
     except UserError as fault:
         diagnostics = [fault.diagnostic]
-    _tell(arguments, name, results, diagnostics)
+    _tell(arguments, name or "thingc", results, diagnostics)
     return console.exit_code(diagnostics)
 
 
-def _run(arguments: argparse.Namespace, results: list[Result], environment: Environment) -> tuple[list[Diagnostic], str]:
-    """Compile the document and run its tests. Return the diagnostics and the name of the robot. Raises `UnknownChoice`."""
+def _run(
+    arguments: argparse.Namespace, results: list[Result], environment: Environment, compilation: Compilation, assembly: Assembly,
+) -> str:
+    """Run the tests of the document, and add their results to `results`. Return the name of the robot. Raises `UnknownChoice`."""
     results.clear()
-    compilation = pipeline.compile(environment)
-    diagnostics = console.final(compilation.report, strict=arguments.strict)
-    assembly = compilation.assembly
-    if console.exit_code(diagnostics) or assembly is None:
-        return diagnostics, "thingc"
     from thingc.driver.testing.test_runner import run as run_tests
 
     selection = _selection(arguments, assembly)
@@ -79,7 +75,7 @@ def _run(arguments: argparse.Namespace, results: list[Result], environment: Envi
     run_tests(pipeline.request_of(environment, compilation), selection, on_result)
     if not selection.only and not selection.modes:
         pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.TEST])
-    return console.final(compilation.report, strict=arguments.strict), assembly.name
+    return assembly.name
 
 
 def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from importlib import resources
 from typing import Any
 
 from msgspec.structs import replace
@@ -277,18 +278,7 @@ def _value(field: str, value: DisplayValue) -> str:
     return f"{value * 1e4:.4g} cm^2" if last == "area" else f"{value:.6g}"
 
 
-STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1d1d22; background: #fff }
-code { background: #f1f1f4; padding: 0 .25em; border-radius: .25em } li { margin: .2em 0 } .because { color: #66666e }
-.slider { position: relative; aspect-ratio: 4 / 3; overflow: hidden; border-radius: .5rem; --at: 50% }
-.slider img { position: absolute; inset: 0; width: 100%; height: 100% }
-.slider .after { clip-path: inset(0 0 0 var(--at)) }
-.slider input { position: absolute; inset: auto 0 .5rem 0; width: 100%; margin: 0 }
-.overlay { width: 100%; border-radius: .5rem }
-@media (prefers-color-scheme: dark) {
-  body { color: #e8e8ec; background: #17171a } code { background: #2a2a30 } .because { color: #a0a0aa }
-}
-"""
+STYLE = "\n" + resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
 
 
 def as_html(differences: DiffResult) -> str:

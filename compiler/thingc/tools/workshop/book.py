@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
+from importlib import resources
 
 from thingc.base.numeric import degrees, dist
 from thingc.base.pose import MATE, rpy_of
@@ -17,15 +18,7 @@ from thingc.targets.render.picture import NoGraphics, ready
 from thingc.tools.workshop.assembly_steps import AssemblyStep, Piece, Section, sections
 from thingc.tools.workshop.book_pictures import Pictures
 
-STYLE = """\
-body { font: 15px/1.45 system-ui, Helvetica, Arial, sans-serif; color: #1a1c20; max-width: 1000px; margin: 2em auto; padding: 0 1em }
-table { border-collapse: collapse; width: 100% } th, td { text-align: left; padding: 4px 10px; border-bottom: 1px solid #d8dbe0 }
-td img { height: 60px; display: block } h2 { margin-top: 2.2em; border-bottom: 2px solid #1a1c20 } code { font-size: 13px; color: #24508f }
-.step { display: flex; gap: 1.5em; margin: 1.2em 0; page-break-inside: avoid; break-inside: avoid }
-.step > img { width: 480px; height: 360px }
-.number { font-size: 26px; font-weight: bold } ul { padding-left: 1.2em; margin: 0.4em 0 } .note { background: #fff3d6; padding: 6px 10px }
-@media print { body { margin: 0 } h2 { page-break-before: always } }
-"""
+STYLE = resources.files(__package__).joinpath("book.css").read_text(encoding="utf-8")
 ZERO = "0, 0, 0"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from importlib import resources
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -12,14 +13,7 @@ from thingc.base.numeric import dist
 from thingc.base.safe_text import html_text
 from thingc.tools.workshop.curves import Arc, Curve, Point, Spline, StraightEdge
 
-STYLE = """\
-svg { background: white } path, rect, circle { fill: none; stroke: black; stroke-width: 0.18 }
-.visible { stroke-width: 0.5; stroke-linecap: round; stroke-linejoin: round } .hidden { stroke-width: 0.25; stroke-dasharray: 2 1 }
-.centre { stroke-dasharray: 4 0.8 0.8 0.8 } .frame { stroke-width: 0.5 } .solid { fill: black }
-.label { fill: white } .number { fill: white; stroke: none }
-text { font-family: Arial, Helvetica, sans-serif; font-size: 3px }
-.large { font-size: 5px } .small { font-size: 2.2px } .head { font-weight: bold }
-"""
+STYLE = resources.files(__package__).joinpath("drawing.css").read_text(encoding="utf-8")
 PIECES = 48
 """Number of straight pieces for a spline. A spline with many knots has at least two pieces for each knot span."""
 Box = tuple[float, float, float, float]
