@@ -19,8 +19,7 @@ from reporting.test_sarif import checked
 from thingc.base.diagnostic_output import as_json, as_text
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.base.safe_text import LONGEST, LONGEST_QUOTE, abbreviate, escape_control, json_text
-from thingc.driver.testing.results import as_junit
-from thingc.tools.reporting.ci_formats import as_github, as_sarif
+from thingc.tools.reporting.ci_formats import as_github, as_junit, as_sarif
 
 NEVER = {
     "a byte of a file name": "\udce9", "an escape sequence": "\x1b[31m", "NUL": "\0", "bell": "\a", "DEL": "\x7f",

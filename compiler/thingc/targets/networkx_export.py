@@ -9,12 +9,9 @@ from typing import Any, TypeAlias
 
 import networkx
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Hag
 from thingc.model.assembly.types import Assembly
-from thingc.model.robot.loop_cuts import worths
-from thingc.model.robot.types import Robot
 
 Graph: TypeAlias = Any
 """Type of a `networkx.MultiDiGraph`. networkx has no type annotations."""
@@ -101,32 +98,3 @@ def graphml(graph: Graph) -> str:
 
 def _displayable(attributes: dict[str, Any]) -> dict[str, Any]:
     return {name: escape_control(value) if isinstance(value, str) else value for name, value in attributes.items()}
-
-
-class Loop(FrozenStruct):
-    """A kinematic loop that is cut at the joint `cut`.
-
-    `through` contains the other joints of the loop, each with the reason why it was not cut. These joints are ordered from the parent of
-    the cut joint to its child. `through` has no reasons if a rigid mate closes the loop.
-    """
-
-    cut: str
-    through: dict[str, str]
-
-
-def loops_of(robot: Robot) -> tuple[Loop, ...]:
-    """Return the loops that a mode cuts at joints and that pass through at least two links. The result contains the fundamental cycles of
-    the mode's tree.
-    """
-    assembly = robot.assembly
-    cuts = {closure.path for closure in robot.closures if not closure.hold}
-    graph = link_graph(assembly)
-    tree = graph.edge_subgraph([edge for edge in graph.edges if edge[2] not in cuts]).to_undirected()
-    worth = {assembly.mates[number].name: value for number, value in worths(assembly, robot.mode)}
-    loops = []
-    for parent, child, cut in graph.edges:
-        if cut in cuts:
-            way = networkx.shortest_path(tree, parent, child)
-            through = [key for pair in zip(way, way[1:]) for key in tree[pair[0]][pair[1]]]
-            loops.append(Loop(cut=cut, through={one: worth[one].reason_over(worth[cut]) if cut in worth else "" for one in through}))
-    return tuple(loops)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -22,11 +21,9 @@ from thingc.base.one_line_repr import format_count
 from thingc.driver.environment import with_environment
 from thingc.driver.pipeline import compile
 from thingc.model.assembly.types import Assembly, Occurrence
+from thingc.model.robot.loop_cuts import worths
 from thingc.model.robot.types import Robot
 from thingc.tools.cli import console, robot_files
-
-if TYPE_CHECKING:
-    from thingc.targets.networkx_export import Loop
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -90,7 +87,7 @@ def mode_data(robot: Robot) -> dict[str, object]:
         "root": robot.mode.root.path, "base": robot.base, "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
         "links": [robot.assembly.links[body.link].name for body in robot.bodies],
         "joints": [joint.path for body in robot.bodies for joint in body.joints],
-        "loops": [{"cut": loop.cut, "through": loop.through} for loop in _cut(robot)],
+        "loops": [{"cut": cut, "through": through} for cut, through in _cut_loops(robot).items()],
     }
 
 
@@ -147,14 +144,14 @@ def _loops(robot: Robot) -> list[str]:
     """Describe the supports and the closed loops of a mode, and the remaining gap of each loop in the poses of the mode."""
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
     lines = [f"  stands on {foot.mount.path} (friction {foot.friction:g})" for foot in robot.mode.feet]
-    loops = _cut(robot)
+    loops = _cut_loops(robot)
     for closure in robot.closures:
         if closure.parent is None:
             turns = ", free to rotate" if closure.kind == "ball" else ""
             lines.append(f"  {names[closure.child]} is held at {closure.path}{turns}")
         else:
             lines.append(f"  {closure.path} ({closure.kind}) closes a loop between {names[closure.parent]} and {names[closure.child]}")
-            lines += [line for loop in loops if loop.cut == closure.path for line in _why_cut(loop, robot)]
+            lines += _why_cut(closure.path, loops[closure.path], robot) if closure.path in loops else []
     for frame in robot.keyframes:
         if frame.residual is not None:
             lines.append(f"  pose {frame.name} closes with an error of {frame.residual[0]:.1e} m and {frame.residual[1]:.1e} rad")
@@ -162,19 +159,36 @@ def _loops(robot: Robot) -> list[str]:
     return lines
 
 
-def _cut(robot: Robot) -> tuple[Loop, ...]:
-    if all(closure.hold for closure in robot.closures):
-        return ()
-    from thingc.targets.networkx_export import loops_of
+def _cut_loops(robot: Robot) -> dict[str, dict[str, str]]:
+    """Return the loops that a mode cuts at joints and that pass through at least two links: the fundamental cycles of the mode's tree.
 
-    return loops_of(robot)
+    The result maps the joint at which a loop is cut to the other joints of the loop, from the parent of the cut joint to its child, each
+    with the reason why it was not cut. There are no reasons if a rigid mate closes the loop.
+    """
+    cuts = {closure.path for closure in robot.closures if not closure.hold}
+    if not cuts:
+        return {}
+    import networkx
+
+    from thingc.targets.networkx_export import link_graph
+
+    graph = link_graph(robot.assembly)
+    tree = graph.edge_subgraph([edge for edge in graph.edges if edge[2] not in cuts]).to_undirected()
+    worth = {robot.assembly.mates[number].name: value for number, value in worths(robot.assembly, robot.mode)}
+    loops: dict[str, dict[str, str]] = {}
+    for parent, child, cut in graph.edges:
+        if cut in cuts:
+            way = networkx.shortest_path(tree, parent, child)
+            through = [key for pair in zip(way, way[1:]) for key in tree[pair[0]][pair[1]]]
+            loops[cut] = {one: worth[one].reason_over(worth[cut]) if cut in worth else "" for one in through}
+    return loops
 
 
-def _why_cut(loop: Loop, robot: Robot) -> list[str]:
-    """Describe the joints of a closed loop, and the reason why the loop is cut at one of these joints."""
-    if any(one.joint == loop.cut for one in robot.mode.cut):
-        return [f"    through {', '.join(loop.through)}: cut at the joint that the mode lists under `cut`"]
-    return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in loop.through.items()]
+def _why_cut(cut: str, through: dict[str, str], robot: Robot) -> list[str]:
+    """Describe the other joints of a closed loop, and the reason why the loop is cut at the joint `cut`."""
+    if any(one.joint == cut for one in robot.mode.cut):
+        return [f"    through {', '.join(through)}: cut at the joint that the mode lists under `cut`"]
+    return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in through.items()]
 
 
 def _shares(assembly: Assembly) -> str:

@@ -110,7 +110,7 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], d
         console.print_json(diagnostics, tests=[_data(result) for result in results])
         return
     if arguments.format == "junit":
-        from thingc.driver.testing.results import as_junit
+        from thingc.tools.reporting.ci_formats import as_junit
 
         failures = [result.diagnostic for result in results]
         others = [d for d in diagnostics if d.severity is Severity.ERROR and d not in failures]

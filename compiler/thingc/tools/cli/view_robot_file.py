@@ -12,7 +12,6 @@ from contextlib import suppress
 from typing import Any
 
 from thingc.base.diagnostics import Diagnostic, Report
-from thingc.base.file_watcher import FileWatcher, looks
 from thingc.base.safe_text import in_script
 from thingc.base.source import Document, Span
 from thingc.documents.workspace import Workspace
@@ -23,6 +22,7 @@ from thingc.targets.html.emit import Page, page_of
 from thingc.tools.cli import console, robot_files, signals
 from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.imported_document import ImportedDocument, imported_document
+from thingc.tools.live.file_watcher import FileWatcher, looks
 from thingc.tools.live.rebuild_loop import PAUSE, QUIET
 from thingc.tools.live.server import Server, findings_of
 

@@ -6,32 +6,12 @@ by every build, so other modules are imported when a target is written.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from thingc.targets import Artifacts, EmitRequest
+from thingc.tools.lazy_emitter import lazy_emitter
 
 WRITES = ("isaaclab/*.py", "mjlab/*.py", "playground/*.py")
 UNASKED = False
 REQUIRES = {"isaaclab": ("usd",), "mjlab": ("mjcf",), "playground": ("mjcf",)}
 
-
-def emit_isaaclab(request: EmitRequest) -> Artifacts:
-    """Write a module with an `ArticulationCfg` for each chosen mode."""
-    from thingc.tools.learners.isaaclab import emit
-
-    return emit(request)
-
-
-def emit_mjlab(request: EmitRequest) -> Artifacts:
-    """Write a module with an `EntityCfg` for each chosen mode."""
-    from thingc.tools.learners.mjlab import emit
-
-    return emit(request)
-
-
-def emit_playground(request: EmitRequest) -> Artifacts:
-    """Write a module with the paths and names of the MuJoCo model for each chosen mode."""
-    from thingc.tools.learners.playground import emit
-
-    return emit(request)
+emit_isaaclab = lazy_emitter("thingc.tools.learners.isaaclab")
+emit_mjlab = lazy_emitter("thingc.tools.learners.mjlab")
+emit_playground = lazy_emitter("thingc.tools.learners.playground")

@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 
 from thingc.base.diagnostics import Diagnostic, Report
-from thingc.base.file_watcher import FileWatcher, looks, stat_of
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.documents.workspace import Workspace
@@ -30,6 +29,7 @@ from thingc.geometry.client import Workers
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import BlobMissing, Store
 from thingc.targets.artifact import MANIFEST, Content
+from thingc.tools.live.file_watcher import FileWatcher, looks, stat_of
 
 PAUSE = 0.01
 """Interval [s] at which files are checked for changes."""

@@ -12,7 +12,6 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report
-from thingc.base.file_watcher import FileWatcher, looks
 from thingc.base.memo import Memo
 from thingc.documents.load.discovery import has_header
 from thingc.documents.workspace import OWN_FILE, Workspace
@@ -23,6 +22,7 @@ from thingc.geometry.lock.lock import read_lock
 from thingc.geometry.part_source import PartSource
 from thingc.geometry.record import PartFailure
 from thingc.geometry.store.local import Store
+from thingc.tools.live.file_watcher import FileWatcher, looks
 from thingc.tools.lsp.analysis import Analysis, OpenText, analyse, is_document_path
 from thingc.tools.lsp.cached_parts import AvailableNames, BackgroundWorkers, CachedParts, PendingRequests
 from thingc.tools.lsp.code_actions import by_file

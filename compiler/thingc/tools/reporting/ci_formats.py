@@ -1,4 +1,4 @@
-"""Format diagnostics for continuous integration, either as SARIF 2.1.0 (OASIS) or as GitHub Actions annotations.
+"""Format results for continuous integration: diagnostics as SARIF 2.1.0 (OASIS) or as GitHub Actions annotations, and tests as JUnit.
 
 In SARIF, diagnostics with a source location become results. Diagnostics without a source location become notifications of the invocation,
 because programs that read SARIF reject results without a location.
@@ -18,10 +18,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
+from xml.etree import ElementTree
 
+from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.base.safe_text import escape_control, json_text
 from thingc.base.source import Span
+from thingc.driver.testing.results import Result
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"
@@ -191,3 +194,36 @@ def _data(text: str) -> str:
 
 def _property(text: str) -> str:
     return _data(text).replace(":", "%3A").replace(",", "%2C")
+
+
+def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic]) -> str:
+    """Create a JUnit report in XML format.
+
+    The report contains one suite with the name of the robot, and a test case for each combination of test, mode and pose. The text of a
+    failed test case is the diagnostic that the command line prints. `others` contains errors that do not belong to a test, such as errors
+    that prevented the tests from running. The errors in `others` are combined into a single error of the suite.
+    """
+    root = ElementTree.Element("testsuites")
+    suite = ElementTree.SubElement(root, "testsuite", {
+        "name": name, "tests": str(len(results) + bool(others)), "failures": str(sum(1 for r in results if not r.passed)),
+        "errors": str(int(bool(others))), "skipped": "0", "time": f"{sum(r.seconds for r in results):.3f}",
+    })
+    if others:
+        case = ElementTree.SubElement(suite, "testcase", {"name": "document", "classname": name, "time": "0.000"})
+        _add_diagnostics(ElementTree.SubElement(case, "error"), others)
+    for result in results:
+        words = f"{result.name} [{result.where}]" if result.where else result.name
+        case = ElementTree.SubElement(suite, "testcase", {
+            "name": words, "classname": f"{name}.{result.kind}", "time": f"{result.seconds:.3f}",
+        })
+        if result.diagnostic is not None:
+            _add_diagnostics(ElementTree.SubElement(case, "failure"), [result.diagnostic])
+        ElementTree.SubElement(case, "system-out").text = escape_control(result.outcome.said)
+    ElementTree.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def _add_diagnostics(element: ElementTree.Element, diagnostics: Sequence[Diagnostic]) -> None:
+    element.set("message", escape_control(diagnostics[0].message))
+    element.set("type", diagnostics[0].code.code)
+    element.text = as_text(diagnostics)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.file_watcher import Stat, stat_of
 from thingc.base.filesystem import write_whole
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import json_text
@@ -25,6 +24,7 @@ from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, Part
 from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, Sources, resolve
 from thingc.model.resolve.types import AssemblyDefinition
+from thingc.tools.live.file_watcher import Stat, stat_of
 from thingc.tools.schemas.document_facts import DocumentFacts, Names, Records, facts_of, usual_mounts
 from thingc.tools.schemas.general_schema import json_schema
 from thingc.tools.schemas.narrow_schema import SchemaContext, narrow

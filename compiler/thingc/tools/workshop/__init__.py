@@ -5,40 +5,14 @@ This module is imported by every build, so other modules are imported when a tar
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from thingc.targets import Artifacts, EmitRequest
+from thingc.tools.lazy_emitter import lazy_emitter
 
 WRITES = ("3mf/*.3mf", "book/*.html", "drawing/*.svg", "dxf/*.dxf")
 UNASKED = False
 RENDERED = {"book"}
 """Targets that contain pictures. The command line prepares rendering for these targets before MuJoCo is imported."""
 
-
-def emit_3mf(request: EmitRequest) -> Artifacts:
-    """Write the print plates."""
-    from thingc.tools.workshop.plates import emit
-
-    return emit(request)
-
-
-def emit_book(request: EmitRequest) -> Artifacts:
-    """Write the assembly instructions."""
-    from thingc.tools.workshop.book import emit
-
-    return emit(request)
-
-
-def emit_drawing(request: EmitRequest) -> Artifacts:
-    """Write drawings of the parts that are made."""
-    from thingc.tools.workshop.drawing import emit
-
-    return emit(request)
-
-
-def emit_dxf(request: EmitRequest) -> Artifacts:
-    """Write the outlines of flat parts."""
-    from thingc.tools.workshop.dxf import emit
-
-    return emit(request)
+emit_3mf = lazy_emitter("thingc.tools.workshop.plates")
+emit_book = lazy_emitter("thingc.tools.workshop.book")
+emit_drawing = lazy_emitter("thingc.tools.workshop.drawing")
+emit_dxf = lazy_emitter("thingc.tools.workshop.dxf")
