@@ -44,9 +44,13 @@ KERNEL_MODULES = (
 # What each folder of `geometry`, and each module of plain data there, may import of it. The rest is the service: it sees them all.
 GEOMETRY: dict[str, set[str]] = {
     "print_slices": set(), "features": set(), "declared_interfaces": {"features"}, "record": {"print_slices"},
+    "print_support": {"print_slices", "store"},
     "record_json": {"record", "print_slices"}, "store": {"record", "print_slices"},
     "key": {"record", "record_json", "store"},
-    "worker": {"things", "mesh_bounds", "features", "declared_interfaces", "record", "record_json", "print_slices", "store", "key"},
+    "worker": {
+        "things", "mesh_bounds", "features", "declared_interfaces", "record", "record_json", "print_slices", "print_support", "store",
+        "key",
+    },
     "lock": {"record", "record_json", "print_slices", "store", "key", "part_source", "build_reasons", "service"},
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}

@@ -14,8 +14,8 @@ from thingc.base.primitives import Primitive
 from thingc.geometry.lock.json_format import read_record, record_values
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.record_json import record_from_json, record_to_json
-from thingc.geometry.store.meshes import arrays
-from thingc.geometry.worker.kernel.meshing import Triangles, read_double
+from thingc.geometry.store.meshes import arrays, exact_arrays
+from thingc.geometry.worker.kernel.meshing import Triangles
 
 LEG = """
     from build123d import *
@@ -115,7 +115,7 @@ def records(module_place: Place) -> dict[str, PartRecord]:
 
 def triangles(place: Place, record: PartRecord, name: str) -> Triangles:
     data = place.store.read(record.meshes[name].sha256)
-    return read_double(data) if name == "slicing" else Triangles(*arrays(data))
+    return Triangles(*exact_arrays(data)) if name == "slicing" else Triangles(*arrays(data))
 
 
 def handedness(mesh: Triangles) -> float:

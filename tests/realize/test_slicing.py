@@ -12,7 +12,8 @@ from msgspec.structs import replace
 
 from thingc.base.pose import Vector
 from thingc.geometry.print_slices import Moments, SliceResult, Slicing
-from thingc.geometry.worker.kernel.meshing import Triangles, double, read_double
+from thingc.geometry.store.meshes import exact_arrays
+from thingc.geometry.worker.kernel.meshing import Triangles, double
 from thingc.geometry.worker.kernel.slicing import JOINED, NotSliced, slice_part
 
 HOW = Slicing(up=(0.0, 0.0, 1.0), layer=0.0002, line_width=0.00045, walls=3, top=4, bottom=4)
@@ -153,7 +154,7 @@ def test_slices_are_smooth_functions_of_a_length() -> None:
     for length in 30.0123 + 1e-3 * np.arange(7):
         wall = Manifold.cube((40, 5.1, 20)).translate((0, length - 5.1, 0))
         bracket = Manifold.cube((40, length, 5)) + wall - hole.translate((20, length + 10, 12))
-        stored = read_double(double(mesh(bracket.rotate((0, 0, 31.3)))))
+        stored = Triangles(*exact_arrays(double(mesh(bracket.rotate((0, 0, 31.3))))))
         found = slice_part(stored, HOW)
         sums.append([found.solid.volume, found.joins.volume, found.sparse.volume])
     assert (np.abs(np.diff(sums, 2, axis=0)) <= 1e-8 * np.array(sums[0])).all()

@@ -6,6 +6,7 @@ The integrals do not depend on the infill: the mass at any percentage is a sum o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
@@ -14,6 +15,9 @@ from thingc.base.pose import Matrix, Vector, add_scaled
 
 UPRIGHT: Vector = (0.0, 0.0, 1.0)
 """Default print direction of a part: the z axis of the part is up."""
+
+PrintDirection = Vector | Literal["auto"]
+"""A direction away from the bed, a unit vector, or `auto` for the direction with the least support."""
 
 OVERLAP = 0.25
 """Default overlap of infill and walls, as a fraction of the line width: PrusaSlicer's `infill_overlap`."""
@@ -25,12 +29,12 @@ BRIDGE_FLOW = 1.0
 class Slicing(FrozenStruct):
     """Settings for slicing a part into layers and filling the layers.
 
-    `up` is the direction away from the bed, a unit vector in the part's frame. `layer` is the height of a layer [m], and `line_width` is
+    `up` is the direction away from the bed in the part's frame. `layer` is the height of a layer [m], and `line_width` is
     the width of an extruded line [m]. `walls` is the number of lines in a wall. `top` and `bottom` are the numbers of solid layers.
     `overlap` is a fraction of the line width, and `bridge_flow` is a ratio.
     """
 
-    up: Vector
+    up: PrintDirection
     layer: float
     line_width: float
     walls: int

@@ -135,7 +135,8 @@ def branch_of(shape: FieldType, value: Any) -> FieldType | None:
         return next((branch for branch in branches if branch.kind in ("list", "field")), None)
     if isinstance(value, str):
         literal = next((branch for branch in branches if branch.kind == "literal"), None)
-        text = next((branch for branch in branches if branch.kind in ("field", "text")), None)
+        kinds = ("field", "text") if literal is None else ("field", "text", "list")
+        text = next((branch for branch in branches if branch.kind in kinds), None)
         return literal if text is None or literal is not None and value.isidentifier() else text
     return next((branch for branch in branches if branch.kind in ("field", "flag", "number")), None)
 

@@ -170,8 +170,10 @@ class ComponentBomSpec(BomSpec):
 class PrintSpec(Model):
     """Print settings of a part."""
 
-    up: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 0, 1], [0, -1, 0]])
-    """The direction away from the bed, in the part's axes; default: `[0, 0, 1]`."""
+    up: Literal["auto"] | Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(
+        default=None, examples=[[0, 0, 1], [0, -1, 0], "auto"],
+    )
+    """The direction away from the bed, in the part's axes, or `auto` for the least support; default: `[0, 0, 1]`."""
 
 
 class AtSpec(PoseSpec):

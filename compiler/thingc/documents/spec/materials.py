@@ -7,7 +7,18 @@ from typing import Literal
 from pydantic import Field
 
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import AngleField, ColorField, CountField, DensityField, LengthField, NumberField, RatioField
+from thingc.documents.spec.fields import (
+    AngleField,
+    ColorField,
+    CostField,
+    CountField,
+    DensityField,
+    LengthField,
+    NumberField,
+    RatioField,
+    TimeField,
+    VelocityField,
+)
 from thingc.documents.spec.name_types import NewMaterial
 
 
@@ -43,6 +54,10 @@ class ProcessSpec(Model):
     """Overlap of infill and walls, as a share of the line width; default: 25 %, as in PrusaSlicer."""
     bridge_flow: RatioField | None = Field(default=None, examples=["100 %"])
     """Flow of material in bridges, relative to other lines; default: 100 %, as in PrusaSlicer."""
+    speed: VelocityField | None = Field(default=None, examples=["60 mm/s"])
+    """Mean speed at which lines are printed, for the printing time; default: 28 mm/s."""
+    layer_time: TimeField | None = Field(default=None, examples=["2 s"])
+    """Additional time for each layer, for travel and retraction; default: 4 s."""
     tolerance: LengthField | None = Field(default=None, examples=["0.1 mm"])
     """Largest deviation of the position of a mount along each axis of the part, for `stack` tests."""
     tilt: AngleField | None = Field(default=None, examples=["0.2 deg"])
@@ -60,6 +75,8 @@ class MaterialSpec(Model):
     """Mass per volume of the solid material."""
     color: ColorField | None = None
     """The colour: a CSS name or `#rrggbb`."""
+    price_per_kg: CostField | None = Field(default=None, examples=["24.90 EUR"])
+    """Price of one kilogram, for the cost of prints."""
     friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.4}])
     process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 3, "line_width": "0.45 mm", "infill": "15 %"}])
 

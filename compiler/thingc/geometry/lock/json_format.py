@@ -223,8 +223,8 @@ def _box(value: LockValue) -> tuple[Vector, Vector]:
 
 def _read_slicing(table: LockValue) -> tuple[Slicing, SliceResult | SliceFailure]:
     slicing = Slicing(
-        up=_direction(table["up"]), walls=_whole(table["walls"]), top=_whole(table["top"]), bottom=_whole(table["bottom"]),
-        **{key: table[key].least() for key in ("layer", "line_width", "overlap", "bridge_flow")},
+        up="auto" if (up := table["up"]).value == "auto" else _direction(up), walls=_whole(table["walls"]), top=_whole(table["top"]),
+        bottom=_whole(table["bottom"]), **{key: table[key].least() for key in ("layer", "line_width", "overlap", "bridge_flow")},
     )
     reason = table["unsliced"].maybe(LockValue.text)
     if reason is not None:

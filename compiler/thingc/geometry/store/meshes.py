@@ -1,4 +1,4 @@
-"""Read the meshes that workers write for simulators. The meshes are Wavefront OBJ files in which all vertices come before all triangles."""
+"""Read the meshes that workers write. Meshes for simulators are Wavefront OBJ files in which all vertices come before all triangles."""
 
 from __future__ import annotations
 
@@ -32,3 +32,12 @@ def arrays(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     vertices = np.fromstring(points.replace(b"v", b" ").decode(), sep=" ").reshape(-1, 3)
     faces = np.fromstring((mark + corners).replace(b"f", b" ").decode(), sep=" ", dtype=np.int64).reshape(-1, 3) - 1
     return vertices, faces
+
+
+def exact_arrays(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Parse a mesh `slicing` of a part record. Return the vertices `(n, 3)` [mm] and the triangles `(m, 3)`."""
+    import numpy as np
+
+    count = int.from_bytes(data[:8], "little")
+    faces = np.frombuffer(data, dtype="<u4", offset=8 + 24 * count).astype(np.int64)
+    return np.frombuffer(data, dtype="<f8", count=3 * count, offset=8).reshape(-1, 3), faces.reshape(-1, 3)

@@ -14,8 +14,8 @@ from msgspec.structs import replace
 from thingc.base import numeric
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, MassProperties
-from thingc.base.pose import Matrix, Vector
-from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, LikelySlicing, SliceResult, Slicing
+from thingc.base.pose import Matrix
+from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, LikelySlicing, PrintDirection, SliceResult, Slicing
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, Component, Material, Overrides, Process
@@ -81,7 +81,7 @@ def slicing_of(process: Process | None, overrides: Overrides, record: PartRecord
     return layers_of(process, overrides.up or record.up) if record.volume > 0.0 else None
 
 
-def layers_of(process: Process | None, up: Vector | None) -> Slicing | None:
+def layers_of(process: Process | None, up: PrintDirection | None) -> Slicing | None:
     """Return the slicing settings of a part that is printed in the direction `up`.
 
     Return None if settings are missing, or if the mass is not estimated from layers.

@@ -13,7 +13,7 @@ from thingc.base.diagnostics import Code, Note
 from thingc.base.inertia import DENSEST
 from thingc.base.source import Document, Path
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import ANGLE, DENSITY, LENGTH, NUMBER, shorten
+from thingc.base.units import ANGLE, DENSITY, LENGTH, NUMBER, TIME, VELOCITY, shorten
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.materials import FrictionSpec, MaterialSpec, MaterialsSpec, ProcessSpec
 from thingc.model.resolve.document_scope import ResolveRun
@@ -25,6 +25,9 @@ _STAND_IN = 1000.0
 
 Build outputs never contain the placeholder, because an invalid density is an error.
 """
+
+_ABOVE_ZERO = {"line_width": LENGTH, "layer": LENGTH, "tolerance": LENGTH, "tilt": ANGLE, "speed": VELOCITY, "layer_time": TIME}
+"""Settings of a process that must be above 0, with their dimensions."""
 
 BRIDGE_FLOWS = (0.1, 2.0)
 """Plausible range for the flow ratio of bridges."""
@@ -105,7 +108,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
     made = process(scope, DefaultLayers(((spec, path),)).sub("process")) if spec.process is not None else None
     return Material(
         name=name, density=_STAND_IN if wrong and density is None else density, color=spec.color or base_color, slide=slide,
-        torsion=torsion, roll=roll, process=made, origin=scope.origin(path, key=True),
+        price_per_kg=spec.price_per_kg, torsion=torsion, roll=roll, process=made, origin=scope.origin(path, key=True),
         process_origin=scope.origin((*path, "process")) if made is not None else (),
         density_origin=scope.origin((*path, "density" if spec.density is not None else "base")) if density is not None else (),
     )
@@ -131,8 +134,7 @@ def process(scope: Scope, layers: DefaultLayers) -> Process:
     said = {key: layers.pick(key) for key in ProcessSpec.model_fields}
     values: dict[str, Any] = {key: said[key].value for key in ("kind", "estimate")}
     values |= {key: scope.count(*said[key], f"`{key}`") for key in ("walls", "top", "bottom")}
-    values |= {key: scope.number(*said[key], LENGTH, f"`{key}`", above=0.0) for key in ("line_width", "layer", "tolerance")}
-    values["tilt"] = scope.number(*said["tilt"], ANGLE, "`tilt`", above=0.0)
+    values |= {key: scope.number(*said[key], dimension, f"`{key}`", above=0.0) for key, dimension in _ABOVE_ZERO.items()}
     for key, bounds in (("infill", (0.0, 1.0)), ("overlap", (0.0, 1.0)), ("bridge_flow", BRIDGE_FLOWS)):
         values[key] = _share(scope, *said[key], key, *bounds)
     origins = {key: scope.origin(setting.path) for key, setting in said.items() if setting}

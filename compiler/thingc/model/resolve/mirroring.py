@@ -85,7 +85,7 @@ def _overrides(said: Overrides, axis: str) -> Overrides:
     mirror = Mirror(axis)
     return replace(
         said, shapes=_shapes(said.shapes, axis), com=_mirror_stated(said.com, mirror.signs),
-        up=None if said.up is None else mirror.vector(said.up),
+        up=mirror.vector(said.up) if isinstance(said.up, tuple) else said.up,
         targets={name: replace(choice, shapes=_shapes(choice.shapes, axis)) for name, choice in said.targets.items()},
         inertia=_mirror_stated(said.inertia, (1.0, 1.0, 1.0, *(mirror.signs[i] * mirror.signs[j] for i, j in ((0, 1), (0, 2), (1, 2))))),
     )

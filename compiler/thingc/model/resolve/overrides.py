@@ -60,7 +60,8 @@ def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
     collision, visual = layers.pick("collision"), layers.pick("visual")
     choice, targets = _collision(scope, *collision) if collision else (CollisionChoice(), {})
     made, zero = layers.sub("process"), "`up` must not be zero, found `0 0 0`"
-    up = scope.direction(*layers.sub("print").pick("up"), "a component of `up`", Code.OUT_OF_RANGE, zero, "up: [0, 0, 1]")
+    raw, path = layers.sub("print").pick("up")
+    up = raw if raw == "auto" else scope.direction(raw, path, "a component of `up`", Code.OUT_OF_RANGE, zero, "up: [0, 0, 1]")
     if not any((mass, com, inertia, collision, visual, up, made)):
         return NONE_SAID
     return Overrides(

@@ -17,6 +17,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin, Span
+from thingc.geometry.print_slices import PrintDirection
 from thingc.geometry.record import DriveType, MountRecord, PartDefinition, Value
 from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamics, Limit
 from thingc.model.resolve.link_definition import LinkDefinition
@@ -49,7 +50,7 @@ class Reference(OneLineRepr, FrozenStruct):
 class Process(OneLineRepr, FrozenStruct):
     """The manufacturing process of a part. `kind` is the type of the process, such as `fdm`. Line widths and layer heights are in metres.
 
-    Infill and overlap are between 0 and 1.
+    Infill and overlap are between 0 and 1. `speed` [m/s] and `layer_time` [s] determine the printing time.
 
     `bridge_flow` is the ratio of material flow in bridges to normal flow. `tolerance` [m] and `tilt` [rad] are the largest deviations of
     mounts along and about each axis of the part. `estimate` is the method for estimating the mass of a part with infill, `layers | skin`
@@ -66,6 +67,8 @@ class Process(OneLineRepr, FrozenStruct):
     infill: float | None = None
     overlap: float | None = None
     bridge_flow: float | None = None
+    speed: float | None = None
+    layer_time: float | None = None
     tolerance: float | None = None
     tilt: float | None = None
     estimate: str | None = None
@@ -76,15 +79,16 @@ class Process(OneLineRepr, FrozenStruct):
 class Material(OneLineRepr, FrozenStruct):
     """A material that components of a document can use.
 
-    `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, and `slide` is the sliding friction. The other fields contain the
-    coefficients of torsional and rolling friction. `process_origin` is the location of the key `process` of the material in the document
-    (empty without this key). `density_origin` is the location of the density in the document.
+    `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, `price_per_kg` is an amount with a currency, and `slide` is the sliding
+    friction. The other fields contain the coefficients of torsional and rolling friction. `process_origin` is the location of the key
+    `process` of the material in the document (empty without this key). `density_origin` is the location of the density in the document.
     """
 
     name: str
     density: float | None
     origin: Origin
     color: str | None = None
+    price_per_kg: str | None = None
     slide: float | None = None
     torsion: float | None = None
     roll: float | None = None
@@ -127,8 +131,8 @@ class CollisionChoice(OneLineRepr, FrozenStruct):
 class Overrides(CollisionChoice):
     """The values in a document that override properties of a component. A value is None if it is not overridden.
 
-    `targets` contains the collision shapes in single formats. `up` is a unit vector in the axes of the component, which points away from
-    the bed of a printer.
+    `targets` contains the collision shapes in single formats. `up` is the direction away from the bed of a printer, in the axes of the
+    component.
     """
 
     mass: StatedValue | None = None
@@ -137,7 +141,7 @@ class Overrides(CollisionChoice):
     targets: dict[str, CollisionChoice] = {}
     visual: bool = True
     process: Process | None = None
-    up: Vector | None = None
+    up: PrintDirection | None = None
 
     @property
     def choices(self) -> dict[str, CollisionChoice]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from thingc.base.pose import Vector
 from thingc.geometry.print_slices import UPRIGHT
 from thingc.geometry.record import PartDefinition
+from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Occurrence
 from thingc.targets.artifact import Artifacts, Content, Loss, StoredArtifact
 from thingc.targets.bom.emit import make_of
@@ -33,12 +34,12 @@ def emit(request: EmitRequest) -> Artifacts:
             continue
         path = f"stl/{definition.stem}.stl"
         owner = owners.setdefault(path.casefold(), occurrence)
-        up = direction_up(occurrence)
+        up = direction_up(occurrence, request.store)
         if owner.definition != occurrence.definition:
             report_same_file(occurrence, owner, path, request.report)
             continue
         if owner is not occurrence:
-            if up != direction_up(owner):
+            if up != direction_up(owner, request.store):
                 what = f"`{occurrence.definition.label}` is printed in two orientations; `{path}` uses the orientation of `{owner.path}`"
                 losses.append(Loss("stl", None, occurrence.path, what, "omitted", occurrence.origin))
             continue
@@ -50,13 +51,17 @@ def emit(request: EmitRequest) -> Artifacts:
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
 
 
-def direction_up(occurrence: Occurrence) -> Vector:
-    """Return the direction away from the print bed, in the frame of the part.
+def direction_up(occurrence: Occurrence, store: Store) -> Vector:
+    """Return the direction away from the print bed, a unit vector in the frame of a part with meshes.
 
     A direction in the document takes precedence over the direction of the Thing, which takes precedence over the default.
     """
-    record = occurrence.record
-    return occurrence.overrides.up or (record.up if record is not None else None) or UPRIGHT
+    record, up = occurrence.record, occurrence.overrides.up
+    if up == "auto" and record is not None:
+        from thingc.geometry.print_support import automatic_direction
+
+        up = automatic_direction(store, record.meshes["slicing"].sha256)
+    return up if isinstance(up, tuple) else (record.up if record is not None else None) or UPRIGHT
 
 
 def turn_stl(stl: bytes, up: Vector) -> bytes:

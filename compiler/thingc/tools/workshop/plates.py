@@ -94,7 +94,7 @@ def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Re
         mesh = one.record.meshes.get("print") if one.record is not None else None
         if isinstance(one.component.definition, PartDefinition) and mesh is not None and make_of(one) == "print":
             settings = tuple(sorted(settings_of(one).items()))
-            alike.setdefault((one.definition, direction_up(one), _material(one), settings), []).append(one)
+            alike.setdefault((one.definition, direction_up(one, store), _material(one), settings), []).append(one)
     names = [plain_name(group[0]) for group in alike.values()]
     prints: list[Print] = []
     losses: list[Loss] = []
@@ -105,7 +105,8 @@ def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Re
         if not mesh.closed:
             what = f"the surface of `{first.definition.label}` is not closed, so it has no volume to print"
             losses.append(Loss("3mf", None, first.path, what, "approximated", first.origin))
-        label, up, stl = name if names.count(name) == 1 else first.component.definition.stem, direction_up(first), store.read(mesh.sha256)
+        label = name if names.count(name) == 1 else first.component.definition.stem
+        up, stl = direction_up(first, store), store.read(mesh.sha256)
         vertices, faces = upright(stl, up)
         sideways = _fits(vertices, label, first, bed, report)
         if sideways is not None:

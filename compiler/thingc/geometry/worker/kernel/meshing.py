@@ -152,12 +152,7 @@ def obj(mesh: Triangles) -> bytes:
 
 
 def double(mesh: Triangles) -> bytes:
-    """Convert a mesh to bytes: the number of vertices, the vertices as 64-bit floats, and the triangles."""
+    """Convert a mesh to bytes: the number of vertices, the vertices as 64-bit floats, and the triangles. `exact_arrays` of
+    `geometry/store/meshes.py` is the inverse of this function.
+    """
     return len(mesh.vertices).to_bytes(8, "little") + mesh.vertices.astype("<f8").tobytes() + mesh.faces.astype("<u4").tobytes()
-
-
-def read_double(data: bytes) -> Triangles:
-    """Convert the bytes that `double` returns to a mesh. This function is the inverse of the function `double`."""
-    count = int.from_bytes(data[:8], "little")
-    faces = np.frombuffer(data, dtype="<u4", offset=8 + 24 * count).astype(np.int64)
-    return Triangles(np.frombuffer(data, dtype="<f8", count=3 * count, offset=8).reshape(-1, 3), faces.reshape(-1, 3))

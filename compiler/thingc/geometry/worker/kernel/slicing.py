@@ -29,8 +29,10 @@ from msgspec import to_builtins
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
+from thingc.geometry.print_support import PrintSolid
 from thingc.geometry.store.local import Store
-from thingc.geometry.worker.kernel.meshing import Triangles, read_double
+from thingc.geometry.store.meshes import exact_arrays
+from thingc.geometry.worker.kernel.meshing import Triangles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -85,7 +87,7 @@ class NotSliced(Exception):
 def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
     """Slice a mesh in the store, whose coordinates are 64-bit floats [mm]. Return a `SliceResult` or a `SliceFailure` as a JSON value."""
     try:
-        result: SliceResult | SliceFailure = slice_part(read_double(store.read(sha256)), how)
+        result: SliceResult | SliceFailure = slice_part(Triangles(*exact_arrays(store.read(sha256))), how)
     except NotSliced as fault:
         result = SliceFailure(reason=str(fault))
     plain: dict[str, Any] = to_builtins(result)
@@ -94,7 +96,7 @@ def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
 
 def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
     """Slice a closed mesh [mm], and compute the material of the printed part. Raises `NotSliced` if the part cannot be sliced."""
-    turn = _turned_up(how.up)
+    turn = _turned_up(PrintSolid(mesh.vertices, mesh.faces).least_support()[0] if how.up == "auto" else how.up)
     vertices = np.ascontiguousarray(mesh.vertices @ turn.T)
     lengths = _Lengths(how)
     outlines, heights = _outlines(vertices, mesh.faces, lengths.layer)
