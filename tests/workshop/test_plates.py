@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 import subprocess
 import zipfile
@@ -134,12 +136,12 @@ def test_a_bed_has_three_lengths(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 @pytest.mark.skipif(shutil.which("prusa-slicer") is None, reason="PrusaSlicer is not installed")
 def test_prusaslicer_reads_names_instances_and_settings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """PrusaSlicer uses 15 % infill for the wedges and 100 % for the long part, regardless of the preset."""
+    """PrusaSlicer uses 15 % infill for the wedges and 100 % for the long part, regardless of the preset. Its printing time is similar."""
     build(tmp_path, capsys)
     plate, code = tmp_path / "plate.3mf", tmp_path / "plate.gcode"
     plate.write_bytes(plates(tmp_path)[0])
 
-    def filament(preset: Mapping[str, str]) -> tuple[float, Counter[str]]:
+    def filament(preset: Mapping[str, str]) -> tuple[float, Counter[str], float]:
         settings = {
             "bed_shape": "0x0,250x0,250x210,0x210", "max_print_height": "210", "skirts": "0", "gcode_label_objects": "1",
             "gcode_comments": "0", **preset,
@@ -149,10 +151,15 @@ def test_prusaslicer_reads_names_instances_and_settings(tmp_path: Path, capsys: 
         subprocess.run(["prusa-slicer", *map(str, words)], check=True, capture_output=True)
         lines = code.read_text().splitlines()
         used = next(float(line.split("=")[1]) for line in lines if line.startswith("; filament used [cm3]"))
-        return used, Counter(line.split(" id:")[0] for line in {one for one in lines if one.startswith("; printing object")})
+        (time,) = (line.split("=")[1] for line in lines if line.startswith("; estimated printing time (normal mode)"))
+        seconds = sum(int(number) * {"h": 3600, "m": 60, "s": 1}[unit] for number, unit in re.findall(r"(\d+)([hms])", time))
+        return used, Counter(line.split(" id:")[0] for line in {one for one in lines if one.startswith("; printing object")}), seconds
 
-    used, names = filament({"fill_density": "0%"})
+    used, names, seconds = filament({"fill_density": "0%"})
     assert names == {"; printing object long": 1, "; printing object wedge_x3": 3}
     assert filament({"fill_density": "90%"})[0] == pytest.approx(used, rel=1e-6), "the settings of the parts apply, not the preset"
     solid, wedge = LONG.volume / 1e3, WEDGE.volume / 1e3
     assert solid + 0.3 * 3 * wedge < used < solid + 0.9 * 3 * wedge
+    assert main(["print", str(tmp_path / "robot.yaml"), "--store", str(tmp_path / "store"), "--format", "json"]) == 0
+    prints = json.loads(capsys.readouterr().out)["prints"]
+    assert sum(one["number"] * one["time"] for one in prints) == pytest.approx(seconds, rel=0.2)

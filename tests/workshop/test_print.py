@@ -159,7 +159,9 @@ def test_the_command_shows_a_direction_with_less_support(tmp_path: Path, capsys:
     assert row["thinnest_wall"] == pytest.approx(5e-3, abs=1e-7) and not row["thin"]
     assert row["better_up"] == [0.0, 0.0, -1.0] and row["better_support"] == pytest.approx(0.0, abs=1e-12)
     section = 0.25e-3 * 0.25e-3 + np.pi / 4.0 * 0.25e-3**2  # a square between two half circles
-    assert row["time"] == pytest.approx(volume / section / 28e-3 + 140 * 4.0, rel=1e-6), "35 mm are 140 layers"
+    walls = (2 * 50 * 50 + 4 * 50 * 5 + 4 * 10 * 30) * 1e-6 * 3 * 0.5e-3  # the surface of the plate and of the sides of the stem
+    lines = (walls + (volume - walls) / 3.0) / section
+    assert row["time"] == pytest.approx(lines / 28e-3 + 140 * 4.0, rel=1e-6), "35 mm are 140 layers"
     assert row["cost"] == f"{24.90 * 1250.0 * volume:.2f} EUR"
     text = run(tmp_path, capsys, "print", document)
     assert "[0, 0, -1] (0.00 cm^3)" in text and row["cost"] in text

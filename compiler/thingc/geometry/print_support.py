@@ -78,8 +78,8 @@ class PrintSolid:
     def least_support(self) -> tuple[Vector, float]:
         """Return the direction with the least support, and the volume of this support [mm^3].
 
-        If the volumes are equal when rounded to 1 mm^3, the larger face rests on the bed. Of equal faces, the orientation of the model
-        takes precedence, then the smaller vector.
+        If the volumes are equal when rounded to 1 mm^3, the larger face rests on the bed. If the faces are also equal, the orientation
+        of the model takes precedence, then the smaller vector.
         """
         hull = Manifold.hull_points(self._vertices).to_mesh64()
         _, sizes, normals = _facets(hull.vert_properties[:, :3], hull.tri_verts.astype(np.int64))

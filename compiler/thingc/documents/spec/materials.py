@@ -55,7 +55,7 @@ class ProcessSpec(Model):
     bridge_flow: RatioField | None = Field(default=None, examples=["100 %"])
     """Flow of material in bridges, relative to other lines; default: 100 %, as in PrusaSlicer."""
     speed: VelocityField | None = Field(default=None, examples=["60 mm/s"])
-    """Mean speed at which lines are printed, for the printing time; default: 28 mm/s."""
+    """Mean speed at which walls are printed, for the printing time; default: 28 mm/s."""
     layer_time: TimeField | None = Field(default=None, examples=["2 s"])
     """Additional time for each layer, for travel and retraction; default: 4 s."""
     tolerance: LengthField | None = Field(default=None, examples=["0.1 mm"])

@@ -17,7 +17,9 @@ from thingc.tools.workshop.plates import Print, upright
 FILAMENT = 1.75e-3
 """Diameter of the filament [m]."""
 SPEED, LAYER_TIME = 28e-3, 4.0
-"""Default speed of printing lines [m/s], and default time of a layer [s]: the printing times of PrusaSlicer's default profile."""
+"""Default speed of printing walls [m/s], and default time of a layer [s]: the printing times of PrusaSlicer's default profile."""
+INFILL_SPEED = 3.0
+"""Speed of the lines inside the walls, relative to the walls."""
 
 
 class PrintMeasurements(FrozenStruct):
@@ -55,9 +57,11 @@ def measure_print(one: Print) -> PrintMeasurements:
     volume = mass / material.density if material.density else None
     wall, width, layer, time = thinnest_wall(solid, float(np.linalg.norm(vertices.max(axis=0)))), process.line_width, process.layer, None
     x, y, z = (1e-3 * float(length) for length in one.vertices.max(axis=0).round(4))
-    if volume is not None and width is not None and layer is not None:
+    if volume is not None and width is not None and layer is not None and one.first.record is not None:
         section = layer * (width - layer * (1.0 - math.pi / 4.0))  # of a line with round sides, as PrusaSlicer computes it
-        time = volume / section / (process.speed or SPEED) + round(z / layer) * (process.layer_time or LAYER_TIME)
+        walls = min(volume, one.first.record.area * (process.walls or 0) * width)
+        lines = (walls + (volume - walls) / INFILL_SPEED) / section
+        time = lines / (process.speed or SPEED) + round(z / layer) * (process.layer_time or LAYER_TIME)
     amount, _, currency = (material.price_per_kg or "").partition(" ")
     return PrintMeasurements(
         part=one.label, number=one.count, up=one.up, size=(x, y, z), overhang=1e-6 * area, support=1e-9 * support, mass=mass,
