@@ -60,8 +60,10 @@ class NoCollisionTest(Model):
     """
     samples: CountField | None = None
     """Number of joint positions that are checked in the ranges of `joints`; default: 200."""
-    certify: bool = False
-    """Whether to prove the result for all positions of the ranges, as far as possible; default: `false`."""
+    certify: bool | Literal["references"] = False
+    """Whether to prove the result for all positions of the ranges, as far as possible; default: `false`. With `references`, only parts at
+    joints are compared, each with the part that its mount was designed for.
+    """
     clearance: LengthField | None = None
     """The smallest allowed gap between two components; default: 0, which allows contact but no overlap."""
     allow: list[AllowSpec] = Field(default=[], examples=[[{"pair": ["finger_*", "palm"], "reason": "the gripper closes on its stop"}]])
@@ -92,12 +94,13 @@ class CollisionCheck(OneLineRepr, FrozenStruct):
     """A parsed `no_collision` test.
 
     The test requires that no components overlap, and that components on links without a common joint are at least `clearance` [m] apart. If
-    `ranges` is given, `samples` joint positions in these ranges are checked. With `certify`, all positions are checked as far as possible.
+    `ranges` is given, `samples` joint positions in these ranges are checked. With `certify`, all positions are checked as far as possible,
+    and with `references`, only for parts at joints whose mounts were designed for each other.
     """
 
     ranges: tuple[JointRange, ...]
     samples: int
-    certify: bool
+    certify: bool | Literal["references"]
     clearance: float
     allow: tuple[AllowedContact, ...]
 

@@ -13,6 +13,7 @@ from thingc.documents.checks.no_collision import CollisionCheck
 from thingc.driver.testing.collisions import Collisions, NearPair, names_of
 from thingc.driver.testing.outcomes import TestCase, format_si
 from thingc.driver.testing.poses import joints_text
+from thingc.driver.testing.references import mount_references
 from thingc.model.solids.clearance import ComparedPair
 
 WORDS = {"proved": "proved", "followed": "followed through loops", "sampled": "sampled"}
@@ -22,15 +23,18 @@ WORDS = {"proved": "proved", "followed": "followed through loops", "sampled": "s
 class Certificate:
     """The pairs of components that move relative to each other in the ranges of a test, with the result of each pair.
 
-    `missing` is the number of samples in which the loops of the robot do not close.
+    `missing` is the number of samples in which the loops of the robot do not close. If the test compares only parts at joints, `references`
+    contains the notes about their mounts and joints, by pair.
     """
 
     def __init__(self, case: TestCase, check: CollisionCheck, collisions: Collisions) -> None:
         self._case, self._check, self._assembly = case, check, collisions.assembly
-        self._pairs, self.missing = collisions.certify(case.robot, case.frames[0], check)
+        only = mount_references(collisions.assembly) if check.certify == "references" else None
+        self.pairs, self.missing = collisions.certify(case.robot, case.frames[0], check, only)
+        self.references = {(pair.one, pair.other): only[pair.one, pair.other] for pair in self.pairs} if only is not None else None
 
     def _pairs_with(self, verdict: str) -> list[ComparedPair]:
-        return [pair for pair in self._pairs if pair.verdict == verdict]
+        return [pair for pair in self.pairs if pair.verdict == verdict]
 
     def _method(self, method: str) -> list[ComparedPair]:
         return [pair for pair in self._pairs_with("clear") if pair.method == method]

@@ -127,13 +127,17 @@ class Collisions:
             for one, other in moving for joined in ((one, other) in self.close,)
         ]
 
-    def certify(self, robot: Robot, start: Keyframe, check: CollisionCheck) -> tuple[list[ComparedPair], int]:
-        """Compare all pairs that move relative to each other in the ranges of a test, in all positions as far as possible.
+    def certify(
+        self, robot: Robot, start: Keyframe, check: CollisionCheck, only: Collection[tuple[int, int]] | None = None,
+    ) -> tuple[list[ComparedPair], int]:
+        """Compare all pairs (or `only` these pairs) that move relative to each other in the ranges of a test, in all positions as far as
+        possible.
 
         Pairs between which more than `PROVED` ranges move are compared in samples. Return the pairs, and the number of samples in which the
         loops of the robot do not close.
         """
-        sweep, pairs = self.moving_pairs(robot, start, check.ranges, check.clearance)
+        sweep, moving = self.moving_pairs(robot, start, check.ranges, check.clearance)
+        pairs = [pair for pair in moving if only is None or (pair.one, pair.other) in only]
         rest = [pair for pair in pairs if len(sweep.moving(pair.one, pair.other)[0]) > PROVED]
         prove(sweep, [pair for pair in pairs if pair not in rest and not divide(sweep, pair)])
         missing = sample(sweep, rest, quasi_random(check.samples, len(check.ranges)).tolist()) if rest else 0

@@ -13,6 +13,7 @@ from thingc.driver.testing.certificate import Certificate
 from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of, names_of
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.driver.testing.poses import joints_text, sweep_poses
+from thingc.driver.testing.references import first_overlaps
 from thingc.model.assembly.types import Assembly, LinkedTest
 from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import occurrence_poses
@@ -39,7 +40,8 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
     certificate = Certificate(case, check, collisions) if check.certify else None
     touching = list(certificate.touching(allowed)) if certificate is not None else []
     sure = {(near.one, near.other) for near in touching}
-    for near in chain(_find_pairs(case, check, collisions, allowed, needed), touching):
+    only = certificate.references if certificate is not None else None
+    for near in chain(_find_pairs(case, check, collisions, allowed, needed) if only is None else (), touching):
         pair = near.one, near.other
         wrong = pair in sure or collisions.violates(near, check.clearance)
         if near.allowance is not None:
@@ -49,7 +51,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
             nearest = near
         if wrong and (pair not in worst or near.badness > worst[pair].badness):
             worst[pair] = near
-    compared = len(collisions.pairs) + len(collisions.close)
+    compared = len(collisions.pairs) + len(collisions.close) if only is None else len(only)
     measured: dict[str, Measure] = {"gap": nearest.gap if nearest is not None else None, "positions": len(case.frames), "pairs": compared}
     if collisions.skipped:
         measured["skipped"] = {reason: list(pairs) for reason, pairs in collisions.skipped.items()}
@@ -65,7 +67,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
         said, measured["certificate"] = certificate.said, certificate.measured
         needed |= certificate.warn(allowed)
     if worst:
-        failure = _failure(case, check, sorted(worst.values(), key=lambda near: near.badness, reverse=True), collisions)
+        failure = _failure(case, check, sorted(worst.values(), key=lambda near: near.badness, reverse=True), collisions, certificate)
         measured["overlap"] = max(near.depth for near in worst.values())
         said = "1 pair collides" if len(worst) == 1 else f"{len(worst)} pairs collide"
     elif certificate is None:
@@ -125,7 +127,9 @@ def _allowed_pairs(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int,
     return allowed
 
 
-def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], collisions: Collisions) -> Failure:
+def _failure(
+    case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], collisions: Collisions, certificate: Certificate | None,
+) -> Failure:
     """Create the `Failure` of a test. The message describes the worst pair of components, and the notes describe the other pairs."""
     assembly, first = collisions.assembly, worst[0]
     others = [Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1:]]
@@ -135,11 +139,17 @@ def _failure(case: TestCase, check: CollisionCheck, worst: Sequence[NearPair], c
         for path in collisions.hulls if path in (assembly.occurrences[first.one].path, assembly.occurrences[first.other].path)
     ]
     names = ", ".join(assembly.occurrences[index].path.replace("/", ".") for index in (first.one, first.other))
+    where, help = _at(case, check, first), f'if this is intended, add `allow: [{{pair: [{names}], reason: "..."}}]`'
+    if certificate is not None and certificate.references is not None:
+        pairs = {(pair.one, pair.other): pair for pair in certificate.pairs}
+        begins = first_overlaps(case.robot, case.frames[0], check.ranges, [pairs[near.one, near.other] for near in worst])
+        where, help = (f" at {begins[0]}", begins[1]) if begins is not None else (where, help)
+        notes = [*certificate.references[first.one, first.other], *notes]
+    elif (first.one, first.other) in collisions.close:
+        help = f"{allow_hint(Code.OVERLAP)} on one of the two"
     return Failure(
         code=Code.TEST_COLLISION, key="clearance" if first.gap > 0.0 else "", notes=tuple(notes),
-        message=f"{_how(assembly, first, check.clearance)}{_at(case, check, first)}",
-        help=f"{allow_hint(Code.OVERLAP)} on one of the two" if (first.one, first.other) in collisions.close
-        else f'if this is intended, add `allow: [{{pair: [{names}], reason: "..."}}]`',
+        message=f"{_how(assembly, first, check.clearance)}{where}", help=help,
     )
 
 
