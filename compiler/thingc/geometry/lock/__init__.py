@@ -1,1 +1,1 @@
-"""Read and write `parts.lock.json`, a file of the workspace that contains the schemas and records of parts."""
+"""Read `parts.lock.json`, a file of the workspace that contains the schemas and records of parts."""

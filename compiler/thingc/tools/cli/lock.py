@@ -25,7 +25,6 @@ from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Environment, Options, geometry_of
 from thingc.driver.pipeline import read
 from thingc.geometry.lock.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
-from thingc.geometry.lock.writer import create_lock, differences, lock_text
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import PartDefinition, PartFailure
 from thingc.geometry.service import GeometryService
@@ -33,6 +32,7 @@ from thingc.model.assembly.mass import slicings_of
 from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, resolve
 from thingc.tools.cli import console
+from thingc.tools.cli.lock_content import create_lock, differences, lock_text
 from thingc.tools.cli.parts import unreadable
 
 
