@@ -155,7 +155,7 @@ def test_robot_casts_a_shadow(drawn: dict[str, tuple[np.ndarray, np.ndarray]]) -
 @pytest.mark.parametrize(("lowest", "opaque"), [(0.3, True), (0.0, True), (-1e-6, True), (-0.02, False)])
 def test_floor_is_at_zero_height(lowest: float, opaque: bool) -> None:
     """The floor is at z = 0, wherever the robot is. If the robot extends below it, the floor is transparent."""
-    model = studio.model_of(PRIMITIVES, {}, (64, 48), lowest)
+    model = studio.model_of(PRIMITIVES, {}, (64, 48), lowest, studio.COARSE)
     floor = model.geom(studio.BACKDROP)
     assert floor.type[0] == mujoco.mjtGeom.mjGEOM_PLANE and floor.pos.tolist() == [0.0, 0.0, 0.0]
     alpha = float(model.mat_rgba[model.material(studio.BACKDROP).id][3])

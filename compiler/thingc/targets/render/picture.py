@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import warnings
@@ -28,6 +29,13 @@ WALL_AZIMUTH, CEILING_ELEVATION = 40.0, 16.0
 """Direction of the camera [deg] if the floor of the world is a wall or a ceiling. For a wall, the camera looks along the wall. For a
 ceiling, the camera looks up at the ceiling.
 """
+
+
+SIZE = (240, 180)
+"""Default width and height of a small picture [px]."""
+
+FEW_PIXELS = 320 * 240
+"""Largest number of pixels of a picture with coarse shadows."""
 
 
 class NoGraphics(UserError):
@@ -103,7 +111,8 @@ def picture(
 
     bare = mujoco.MjModel.from_xml_string(xml, assets)
     points = points_of(bare, pose_model(bare, pose))
-    model = studio.model_of(xml, assets, shot.size, lowest=float(points[:, 2].min()) if len(points) else 0.0)
+    quality = studio.COARSE if math.prod(shot.size) <= FEW_PIXELS else studio.FINE
+    model = studio.model_of(xml, assets, shot.size, float(points[:, 2].min()) if len(points) else 0.0, quality)
     data = pose_model(model, pose)
     if not len(points):
         points = np.array([[-0.1, -0.1, 0.0], [0.1, 0.1, 0.1]])
@@ -111,11 +120,11 @@ def picture(
     extent = 1.5 * float(np.linalg.norm(points - centre, axis=1).max())
     camera = camera_of(points, gravity, shot)
     if not marks:
-        return encode_png(studio.photograph(model, data, camera, shot.size, centre, extent))
+        return encode_png(studio.photograph(model, data, camera, shot.size, centre, extent, quality))
     length = frames.length_of(points, camera)
     strokes = [stroke for mark in marks for stroke in frames.arrows_of(mark, data, length)]
     camera = camera_of(np.concatenate([points, *strokes]), gravity, shot)
-    image = studio.photograph(model, data, camera, shot.size, centre, extent)
+    image = studio.photograph(model, data, camera, shot.size, centre, extent, quality)
     return encode_png(frames.draw_marks(image, marks, data, camera, length))
 
 
@@ -180,12 +189,6 @@ def encode_png(image: Any) -> bytes:
     return stream.getvalue()
 
 
-SIZE = (240, 180)
-"""Default width and height of a small picture [px]."""
-LAMPS = (8, 8)
-"""Numbers of lamps in the soft box and in the dome for a small picture."""
-SHADOW = 1024
-"""Size of the shadow map for a small picture [px]."""
 
 Point = Sequence[float]
 """The coordinates x, y and z of a point [m] in the world."""
@@ -229,11 +232,11 @@ def small_picture(
 
     seen = np.array(points)
     low, high = seen.min(axis=0), seen.max(axis=0)
-    model = studio.model_of(xml, assets, size, float(low[2]), shadow=SHADOW)
+    model = studio.model_of(xml, assets, size, float(low[2]), studio.COARSE)
     data = pose_model(model, _pose_of(model, pose))
     length = 0.75 * float(np.linalg.norm(high - low))
     camera = camera_of(seen, (gravity[0], gravity[1], gravity[2]), Shot(size=size))
-    return encode_png(studio.photograph(model, data, camera, size, (low + high) / 2.0, length, counts=LAMPS))
+    return encode_png(studio.photograph(model, data, camera, size, (low + high) / 2.0, length, studio.COARSE))
 
 
 def _pose_of(model: Any, pose: str | None) -> str | None:

@@ -93,13 +93,17 @@ def fit_camera(points: Array, axes: Array, angle: float, aspect: float, margin: 
     return Camera(position=position @ axes, axes=axes, tangent=math.tan(angle / 2.0), aspect=aspect, near=near)
 
 
-KEY, DOME = 32, 36
-"""The numbers of lamps that approximate the soft box and the dome of the studio. Each lamp takes about 50 ms at 1280 x 960 pixels without a
-graphics card.
-"""
 
-SHADOW = 2048
-"""Size of a lamp's shadow map [px]."""
+class Quality(FrozenStruct):
+    """The quality of shadows: the numbers of lamps that approximate the soft box and the dome of the studio, and the size of a lamp's
+    shadow map [px]. Each lamp takes about 50 ms at 1280 x 960 pixels without a graphics card.
+    """
+
+    lamps: tuple[int, int]
+    shadow: int
+
+
+FINE, COARSE = Quality(lamps=(32, 36), shadow=2048), Quality(lamps=(8, 8), shadow=1024)
 
 KEY_ANGLE = math.radians(9.0)
 """Radius of the soft box, as an angle seen from the robot."""
@@ -136,15 +140,15 @@ UNDER, GLASS = 0.5e-3, 0.4
 """Depth [m] below the floor at which parts of a robot make the floor transparent, and the opacity of a transparent floor."""
 
 
-def model_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, *, shadow: int = SHADOW) -> Any:
+def model_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: float, quality: Quality) -> Any:
     """Compile a model with the floor, lights and background of the render studio (an `mujoco.MjModel`).
 
-    The studio has two lamps with shadow maps of `shadow` pixels, and the floor of the scene at z = 0. The floor is transparent if the
-    lowest point of the robot, `lowest` [m], is below the floor.
+    The studio has two lamps, and the floor of the scene at z = 0. The floor is transparent if the lowest point of the robot, `lowest` [m],
+    is below the floor.
     """
     spec = mujoco.MjSpec.from_string(xml, assets=assets)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = size
-    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = shadow, 0
+    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = quality.shadow, 0
     spec.visual.headlight.active = 0
     spec.visual.map.shadowclip = 1.0
     spec.add_texture(
@@ -161,7 +165,7 @@ def model_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: 
     return spec.compile()
 
 
-def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) -> list[tuple[Array, float]]:
+def lamps(camera: Camera, normal: Array, counts: tuple[int, int]) -> list[tuple[Array, float]]:
     """Return the light direction (3,) and the weight of each lamp.
 
     All lamps together illuminate a floor with the normal vector `normal` with the brightness 1.
@@ -198,12 +202,11 @@ def _golden_angle(number: int) -> float:
 
 
 def photograph(
-    model: Any, data: Any, camera: Camera, size: tuple[int, int], centre: Array, extent: float, *,
-    counts: tuple[int, int] = (KEY, DOME),
+    model: Any, data: Any, camera: Camera, size: tuple[int, int], centre: Array, extent: float, quality: Quality,
 ) -> NDArray[np.uint8]:
     """Render the state `data` of a model in studio light, as an array (height, width, 3).
 
-    Shadows are computed up to the distance `extent` [m] from `centre` (3,). `counts` contains the numbers of lamps (see `lamps`).
+    Shadows are computed up to the distance `extent` [m] from `centre` (3,).
     """
     width, height = size
     normal = np.array([0.0, 0.0, 1.0])
@@ -220,7 +223,7 @@ def photograph(
         for flag in (mujoco.mjtRndFlag.mjRND_REFLECTION, mujoco.mjtRndFlag.mjRND_HAZE, mujoco.mjtRndFlag.mjRND_FOG):
             scene.flags[flag] = 0
         buffer = np.empty((height, width, 3), dtype=np.uint8)
-        for number, (direction, weight) in enumerate(lamps(camera, normal, counts)):
+        for number, (direction, weight) in enumerate(lamps(camera, normal, quality.lamps)):
             _light(scene, direction, normal, centre, extent)
             _stand(scene, camera, number, size)
             total += np.float32(weight / 255.0) * renderer.render(out=buffer)

@@ -15,7 +15,7 @@ from thingc.base.pose import Pose, Vector, add_scaled
 from thingc.base.primitives import Primitive
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence
-from thingc.targets.render.picture import LAMPS, SHADOW, Shot, camera_of, encode_png, points_of, pose_model
+from thingc.targets.render.picture import Shot, camera_of, encode_png, points_of, pose_model
 
 if TYPE_CHECKING:
     from thingc.tools.workshop.assembly_steps import AssemblyStep
@@ -107,14 +107,14 @@ class Pictures:
         length = float(np.linalg.norm(np.ptp(points, axis=0)))
         height = -float(points[:, 2].min())
         points[:, 2] += height
-        model = studio.model_of(text(height, 0.003 * length), assets, size, 0.0, shadow=SHADOW)
+        model = studio.model_of(text(height, 0.003 * length), assets, size, 0.0, studio.COARSE)
         cameras = [camera_of(points, GRAVITY, Shot(size=size, azimuth=azimuth)) for azimuth in AZIMUTHS]
         colors = [one.color for one in shown for _ in one.occurrence.drawn]
         first = int(model.body_geomadr[1])  # the floor comes before the geoms of the body
         new = [first + k for k, color in enumerate(colors) if color == NEW]
         camera = cameras[_clearest(model, [camera.position for camera in cameras], new)]
         middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-        image = studio.photograph(model, pose_model(model, None), camera, size, middle, 0.75 * length, counts=LAMPS)
+        image = studio.photograph(model, pose_model(model, None), camera, size, middle, 0.75 * length, studio.COARSE)
         return f"data:image/png;base64,{b64encode(encode_png(image)).decode()}"
 
     def _geoms(self, shown: _Shown, assets: dict[str, bytes]) -> Iterable[str]:
