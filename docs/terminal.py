@@ -103,7 +103,7 @@ def svg(lines: list[Line]) -> str:
     newline = "\n"
     size = f'width="{width:.0f}" height="{height:.0f}"'
     return f"""<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width:.0f} {height:.0f}" role="img">
-<title>thingc in a terminal: a new robot, a slip that is found and fixed, a build</title>
+<title>thingc in a terminal: create a robot, find and fix a typo, build</title>
 <style>
 {newline.join(rules)}
 text {{ font: 14px ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace; white-space: pre; fill: #e9edf1; }}

@@ -164,12 +164,12 @@ def _frame(robot: str, fragment: str, says: str, picture: Path, name: str) -> st
     with Image.open(picture) as opened:
         width, height = opened.size
     first = f'<style>{FRAME}</style><a href="{address}"><img src="{html.escape(shown)}" alt="{html.escape(says)}">' \
-        "<span><b>Click to turn it</b></span></a>"
+        "<span><b>Click to rotate</b></span></a>"
     return (
         f'<iframe class="viewer" title="{html.escape(says)}" src="{address}" srcdoc="{html.escape(first)}" loading="lazy" '
         f'style="aspect-ratio: {width} / {height}" '
         'onload="this.pages = (this.pages || 0) + 1; this.classList.toggle(\'live\', this.pages > 1)"></iframe>'
-        f'\n<a class="alone" href="{address}">Open it in a window of its own</a>'
+        f'\n<a class="alone" href="{address}">Open the viewer in a new tab</a>'
     )
 
 

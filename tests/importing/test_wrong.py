@@ -46,7 +46,8 @@ def test_file_size_is_limited(tmp_path: Path, text: str, words: str) -> None:
 
 @pytest.mark.parametrize(("words", "said"), [
     (["robots/constructs.urdf", "--root", "uper"], "--root: there is no link `uper`\n  help: did you mean `upper`?"),
-    (["robots/none.urdf"], "cannot read `robots/none.urdf`: no such file or directory"),
+    (["robots/blcks.urdf"], "no such file or directory\n  help: did you mean `robots/blocks.urdf`?"),
+    (["none.step"], "cannot read `none.step`: no such file or directory\n  help: there are no robot files here"),
     (["test_wrong.py"], "`test_wrong.py` is not of a supported format: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
     (["robots"], "`robots` is a folder, not a file: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
     (["xacro/bot/urdf/bot.urdf.xacro", "--arg", "armss=3"], "--arg armss: the file has no such argument\n  help: did you mean `arms`?"),

@@ -254,9 +254,11 @@ def test_vector_component_is_set_by_its_index(here: Path, capsys: pytest.Capture
     (["joints.lift.limit=1 deg"], ["is not a value but a mapping", "or the whole mapping: `joints.lift.limit={...}`"]),
     (["rech=1 mm", "load=3 mm", "joints.lift.limits.upper=1 deg"], [
         "has no parameter `rech`", "found a length (`3 mm`)", "has no `limits`"]),
-    (["reach=300 mm"], ["at most 200 mm"]),
+    (["reach=300 mm"], ["at most 200 mm"]), (["reach=0.15"], ["help: write `0.15 m`"]), (["reach=150"], ["help: write `150 mm`"]),
     (["joints.lift.limit.upper=-2 rad"], ["found `-90 deg` and `-2 rad`", "{lower: -90 deg, upper: -2 rad}"]),
     (["components.tool.components.tip.mass=1 kg"], ["`thingc set tool.yaml 'components.tip.mass=...'`"]),
+    (["load=1", "kg"], ["found `kg`\n  help: quote a value that contains spaces: 'load=1 kg'"]),
+    (["joints.lift.at={xyz:", "0", "0}", "load=1 kg"], ["contains spaces: 'joints.lift.at={xyz: 0 0}'\n"]),
     (["load"], ["expected PATH=VALUE, found `load`"]), (["load=1 kg", "load=2 kg"], ["`load` is set twice"]),
 ])
 def test_invalid_values_are_not_written(here: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: list[str]) -> None:

@@ -174,10 +174,14 @@ class FaultReporter(FrozenStruct, eq=False):
             help = f"write a list with one item for each: `[{{{shorten(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
             numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is a list of three numbers, `mass < 2 kg` is a single rule
-            help = f"write `[{shorten(', '.join(value.split()) if numbers else value)}]`"
+            axis = _AXES.get(value) if fault.path[-1:] in (("axis",), ("up",)) else None
+            help = f"write `[{axis or shorten(', '.join(value.split()) if numbers else value)}]`"
         elif help is None and isinstance(value, bool):
             help = choice_hint(format_choice(value), [format_choice(choice) for one in alternatives(shape) for choice in one.choices])
         self._add(Code.WRONG_TYPE, f"expected {shape.words}, found {describe(value)}", self._place(fault.path), fault.path, help)
+
+
+_AXES = {"x": "1, 0, 0", "y": "0, 1, 0", "z": "0, 0, 1", "-x": "-1, 0, 0", "-y": "0, -1, 0", "-z": "0, 0, -1"}
 
 
 def _inside(path: Path) -> str:

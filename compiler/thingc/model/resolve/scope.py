@@ -16,7 +16,7 @@ from thingc.base.pose import Matrix, Pose, Vector, make_pose, rotation_of
 from thingc.base.primitives import FARTHEST
 from thingc.base.source import Document, Origin, Path, ScalarNode, Span, format_path, node_at, walk
 from thingc.base.suggestions import Hint
-from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shorten
+from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shorten, suggested_units
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, kind_of, words_of
 from thingc.documents.expressions.parsing import expression_hint
 from thingc.documents.expressions.terms import Expression, ExpressionError
@@ -270,7 +270,7 @@ def dimension_message(
     if isinstance(value, str) and help is not None and text.startswith("="):
         help = f"`{shorten(value)}` is a string here; an expression begins with `=`: `={shorten(value)}`"
     if isinstance(value, Quantity) and value.dimension == NUMBER and not text.startswith("="):
-        unit = expected[0].example.partition(" ")[2]
+        unit = suggested_units(expected[0], text)[0]
         help = f"write `{text} {unit}`" if unit else None
     elif isinstance(value, Quantity) and text == (written or "").strip() and not set(names).isdisjoint(re.findall(r"\w+", text)):
         help = next(filter(None, (_conversion_help(text, value.dimension, one) for one in expected)), None)

@@ -142,8 +142,11 @@ def _write(
             _, diagnostics = check_document(root.path, replace(options, texts={root.path: after}), memo=memo)
             if console.exit_code(diagnostics):
                 _, already = check_document(root.path, options)
-                wrong = console.exit_code(already)
-                return _say(arguments, already) if wrong else _say(arguments, diagnostics, texts={root.path: changed.text})
+                if console.exit_code(already):
+                    return _say(arguments, already)
+                code = _say(arguments, diagnostics, texts={root.path: changed.text})
+                console.say(f"{shown_path(root.path)} was not changed; the lines above are from the new text", stream=sys.stderr)
+                return code
             changes[root.path] = before, after
         with signals.delay_signals():
             keep(changes)

@@ -19,7 +19,7 @@ from thingc.base.joints.kinds import KINDS, BaseType, stays
 from thingc.base.python_source import parse_python
 from thingc.base.replacement import Change
 from thingc.base.source import Document, MappingNode, SequenceNode, node_at
-from thingc.base.suggestions import closest_name, did_you_mean, nearest
+from thingc.base.suggestions import closest_name, did_you_mean
 from thingc.base.units import shorten
 from thingc.documents.checks import kinds
 from thingc.documents.format.value_edits import Keys, Written
@@ -269,11 +269,8 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     root = documents.root
     name = _new(root, "tests", arguments.name)
     if arguments.kind not in kinds():
-        known = ", ".join(f"`{kind}`" for kind in kinds())
-        there = "--kind is missing" if arguments.kind is None else f"found `{arguments.kind}`"
-        close = nearest(arguments.kind or "", kinds())
-        hint = f"did you mean `{close}`?" if close else "write, for example, `--kind mass`"
-        raise console.WrongCommandLine(f"expected --kind ({known}); {there}", hint)
+        wrong = "a test requires --kind" if arguments.kind is None else f"there is no kind of test `{arguments.kind}`"
+        raise console.WrongCommandLine(wrong, did_you_mean(arguments.kind or "", kinds(), what="kinds"))
     motions, mounts = _section(root.tree, "motions"), _section(root.tree, "mounts")
     if "$motion" in kinds()[arguments.kind].stub.values() and not motions:
         raise console.WrongCommandLine(f"a `{arguments.kind}` test needs a motion of the document", "first add `motions` to the document")

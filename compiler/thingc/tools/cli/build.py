@@ -116,10 +116,7 @@ def _build_robot(wish: BuildRequest, key: str, environment: Environment) -> tupl
     before = manifest_paths(build_folder(*built.place))
     folder = build_document.write(environment, built, wish, console.say_waiting)
     if gone := before - built.files.keys():
-        folders = {path.partition("/")[0] + ("/" if "/" in path else "") for path in gone}
-        console.say(
-            f"removed {format_count(len(gone), 'file')} of the previous build: {quote_names(sorted(folders), 4)}", stream=sys.stderr,
-        )
+        console.say(f"removed {format_count(len(gone), 'file')} of the previous build: {quote_names(sorted(gone), 4)}", stream=sys.stderr)
     manifest = up_to_date.state_of(os.path.join(folder, "manifest.json"))
     answer = {**answer_of(built, folder), "targets": wish.targets, "place": built.place, "manifest": manifest}
     up_to_date.save(environment.store, key, up_to_date.inputs(environment, built.compilation), diagnostics, answer)

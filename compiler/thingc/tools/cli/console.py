@@ -355,6 +355,8 @@ class ProgressLine:
     def __call__(self, what: str, done: int, total: int) -> None:
         """Display that `done` of `total` parts have been built."""
         now = time.monotonic()
+        if done == 0:
+            self._started = now
         line = f"{what} parts: {done} of {total} ({now - self._started:.0f} s)"
         if sys.stderr.isatty():
             say_in_place(line if done < total else "")

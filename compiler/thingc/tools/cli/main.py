@@ -2,9 +2,9 @@
 
 Examples:
   thingc check assemblies/arm.yaml           report errors and warnings
-  thingc build  assemblies/arm.yaml           models, meshes, print files, bill of materials in build/arm/
+  thingc build assemblies/arm.yaml           write models, meshes, print files, bill of materials to build/arm/
   thingc build assemblies/arm.yaml -p 'reach=120 mm' --mode bench --emit mjcf
-  thingc info assemblies/arm.yaml            masses, and the source of each number
+  thingc info assemblies/arm.yaml            show masses, and the source of each number
 
 Run `thingc COMMAND --help` for the arguments and options of a command.
 """

@@ -1,6 +1,6 @@
 """Implementation of `thingc new`, which creates a workspace with a small robot that can be built.
 
-Creates the folder NAME with a robot of that name: parts, a document with two modes and tests, settings for editors, Git and GitHub.
+Creates the folder NAME with a robot of that name: parts, a document with modes and tests, settings for editors, Git and GitHub.
 An existing folder must be empty except for `.git`. Use `.` for the working folder.
 
   thingc new rover                       {arm}

@@ -11,6 +11,7 @@ If the document would have errors, nothing is written.
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 from collections.abc import Mapping, Sequence
 
@@ -41,6 +42,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def settings(words: Sequence[str]) -> dict[str, str]:
     """Convert the arguments `PATH=VALUE` to a mapping from paths to values. Raises `WrongCommandLine` for an invalid argument."""
+    for first, word in enumerate(words[1:]):
+        if "=" not in word and "=" in words[first]:  # the shell split the value
+            value = " ".join([words[first], *itertools.takewhile(lambda one: "=" not in one, words[first + 1 :])])
+            raise console.WrongCommandLine(f"expected PATH=VALUE, found `{word}`", f"quote a value that contains spaces: '{value}'")
     return console.paths(words, "PATH=VALUE", "'joints.elbow.limit.upper=90 deg'", "`{}` is set twice", parameter_name)
 
 

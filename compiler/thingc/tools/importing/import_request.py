@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
+from thingc.base.diagnostics import Code, Report
+from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.suggestions import file_meant
 
 if TYPE_CHECKING:
     from thingc.tools.importing.update_import import PreviousImport
@@ -39,3 +43,11 @@ class ImportRequest(FrozenStruct):
 
 PLAIN = ImportRequest()
 """A request without options."""
+
+
+def refuse_unreadable(path: str, fault: OSError, suffixes: tuple[str, ...], report: Report) -> None:
+    """Report an error for a file that cannot be read. If the file does not exist, suggest a file with one of the suffixes."""
+    folder = os.path.dirname(path)
+    known = [os.path.join(folder, name) for name in listing(folder or os.curdir) if name.lower().endswith(suffixes)]
+    help = file_meant(path, known, what="robot files") if isinstance(fault, FileNotFoundError) else None
+    report.add(Code.COMMAND_LINE, f"cannot read `{path}`: {(fault.strerror or str(fault)).lower()}", None, help=help)

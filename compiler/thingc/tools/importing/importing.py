@@ -22,7 +22,7 @@ from thingc.base.safe_text import escape_control
 from thingc.base.source import Path, Span
 from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.document_names import plain_name
-from thingc.tools.importing.import_request import ENDINGS, PLAIN, ImportRequest
+from thingc.tools.importing.import_request import ENDINGS, PLAIN, ImportRequest, refuse_unreadable
 from thingc.tools.importing.inertias import RepairedLink, repair_inertias, warn_of_mirror_pairs
 from thingc.tools.importing.meshes import matter_of, read_meshes, warn_of_units
 from thingc.tools.importing.mjcf.reader import read_mjcf
@@ -145,7 +145,7 @@ def _content(path: str, report: Report) -> bytes | None:
     try:
         return beginning(path, MOST_BYTES + 1)
     except OSError as fault:
-        report.add(Code.COMMAND_LINE, f"cannot read `{path}`: {(fault.strerror or str(fault)).lower()}", None)
+        refuse_unreadable(path, fault, ENDINGS, report)
         return None
 
 

@@ -27,6 +27,7 @@ from thingc.geometry.client import once
 from thingc.geometry.features import Cylinder, Features, PlanarFace
 from thingc.geometry.store.local import Store
 from thingc.tools.importing.document_names import distinct, plain_name
+from thingc.tools.importing.import_request import refuse_unreadable
 from thingc.tools.importing.quantities import pose_words, quantity, was
 from thingc.tools.importing.step_assembly import StepAssembly, StepChild, StepPart
 
@@ -133,7 +134,7 @@ def import_step(path: str, store: Store, report: Report) -> ImportedAssembly | N
         with open(path, "rb") as stream:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as fault:
-        report.add(Code.COMMAND_LINE, f"cannot read `{path}`: {(fault.strerror or str(fault)).lower()}", None)
+        refuse_unreadable(path, fault, (".step", ".stp"), report)
         return None
     store.check()
     request = {"op": "call", "function": READER, "arguments": [os.path.abspath(path)], "store": store.root, "timeout": TIME_LIMIT}

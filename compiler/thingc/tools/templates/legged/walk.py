@@ -31,6 +31,8 @@ def gait(t: float) -> dict[str, float]:
 
 def main() -> None:
     """Simulate `SECONDS` seconds, and print the distance that the robot walked."""
+    if not FOLDER.exists():
+        sys.exit("build the robot first: thingc build my_robot.yaml")
     model = mujoco.MjModel.from_xml_path(str(FOLDER / "scene_walking.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
