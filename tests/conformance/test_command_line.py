@@ -215,7 +215,8 @@ def test_current_outputs_stay_and_outdated_ones_are_removed(tmp_path: Path) -> N
         assert build(*words).err == f"build/point is up to date ({len(both)} files)\n"
     (tmp_path / "point.yaml").write_text(dedent(point).replace("mass: 1 kg", "mass: 2 kg"))
     assert build("--emit", "bom").err == (
-        "removed 2 files of the previous build: `joint_order.json`, `urdf/point_default.urdf`\nBuilt build/point: 3 files; 0 parts modelled, 0 reused\n"
+        "removed 2 files of the previous build: `joint_order.json`, `urdf/point_default.urdf`\n"
+        "Built build/point: 3 files; 0 parts modelled, 0 reused\n"
     )
     (tmp_path / "build" / "point" / "bom.csv").unlink()
     assert build("--emit", "urdf").code == 0
