@@ -495,8 +495,8 @@ def test_installed_targets_declare_their_files(
             (folder / "robot.yaml").write_text(GOOD.replace("-90 deg", "-80 deg"))
     else:
         assert said(capsys, *words) == (1, [
-            f"error[{Code.UNSTATED.code}]: the target `ballast` writes `ballast.csv`, which is missing in `ballast_of_links.WRITES`",
-            '  help: report this to its author: `WRITES = ("ballast.csv",)` in that module must list all files of the target',
+            f"error[{Code.UNSTATED.code}]: the target `ballast` writes `ballast.csv`, but `ballast_of_links.WRITES` does not list it",
+            '  help: ask the author of the package to list all files of the target: `WRITES = ("ballast.csv",)`',
             "", "1 error",
         ])
         assert not (folder / "out").exists()

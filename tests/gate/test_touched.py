@@ -145,7 +145,7 @@ def test_since_a_revision(folder: Path, touched: Run) -> None:
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    ([], "expected files that have changed, or --since"),
+    ([], "expected changed files, or --since"),
     (["--since", "nowhere"], "--since nowhere: fatal: not a git repository"),
 ])
 def test_errors_of_git(folder: Path, shared_store: str, words: list[str], said: str) -> None:

@@ -258,7 +258,7 @@ def test_two_names_for_one_link_are_reported() -> None:
     assert said(report) == [
         ("LINK_NAMED_TWICE", "`lid` and `base` name the same link: no joint separates their components", "remove one of the two names", 111)
     ]
-    assert notes(report) == [("`base` is written here", "/robots/robot.yaml", 110)]
+    assert notes(report) == [("`base` is defined here", "/robots/robot.yaml", 110)]
 
 
 def test_duplicate_link_names_are_reported() -> None:

@@ -57,9 +57,9 @@ def test_part_folder_takes_precedence_over_packages(tmp_path: Path, installed: P
 
 
 @pytest.mark.parametrize(("text", "code", "message", "help"), [
-    ("nuts.metal", Code.MISSING_FILE, "there is no document `nuts.metal`: the package `nuts` has no document of that name",
+    ("nuts.metal", Code.MISSING_FILE, "there is no document `nuts.metal` in the package `nuts`",
      "did you mean `nuts.metals`?"),
-    ("nuts.away", Code.MISSING_FILE, "there is no document `nuts.away`: the package `nuts` has no document of that name",
+    ("nuts.away", Code.MISSING_FILE, "there is no document `nuts.away` in the package `nuts`",
      # a link out of the package
      "did you mean `nuts.metals`?"),
     ("missing.metals", Code.MISSING_FILE, "there is no document `missing.metals`: the package `missing` is not installed", "install it"),

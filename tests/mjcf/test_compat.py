@@ -156,7 +156,7 @@ def test_mjx_adhesion_is_omitted_or_reported(store: Store) -> None:
     for base, on in (("fixed", True), ("held", True), ("free", False)):
         request, models = emit_with_magnet(store, base, on=on)
         assert not request.report.diagnostics
-        assert ("arm/sole", "the adhesion, which MJX lacks", "omitted") in lost(models)
+        assert ("arm/sole", "the adhesion, which MJX does not support", "omitted") in lost(models)
         model = load_scene(request, models)
         assert [model.actuator(number).name for number in range(model.nu)] == ["arm/turn_1", "arm/turn_2"]
         assert model.key_ctrl.tolist() == [[0.1, 0.2]]
@@ -194,7 +194,7 @@ def test_mjx_integrator_and_fluid_limits_are_reported(store: Store) -> None:
     """The integrator `implicit` is replaced by `implicitfast`; `density` with `implicitfast` is reported."""
     made = robot(store, "box", "box", simulation={"integrator": "implicit"}, raw=(raw(5, "option density", "1.2"),))
     request, models = emit_models(made, store, ["mjx"])
-    assert ("bench", "the integrator `implicit`, which MJX lacks: `implicitfast` is used", "approximated") in lost(models)
+    assert ("bench", "the integrator `implicit`, which MJX does not support: `implicitfast` is used", "approximated") in lost(models)
     assert load_scene(request, models).opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     assert [one.message for one in request.report.diagnostics] == [
         "MJX cannot load mode `bench`: it does not support `density` with `implicitfast`",

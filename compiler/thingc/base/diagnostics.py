@@ -235,7 +235,7 @@ class Code(Enum):
     SAME_NAME = ("TC709", "name clash in the files of a target", "Rename one of the two elements.")
     COMPAT = ("TC710", "model that another program rejects", "Change the value, or select other modes with `--mode`.", Stage.COMPAT)
     STEP_FAILED = ("TC752", "the STEP file could not be written", "Change the part that the message shows, or use `--emit` without `step`.")
-    UNSTATED = ("TC753", "target with undeclared files", "Ask the author of the package to add the files to `WRITES`.")
+    UNSTATED = ("TC753", "target with unlisted files", "Ask the author of the package to add the file to `WRITES`.")
     PRINT_SIZE = ("TC754", "part larger than the print bed", "Set `bed` in `thingc.toml`, or print the part in another direction.")
     SAME_FILE = ("TC751", "two definitions with the same file name", "Rename one of the two part files.")
     # --- TC8xx: folders and files (driver, command line) -----------------------------------------------------------

@@ -154,9 +154,9 @@ def run_emitters(request: EmitRequest, targets: Sequence[str]) -> dict[str, Arti
         made = emitter(target)(apply_custom_names(given) if target not in TARGETS or TARGETS[target].by_name else given)
         if astray := _undeclared_paths(target, made.files):
             request.report.add(
-                Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, which is missing in `{module_of(target)}.WRITES`", None,
+                Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, but `{module_of(target)}.WRITES` does not list it", None,
                 path=target,
-                help=f'report this to its author: `WRITES = ("{astray[0]}",)` in that module must list all files of the target',
+                help=f'ask the author of the package to list all files of the target: `WRITES = ("{astray[0]}",)`',
             )
         artifacts[target] = replace(made, losses=tuple(loss for loss in made.losses if loss not in told))
         told |= dict.fromkeys(made.losses)

@@ -150,7 +150,7 @@ def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked
     shown, known = shorten(text), packaged_documents(workspace)
     if any(os.path.isdir(top) for top in tops):
         report.add(
-            Code.MISSING_FILE, f"there is no document `{shown}`: the package `{package}` has no document of that name", where,
+            Code.MISSING_FILE, f"there is no document `{shown}` in the package `{package}`", where,
             help=did_you_mean(text, known, what="documents of packages"),
         )
     elif package in workspace.packages:

@@ -43,7 +43,7 @@ def _maintainer(value: Any) -> str:
 
 def _license(value: Any) -> str:
     if not isinstance(value, str) or not one_line(value):
-        raise fault("type", f"expected a license in one line, found {describe(value)}", help="write, for example, `Apache-2.0`")
+        raise fault("type", f"expected a license on one line, found {describe(value)}", help="write, for example, `Apache-2.0`")
     return value
 
 

@@ -366,7 +366,7 @@ class LockValue:
         return dict(self.mapping())
 
     def flag(self) -> bool:
-        """Return the boolean."""
+        """Return a boolean. Raises the error of this value for other types."""
         return self._of_type(bool, "true or false")
 
     def number(self) -> float:

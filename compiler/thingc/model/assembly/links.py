@@ -111,7 +111,7 @@ def _namings(tree: Tree, link_of: Sequence[int]) -> dict[int, _Naming]:
                 tree.findings.error(
                     Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name the same link: no joint separates their components",
                     naming.origin, path=naming.name, help="remove one of the two names",
-                    notes=make_notes(f"`{before}` is written here", other.origin),
+                    notes=make_notes(f"`{before}` is defined here", other.origin),
                 )
             elif other is None or naming.depth < other.depth:
                 chosen[link] = naming

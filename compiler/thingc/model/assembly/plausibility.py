@@ -321,7 +321,7 @@ def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Seque
                     tree.findings.error(
                         Code.TRANSMISSION, f"actuator `{named.path}` is used twice: it drives `{user}` and `{path}`",
                         drive.origin + instance.origin, path=path, help="remove the actuator from one of the two",
-                        notes=make_notes(f"`{user}` uses it, too", other.origin),
+                        notes=make_notes(f"`{user}` also uses it", other.origin),
                     )
             else:
                 inline.add(path)

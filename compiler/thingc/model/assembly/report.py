@@ -80,7 +80,7 @@ def _key(code: Code, message: str, origin: Origin) -> _Key:
 
 
 def written_at(what: str, code: tuple[str, int] | None) -> tuple[Note, ...]:
-    """Return a note with the location of part code: "`arm:Pen` is written here".
+    """Return a note with the location of part code: "`arm:Pen` is defined here".
 
     If the location is unknown, as for parts from files and built-in parts, return no notes.
     """

@@ -316,7 +316,7 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: 
                 Code.HEIGHT,
                 f"mode `{name}` sets the height of the robot twice: by `on: floor` and by the hold of `{mount}` at a fixed place",
                 ("modes", name, "hold"), span=hold.origin[0], help=f"write `{mount}: here`, or set a height in `at`",
-                notes=[Note(message="`on: floor` is written here", span=scope.span(on.path))],
+                notes=[Note(message="`on: floor` is set here", span=scope.span(on.path))],
             )
 
 

@@ -92,7 +92,7 @@ def _elements(scope: Scope, section: str, written: Any, path: Path) -> Iterator[
         place: Path = (*path, number)
         if not (isinstance(one, Mapping) and len(one) == 1 and isinstance(next(iter(one.values())), Mapping)):
             scope.error(
-                Code.VALUE_KIND, "an element must be a mapping with one key, its tag, whose value contains the attributes", place,
+                Code.VALUE_KIND, "an element must be a mapping from its tag to its attributes", place,
                 help=f"write, for example, {_EXAMPLE}",
             )
             continue

@@ -338,7 +338,7 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
 
 def declaration_note(node: ComponentScope) -> list[Note]:
     """Return a note with the location at which a component is declared."""
-    return [Note(message=f"`{node.name}` is written here", span=node.scope.span(node.path, key=True))]
+    return [Note(message=f"`{node.name}` is defined here", span=node.scope.span(node.path, key=True))]
 
 
 def definition_note(table: DocumentScope) -> list[Note]:

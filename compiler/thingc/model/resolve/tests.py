@@ -261,7 +261,7 @@ class Reader:
         low = joint.limit.lower if joint.limit.lower is not None else -endless
         high = joint.limit.upper if joint.limit.upper is not None else endless
         if said == ALL and numeric.isinf(high - low):
-            self.error(Code.TEST, f"joint `{name}` slides without limits: `all` is not possible", key,
+            self.error(Code.TEST, f"joint `{name}` slides without limits, so it cannot have the range `all`", key,
                        help="write a range such as `[-20 mm, 20 mm]`, or give the joint a `limit`")
         if said != ALL and twist is not None:
             first, last = self.interval(said, key, twist.coordinate, f"the range of joint `{name}`")

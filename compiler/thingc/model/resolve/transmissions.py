@@ -155,10 +155,10 @@ class _Reader:
         user, where = self.used.setdefault(key, (self.what, place))
         if where == place and user == self.what:
             return True
-        notes = self.scope.second_note("it is used here, too", where, place)
+        notes = self.scope.second_note("it is also used here", where, place)
         if where[-1] == "drive" and key[0] == "joint":
             help = f"remove the `drive` of {what}, or {self.what}"
-            self.fault(f"{what} has a `drive`, and {self.what} drives it, too", place, help, notes)
+            self.fault(f"{what} has a `drive`, but {self.what} also drives it", place, help, notes)
         else:
             both = f"twice by {self.what}" if user == self.what else f"by {user} and by {self.what}"
             self.fault(f"{what} is used {both}", place, f"remove {short} from one of the two", notes)

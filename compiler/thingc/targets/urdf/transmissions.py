@@ -99,7 +99,7 @@ def control_transmission(of: RosTransmission) -> Element:
 
 
 def transmission_losses(target: str, robots: Sequence[Robot]) -> Iterator[Loss]:
-    """Yield an export loss for each differential that no transmission of ROS equals."""
+    """Yield an export loss for each differential that no transmission type of ROS can represent."""
     for robot in robots:
         written = {one.name for one in coupled_transmissions(robot)}
         for name, rows in differentials(robot).items():

@@ -1,7 +1,7 @@
 """Implementation of `thingc check`, which reports all errors and warnings in documents.
 
 Checks every key, name, unit, reference, limit and mass of a document and of the documents that it uses, in every mode.
-Parts are read from the store; missing parts are modelled first, in a worker process.
+Parts are read from the cache. Missing parts are built first, in a worker process.
 
   thingc check                                           check every document below the working folder
   thingc check assemblies                                check every document below a folder

@@ -1,11 +1,11 @@
 """Implementation of `thingc joints`, which proposes joints between parts that touch, and writes accepted joints into the document.
 
 A joint is proposed where a shaft is in a hole, where faces enclose a part around one direction, and at bolt circles. If the geometry also
-fits another connection, the proposal has a doubt, and --write accepts it only by its name. Limits are not known: revolute joints become
+fits another connection, the proposal is ambiguous, and --write accepts it only by its name. Limits are not known: revolute joints become
 `continuous`, and slides get half the length of their faces.
 
   thingc joints robot/robot.yaml                          list the proposals
-  thingc joints robot/robot.yaml --write                  accept all proposals without a doubt
+  thingc joints robot/robot.yaml --write                  accept all unambiguous proposals
   thingc joints robot/robot.yaml base_to_arm --write      accept a proposal by its name
 """
 
@@ -24,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc joints` to the parser."""
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
-    parser.add_argument("name", metavar="JOINT", nargs="*", help="a proposal to accept (default: all proposals without a doubt)")
+    parser.add_argument("name", metavar="JOINT", nargs="*", help="a proposal to accept (default: all unambiguous proposals)")
     parser.add_argument("--write", action="store_true", help="write the accepted joints into the document")
     parser.add_argument("--diff", action="store_true", help="write nothing, show what --write would change")
     console.add_format(parser)
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     if proposed.document is not None and (arguments.write or arguments.diff):
         outcome = write_joints(proposed, arguments.name, options, strict=arguments.strict, dry=not arguments.write or arguments.diff)
         if not outcome.found and not outcome.done and arguments.format == "text":
-            console.say("nothing to write: there is no proposal without a doubt")
+            console.say("nothing to write: there is no unambiguous proposal")
         return report_edit(outcome, arguments, diff=arguments.diff)
     if arguments.format == "text" and proposed.document is not None:
         console.say(*_lines(proposed))

@@ -74,7 +74,7 @@ def _changed_paths(files: Sequence[str], since: str | None) -> list[str]:
     from thingc.tools.affected.dependents import NotARepository, changed_since
 
     if not files and since is None:
-        raise console.WrongCommandLine("expected files that have changed, or --since", "write, for example, --since origin/main")
+        raise console.WrongCommandLine("expected changed files, or --since", "write, for example, --since origin/main")
     for file in files:
         if os.path.isdir(file) and not os.path.islink(file):
             hint = "list the changed files, or add --all"

@@ -142,7 +142,7 @@ def _frames(assembly: Assembly) -> dict[str, Pose]:
 def write_joints(
     proposed: JointProposals, names: Collection[str], options: Options, *, strict: bool = False, dry: bool = False,
 ) -> EditResult:
-    """Write proposed joints into the document: those in `names`, or all without a doubt if `names` is empty."""
+    """Write proposed joints into the document: those in `names`, or all unambiguous joints if `names` is empty."""
     assert proposed.document is not None and proposed.search is not None, "the document has errors"
     known = [one.name for one in proposed.proposals]
     unknown = [name for name in names if name not in known]

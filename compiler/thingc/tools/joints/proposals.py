@@ -2,7 +2,7 @@
 
 A shaft in a hole can turn if no other contact prevents the rotation. A part between faces on all sides can slide. Parts with other contacts
 are rigidly connected. A round part that only touches parts around its own axis is a pin or a bearing: the joint connects the parts that it
-holds together. A proposal has a doubt if the geometry also fits another connection, such as a screw.
+holds together. A proposal is ambiguous and has a `doubt` if the geometry also fits another connection, such as a screw.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class JointSearch:
         self.found: list[JointProposal] = []
 
     def proposals(self) -> list[JointProposal]:
-        """Return the proposals. Those without a doubt can be accepted together."""
+        """Return the proposals. All proposals without a `doubt` can be accepted together."""
         circles = [*self._bolt_circles()]
         found = [*self._turning(circles), *self._sliding(), *circles]
         connected = {*self.rigid, *self.joined}

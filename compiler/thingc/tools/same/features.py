@@ -108,7 +108,7 @@ class RigidLink(NamedTuple):
 def rigid_links(mechanism: Mechanism, tolerance: float) -> list[RigidLink]:
     """Return the links of a mechanism with their features. Principal moments that differ by less than `tolerance` have no axes.
 
-    The tag of a port is equal for ports that the graph of links and joints does not distinguish.
+    Ports that the graph of links and joints does not distinguish have equal tags.
     """
     shapes = [0] * len(mechanism.links)  # Weisfeiler and Leman: links are distinguished by the shapes of their neighbours
     for _ in shapes:

@@ -328,7 +328,9 @@ def _pose_behind(a: Motion, b: Motion, T: Array) -> tuple[int, Array]:
 
 
 def _screw(X: Array, point: Array, tolerance: float) -> tuple[float, float]:
-    """Return the angle [rad] of a motion, and its distance [m] along the axis of the rotation, or of the point if it does not rotate."""
+    """Return the angle of a motion [rad], and its translation along the axis [m], or the distance that `point` moves if the motion is a
+    translation.
+    """
     r, away = X[:3, :3], apply(X, point) - point
     axis = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / 2.0
     sine = float(np.linalg.norm(axis))

@@ -87,7 +87,7 @@ def _polygon(wire: Any, face: TopoDS_Face) -> list[Vector]:
 
 
 class _CylinderFace(FrozenStruct):
-    """A cylindrical face, or several that belong together: its axis, its range along the axis, and its area [mm]."""
+    """A cylindrical face, or several faces of one cylinder: its axis, its range along the axis [mm], and its area [mm^2]."""
 
     line: CentreLine
     radius: float

@@ -123,7 +123,7 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
     option = root.find_or_empty("option")
     if option.get("integrator") == "implicit":
         option.attributes["integrator"] = "implicitfast"
-        what = "the integrator `implicit`, which MJX lacks: `implicitfast` is used"
+        what = "the integrator `implicit`, which MJX does not support: `implicitfast` is used"
         yield Loss("mjcf", robot.mode.name, robot.mode.name, what, "approximated", robot.mode.origin)
 
 
@@ -214,7 +214,7 @@ def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
             del key.attributes["ctrl"]
     for magnet in robot.assembly.adhesions:
         origin = robot.assembly.occurrences[magnet.occurrence].origin
-        yield Loss("mjcf", None, magnet.path, "the adhesion, which MJX lacks", "omitted", origin)
+        yield Loss("mjcf", None, magnet.path, "the adhesion, which MJX does not support", "omitted", origin)
 
 
 MJX = Consumer(name="mjx", label="MJX", version="mujoco-mjx 3.17.0", suit=_suit, refuses=_refuses)
