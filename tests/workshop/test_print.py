@@ -195,6 +195,15 @@ def test_files_and_mass_use_the_automatic_direction(tmp_path: Path, capsys: pyte
         assert made.volume == pytest.approx(T_SHAPE.volume, rel=1e-6)
 
 
+def test_a_mirrored_assembly_has_its_own_automatic_direction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    robot(tmp_path, tee="print: {up: auto}")
+    (tmp_path / "pair.yaml").write_text(
+        "thingc: assembly/1\nname: pair\ncomponents:\n  one: {assembly: robot.yaml, mirror: z}\n",
+    )
+    (row,) = measured(tmp_path, capsys, str(tmp_path / "pair.yaml"))
+    assert row["up"] == [0.0, 0.0, 1.0] and row["support"] == pytest.approx(0.0, abs=1e-12), "the stem points down in the part"
+
+
 def test_a_locked_robot_has_the_mass_of_the_automatic_direction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     document = robot(tmp_path, tee="process: {infill: 20 %}, print: {up: auto}")
     before = json.loads(run(tmp_path, capsys, "info", document, "--format", "json"))["mass"]

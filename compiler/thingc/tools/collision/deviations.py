@@ -10,18 +10,13 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.primitives import Primitive
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence
+from thingc.tools.diff.surface_distance import surface_distances
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SAMPLES = 4000
 """Number of random points on a surface, in addition to its vertices."""
-
-FEW, MANY = 16, 500
-"""Numbers of triangles near a point to which its distance is measured: for all points, and for the farthest points."""
-
-AGAIN = 50
-"""Number of points whose distance is measured again at once."""
 
 
 class Deviation(FrozenStruct):
@@ -71,40 +66,21 @@ def _deviation(paths: tuple[str, ...], one: Occurrence, store: Store) -> Deviati
 
 def farthest(solid: Any, other: Any) -> float:
     """Return the largest distance [m] of a point of a solid from another solid, measured at vertices and at sampled points."""
-    import numpy as np
-    import trimesh
-    from scipy.spatial import cKDTree
-
     outside = solid - other
     if outside.is_empty():
         return 0.0
-    points, _ = _sample_surface(outside)
-    samples, triangles = _sample_surface(other)
-    tree = cKDTree(samples)
-
-    def point_distances(points: NDArray[Any], neighbours: int) -> NDArray[Any]:
-        nearest = triangles[tree.query(points, k=min(neighbours, len(samples)))[1]]
-        asked = np.repeat(points, nearest.shape[1], axis=0)
-        there = trimesh.triangles.closest_point(nearest.reshape(-1, 3, 3), asked)  # type: ignore[no-untyped-call]
-        return np.asarray(np.linalg.norm(there - asked, axis=1).reshape(-1, nearest.shape[1]).min(axis=1))
-
-    upper, largest = point_distances(points, FEW), 0.0
-    order = np.argsort(-upper, kind="stable")
-    for start in range(0, len(order), AGAIN):  # the distance to few triangles can be too large
-        some = order[start : start + AGAIN]
-        if upper[some[0]] <= largest:
-            break
-        largest = max(largest, float(point_distances(points[some], MANY).max()))
-    return largest
-
-
-def _sample_surface(solid: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return points (n, 3) on the surface of a solid, and the triangle (n, 3, 3) that contains each point."""
     import numpy as np
     import trimesh
 
-    mesh = solid.to_mesh64()
-    corners = np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts, dtype=np.int64)]
+    corners = _corners(outside)
     surface = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False)
-    samples, owners = trimesh.sample.sample_surface(surface, SAMPLES, seed=0)
-    return np.concatenate([corners.reshape(-1, 3), samples]), np.concatenate([np.repeat(corners, 3, axis=0), corners[owners]])
+    samples, _ = trimesh.sample.sample_surface(surface, SAMPLES, seed=0)
+    return float(surface_distances(np.concatenate([np.unique(corners.reshape(-1, 3), axis=0), samples]), _corners(other)).max())
+
+
+def _corners(solid: Any) -> NDArray[Any]:
+    """Return the corners (n, 3, 3) of the triangles of a solid."""
+    import numpy as np
+
+    mesh = solid.to_mesh64()
+    return np.asarray(np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts, dtype=np.int64)])

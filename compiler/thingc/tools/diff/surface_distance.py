@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
@@ -14,10 +15,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-AT_ONCE = 400_000
-"""Maximum number of pairs of a point and a triangle that are processed in one NumPy operation."""
-MOST = 60_000_000
+AT_ONCE = 200
+"""Number of points whose distances are measured at once."""
+MOST = 600_000_000
 """Maximum total number of pairs of a point and a triangle. For more pairs, the distance is not computed."""
+MICROMETRES = 1e6
+"""Conversion from metres. trimesh compares products of four lengths with an absolute tolerance, which is too large in metres."""
 
 
 class SurfaceDistances:
@@ -47,41 +50,35 @@ class SurfaceDistances:
             return None
         if len(points) * len(between) + len(others) * len(faces) > MOST or not len(faces) or not len(between):
             return None
-        distance = max(_from_surface(points, others[between]), _from_surface(others, points[faces]))
+        distance = max(float(surface_distances(*pair).max()) for pair in ((points, others[between]), (others, points[faces])))
         with contextlib.suppress(StoreUnusable):
             self._store.put_json("diff-surfaces", key, distance)
         return distance
 
 
-def _from_surface(points: Array, triangles: Array) -> float:
-    """Return the largest distance [m] of a point in `points (n, 3)` from the surface `triangles (m, 3, 3)`."""
-    import numpy as np
+def surface_distances(points: Array, triangles: Array) -> Array:
+    """Return the distance [m] of each point `(n, 3)` from the nearest triangle `(m, 3, 3)`.
 
-    step = max(1, AT_ONCE // len(triangles))
-    return max(float(np.sqrt(_squared_distances(points[at : at + step], triangles).max())) for at in range(0, len(points), step))
-
-
-def _squared_distances(points: Array, triangles: Array) -> Array:
-    """Return the squared distance [m^2] of each point `(n, 3)` from the nearest triangle `(m, 3, 3)`.
-
-    If a point projects into a triangle, its distance is the distance to the plane of the triangle, else the distance to the nearest edge.
+    Only triangles that can be nearer than the nearest corner or centre of a triangle are compared. They are found by their centres, among
+    triangles of similar size.
     """
     import numpy as np
+    import trimesh
+    from scipy.spatial import cKDTree
 
-    corners = [triangles[:, k] for k in range(3)]
-    nearest = np.full((len(points), len(triangles)), np.inf)
-    inside = np.ones((len(points), len(triangles)), dtype=bool)
-    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    length = np.linalg.norm(normal, axis=1)
-    for k in range(3):
-        along = corners[(k + 1) % 3] - corners[k]
-        to = points[:, None, :] - corners[k][None]
-        squared = np.maximum((along * along).sum(1), 1e-300)
-        part = np.clip((to * along[None]).sum(2) / squared, 0.0, 1.0)
-        off = to - part[:, :, None] * along[None]
-        nearest = np.minimum(nearest, (off * off).sum(2))
-        inside &= (np.cross(normal, along)[None] * to).sum(2) >= 0.0
-    height = ((points[:, None, :] - corners[0][None]) * normal[None]).sum(2) / np.maximum(length, 1e-300)
-    over = inside & (length > 1e-18)
-    result: Array = np.where(over, height * height, nearest).min(axis=1)
-    return result
+    points, triangles = MICROMETRES * points, MICROMETRES * triangles
+    centres, low, high = triangles.mean(axis=1), triangles.min(axis=1), triangles.max(axis=1)
+    sizes = np.ceil(np.log2(np.maximum(np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1), 1.0)))
+    groups = [(2.0**size, np.flatnonzero(sizes == size)) for size in np.unique(sizes)]
+    trees = [(radius, own, cKDTree(centres[own])) for radius, own in groups]
+    found = np.asarray(cKDTree(np.concatenate([triangles.reshape(-1, 3), centres])).query(points)[0])
+    for some in np.array_split(np.arange(len(points)), 1 + len(points) // AT_ONCE):
+        for radius, own, tree in trees:
+            near = tree.query_ball_point(points[some], found[some] + radius)
+            asked, compared = np.repeat(some, list(map(len, near))), own[np.fromiter(chain.from_iterable(near), dtype=int)]
+            beside = np.maximum(np.maximum(low[compared] - points[asked], points[asked] - high[compared]), 0.0)
+            closer = np.linalg.norm(beside, axis=1) < found[asked]
+            asked, compared = asked[closer], compared[closer]
+            there = trimesh.triangles.closest_point(triangles[compared], points[asked])  # type: ignore[no-untyped-call]
+            np.fmin.at(found, asked, np.linalg.norm(there - points[asked], axis=1))
+    return found / MICROMETRES
