@@ -69,11 +69,12 @@ def run(arguments: argparse.Namespace) -> int:
     watched = fail_on(arguments.fail_on)
     options = console.options_of(arguments)
     wanted = parse_sides(arguments.side, arguments.behind)
-    with ExitStack() as stack:
-        answer = _answer(arguments, wanted, options, stack)
-    if isinstance(answer, BrokenSide):
+    try:
+        with ExitStack() as stack:
+            answer = _answer(arguments, wanted, options, stack)
+    except BrokenSide as broken:
         form = "json" if arguments.format == "json" else "text"
-        console.print_found(answer.diagnostics, form, stream=sys.stdout, debug=arguments.debug, texts=answer.texts)
+        console.print_found(broken.diagnostics, form, stream=sys.stdout, debug=arguments.debug, texts=broken.texts)
         return 1
     with console.writing(None, "choose another file"):
         pictures = _write_page(arguments, answer)
@@ -122,17 +123,17 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
     return frozenset(named)
 
 
-def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: Options, stack: ExitStack) -> DiffResult | BrokenSide:
+def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: Options, stack: ExitStack) -> DiffResult:
     """Compare the old and the new state of the documents, and return the result.
 
-    Raises `UnknownComparison`, `NotARepository`, `NoGraphics` and `WrongCommandLine`.
+    Raises `BrokenSide`, `UnknownComparison`, `NotARepository`, `NoGraphics` and `WrongCommandLine`.
     """
     options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
     names = (wanted.old.name, wanted.new.name)
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
     if draw and options.code:
         ready()  # call this before the tests import MuJoCo, because MuJoCo selects its graphics library at import
-    work: Callable[[DocumentPair], Comparison | BrokenSide] = partial(
+    work: Callable[[DocumentPair], Comparison] = partial(
         compare_versions, options=options, source=robot_files.import_request(arguments), tests=tests, names=names, draw=draw,
     )
     if arguments.no_code:
@@ -143,11 +144,9 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
     return compare_documents(*names, laid_out(wanted, stack, code=options.code), work)
 
 
-def _compare_sandboxed(
-    work: Callable[[DocumentPair], Comparison | BrokenSide], seconds: float, both: DocumentPair,
-) -> Comparison | BrokenSide:
+def _compare_sandboxed(work: Callable[[DocumentPair], Comparison], seconds: float, both: DocumentPair) -> Comparison:
     """Compare the old and the new version of one document in a sandboxed process. `seconds` is the maximum CPU time of the process."""
-    answer = run_confined(lambda: pack(work(both)), seconds)
+    answer = run_confined(lambda: pack(partial(work, both)), seconds)
     if isinstance(answer, Diagnostic):
-        return BrokenSide(name=both.name, diagnostics=(replace(answer, path=both.name),), texts={})
+        raise BrokenSide([replace(answer, path=both.name)], {})
     return unpack(answer)

@@ -46,13 +46,14 @@ def run(arguments: argparse.Namespace) -> int:
     results: list[tuple[str, MechanismComparison]] = []
     wanted = parse_sides(arguments.side, arguments.behind)
     names = (wanted.old.name, wanted.new.name)
-    with ExitStack() as stack:
-        for pair in laid_out(wanted, stack, code=options.code):
-            both = mechanisms(pair, names, options, robot_files.import_request(arguments))
-            if isinstance(both, BrokenSide):
-                console.print_found(both.diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=both.texts)
-                return 1
-            results.append((pair.name, compare_mechanisms(*both, arguments.tolerance)))
+    try:
+        with ExitStack() as stack:
+            for pair in laid_out(wanted, stack, code=options.code):
+                both = mechanisms(pair, names, options, robot_files.import_request(arguments))
+                results.append((pair.name, compare_mechanisms(*both, arguments.tolerance)))
+    except BrokenSide as broken:
+        console.print_found(broken.diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=broken.texts)
+        return 1
     if arguments.format == "json":
         console.print_data({"old": names[0], "new": names[1], "comparisons": [
             {"document": name, **to_builtins(result)} for name, result in results

@@ -60,16 +60,15 @@ class DocumentPair(OneLineRepr, FrozenStruct):
     new: Checkout | None
 
 
-class BrokenSide(OneLineRepr, FrozenStruct):
-    """One side of a comparison that cannot be compiled.
+class BrokenSide(BrokenDocument):
+    """Raised if one side of a comparison cannot be compiled.
 
-    This object contains the diagnostics, and the contents of the files in which the errors are. The file names in the diagnostics contain
-    the name of the side.
+    `texts` contains the contents of the files in which the errors are. The file names in `diagnostics` contain the name of the side.
     """
 
-    name: str
-    diagnostics: tuple[Diagnostic, ...]
-    texts: Mapping[str, str]
+    def __init__(self, diagnostics: Sequence[Diagnostic], texts: Mapping[str, str]) -> None:
+        super().__init__(diagnostics)
+        self.texts = texts
 
 
 def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[DocumentPair]:
@@ -141,12 +140,11 @@ def _affected_documents(repository: Repository, asked: ComparisonRequest, states
 
 def compare_versions(
     both: DocumentPair, options: Options, source: ImportRequest, *, tests: bool, names: tuple[str, str], draw: bool = False,
-) -> Comparison | BrokenSide:
-    """Compare the old and the new version of a document. If one side cannot be compiled, return the errors of this side.
+) -> Comparison:
+    """Compare the old and the new version of a document.
 
     `source` contains the options for reading robot files of other formats. If `tests` is true, compare test results. If `draw` is true,
-    render pictures of the changes. Source locations refer to files in the user's checkout. In the errors of a side that cannot be compiled,
-    file names start with the name of the side. Raises `UnknownComparison`.
+    render pictures of the changes. Source locations refer to files in the user's checkout. Raises `BrokenSide` and `UnknownComparison`.
     """
     assert both.old is not None and both.new is not None, "both sides of the comparison are required"
     with ExitStack() as stack:
@@ -162,7 +160,7 @@ def compare_versions(
                     sides.append(_snapshot(laid) if laid.kind != "document" else stack.enter_context(subject(laid, options)))
                     homes.append(partial(_at_home, laid, lambda span: span))
             except BrokenDocument as broken:
-                return broken_side(laid, name, broken)
+                raise broken_side(laid, name, broken) from broken
         old, new = sides
         answer = _compare_robots(old, new, options, tests=tests)
         if answer.changes and isinstance(old, Subject) and isinstance(new, Subject):
@@ -254,7 +252,7 @@ def _with_home(change: Change, homes: Sequence[SourceOf]) -> Change:
 
 
 def broken_side(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
-    """Add the name of the side to the file names in the errors of one side of a comparison.
+    """Return an exception with the errors of one side of a comparison, in which the name of the side is added to the file names.
 
     The name of a file in a revision has the syntax of git, such as `main:arm.yaml`.
     """
@@ -269,8 +267,8 @@ def broken_side(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide
                 texts[called] = stream.read()
         return replace(span, file=called)
 
-    diagnostics = tuple(
+    diagnostics = [
         replace(d, span=name_span(d.span), notes=tuple(replace(note, span=name_span(note.span)) for note in d.notes), fixes=())
         for d in broken.diagnostics
-    )
-    return BrokenSide(name=name, diagnostics=diagnostics, texts=texts)
+    ]
+    return BrokenSide(diagnostics, texts)

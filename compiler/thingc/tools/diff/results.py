@@ -39,19 +39,13 @@ class DiffResult(OneLineRepr, FrozenStruct):
 
 
 def compare_documents(
-    old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison | BrokenSide],
-) -> DiffResult | BrokenSide:
-    """Compare all documents of two sides, and return the result. If one side cannot be compiled, return the errors of this side instead."""
-    documents: list[tuple[str, Comparison]] = []
-    for both in pairs:
-        if both.old is not None and both.new is not None:
-            comparison = compare(both)
-            if isinstance(comparison, BrokenSide):
-                return comparison
-            documents.append((both.name, comparison))
+    old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison],
+) -> DiffResult:
+    """Compare all documents of two sides, and return the result. Raises `BrokenSide`."""
     return DiffResult(
-        old=old, new=new, documents=tuple(documents), come=tuple(both.name for both in pairs if both.old is None),
-        gone=tuple(both.name for both in pairs if both.new is None),
+        old=old, new=new,
+        documents=tuple((both.name, compare(both)) for both in pairs if both.old is not None and both.new is not None),
+        come=tuple(both.name for both in pairs if both.old is None), gone=tuple(both.name for both in pairs if both.new is None),
     )
 
 
@@ -79,19 +73,24 @@ def _entry(change: Change) -> dict[str, object]:
     }
 
 
-def pack(answer: Comparison | BrokenSide) -> list[Any]:
-    """Convert the result of comparing one document to plain JSON values, for transfer between processes. Pictures are omitted."""
-    if isinstance(answer, BrokenSide):
-        return ["broken", answer.name, [to_plain(d) for d in answer.diagnostics], dict(answer.texts)]
-    return ["compared", answer.name, to_builtins(answer.changes), list(answer.unknown), answer.mechanism]
+def pack(compare: Callable[[], Comparison]) -> list[Any]:
+    """Compare one document, and convert the result, or the errors of one side, to plain JSON values, for transfer between processes.
+
+    Pictures are omitted.
+    """
+    try:
+        answer = compare()
+    except BrokenSide as broken:
+        return [[to_plain(d) for d in broken.diagnostics], dict(broken.texts)]
+    return [answer.name, to_builtins(answer.changes), list(answer.unknown), answer.mechanism]
 
 
-def unpack(values: list[Any]) -> Comparison | BrokenSide:
-    """Convert the JSON values that `pack` returns to the result of comparing one document."""
-    kind, name, inner, more, *mechanism = values
-    if kind == "broken":
-        return BrokenSide(name=name, diagnostics=tuple(from_plain(one) for one in inner), texts=more)
-    return Comparison(name=name, changes=tuple(map(_change, inner)), unknown=tuple(more), mechanism="".join(mechanism))
+def unpack(values: list[Any]) -> Comparison:
+    """Convert the JSON values that `pack` returns to the result of comparing one document. Raises `BrokenSide`."""
+    if len(values) == 2:
+        raise BrokenSide([from_plain(one) for one in values[0]], values[1])
+    name, changes, unknown, mechanism = values
+    return Comparison(name=name, changes=tuple(map(_change, changes)), unknown=tuple(unknown), mechanism=mechanism)
 
 
 def _change(values: dict[str, Any]) -> Change:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thingc.base.inertia import principal_axes
+from thingc.modes.frames import rotation
 from thingc.tools.same.mechanism import Mechanism, MechanismJoint, MechanismLink, MotionKind
 
 Array = NDArray[np.float64]
@@ -43,7 +44,7 @@ class Motion(NamedTuple):
         if self.kind == "translation":
             pose[:3, 3] = q * self.axis
             return pose
-        pose[:3, :3] = rotation_about(self.axis, q)
+        pose[:3, :3] = rotation(q * self.axis)
         pose[:3, 3] = self.point - pose[:3, :3] @ self.point + self.pitch * q * self.axis
         return pose
 
@@ -219,14 +220,6 @@ def apply(X: Array, point: Array) -> Array:
     return X[:3, :3] @ point + X[:3, 3]
 
 
-def rotation_about(axis: Array, angle: float) -> Array:
-    """Return the rotation matrix (3, 3) of a rotation by `angle` [rad] about a unit vector (Rodrigues' formula)."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation: Array = np.eye(3) + np.sin(angle) * K + 2.0 * np.sin(angle / 2.0) ** 2 * (K @ K)
-    return rotation
-
-
 def rotation_between(one: Array, other: Array) -> Array:
     """Return the smallest rotation (3, 3) that turns the unit vector `one` to `other`."""
     across = cross(one, other)
@@ -235,4 +228,4 @@ def rotation_between(one: Array, other: Array) -> Array:
         if one @ other > 0.0:
             return np.eye(3)
         across, sine = cross(one, np.eye(3)[int(np.argmin(abs(one)))]), 0.0
-    return rotation_about(across / np.linalg.norm(across), float(np.arctan2(sine, one @ other)))
+    return rotation(across / np.linalg.norm(across) * np.arctan2(sine, one @ other))

@@ -10,7 +10,7 @@ from thingc.modes.errors import ModesError
 from thingc.modes.modes_file import load_modes
 from thingc.tools.diff.arguments import UnknownComparison
 from thingc.tools.diff.cached_snapshots import BrokenDocument
-from thingc.tools.diff.checkouts import BrokenSide, Checkout, DocumentPair, broken_side, read_completely, subject
+from thingc.tools.diff.checkouts import Checkout, DocumentPair, broken_side, read_completely, subject
 from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.imported_document import compile_robot
 from thingc.tools.same.mechanism import Mechanism, mechanism_of_assembly, mechanism_of_mode
@@ -18,12 +18,11 @@ from thingc.tools.same.mechanism import Mechanism, mechanism_of_assembly, mechan
 NO_MESHES = ImportRequest(meshes=False)
 
 
-def mechanisms(
-    pair: DocumentPair, names: tuple[str, str], options: Options, source: ImportRequest,
-) -> tuple[Mechanism, Mechanism] | BrokenSide:
-    """Read both mechanisms of a pair, or return the side that has errors.
+def mechanisms(pair: DocumentPair, names: tuple[str, str], options: Options, source: ImportRequest) -> tuple[Mechanism, Mechanism]:
+    """Read both mechanisms of a pair.
 
-    `names` are the names of the sides in diagnostics, and `source` the options for reading robot files. Raises `UnknownComparison`.
+    `names` are the names of the sides in diagnostics, and `source` the options for reading robot files. Raises `BrokenSide` and
+    `UnknownComparison`.
     """
     found: list[Mechanism] = []
     for laid, name in zip((pair.old, pair.new), names, strict=True):
@@ -32,7 +31,7 @@ def mechanisms(
         try:
             found.append(read_side(laid, options, source))
         except BrokenDocument as broken:
-            return broken_side(laid, name, broken)
+            raise broken_side(laid, name, broken) from broken
     return found[0], found[1]
 
 
