@@ -483,6 +483,15 @@ def print_result(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic
     return code
 
 
+def show_page(address: str, *, browser: bool) -> None:
+    """Print the address of a page. If `browser` is true, also open it in a browser."""
+    import webbrowser
+
+    say(address)
+    if browser and not webbrowser.open(address):
+        say("cannot start a browser: open the address in your browser", stream=sys.stderr)
+
+
 def _documentation() -> str | None:
     """Return the documentation URL in the metadata of the installed package, or None if the metadata does not contain a URL."""
     from importlib.metadata import PackageNotFoundError, metadata

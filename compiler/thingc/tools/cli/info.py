@@ -12,7 +12,6 @@ Masses are exact integrals of the geometry times density, or values from the doc
 from __future__ import annotations
 
 import argparse
-import sys
 
 from msgspec.structs import replace
 
@@ -49,17 +48,11 @@ def run(arguments: argparse.Namespace) -> int:
         console.require_document(arguments.document)
         compilation = with_environment(arguments.document, replace(options, code=not arguments.no_code), compile)
     diagnostics = console.final(compilation.report, strict=arguments.strict)
-    code = console.exit_code(diagnostics)
-    assembly = compilation.assembly if code == 0 else None
-    if arguments.format == "json":
-        console.print_json(diagnostics, **(as_data(assembly, compilation.robots) if assembly is not None else {}))
-        return code
-    console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-    if assembly is not None:
-        console.say(*as_text(assembly, compilation.robots))
-        if arguments.mates:
-            console.say("", *mates_text(assembly))
-    return code
+    assembly = None if console.exit_code(diagnostics) else compilation.assembly
+    if assembly is None:
+        return console.print_result(arguments, diagnostics, ())
+    lines = [*as_text(assembly, compilation.robots), *(("", *mates_text(assembly)) if arguments.mates else ())]
+    return console.print_result(arguments, diagnostics, lines, **as_data(assembly, compilation.robots))
 
 
 def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:

@@ -60,16 +60,10 @@ def run(arguments: argparse.Namespace) -> int:
         diagnostics = report.sorted_diagnostics()
     except console.WrongCommandLine as fault:
         diagnostics = [fault.diagnostic]
-    if arguments.format == "json":
-        console.print_json(diagnostics, parts=[_as_data(schema, record) for schema, record in listed])
-    else:
-        console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
-        if listed:
-            whole = bool(arguments.part)
-            console.say(*[line for schema, record in listed for line in ("", *_as_text(schema, record, whole=whole))][1:])
-        elif not diagnostics:
-            console.say("no parts found in the `parts` folders of the workspace", stream=sys.stderr)
-    return console.exit_code(diagnostics)
+    if not listed and not diagnostics and arguments.format == "text":
+        console.say("no parts found in the `parts` folders of the workspace", stream=sys.stderr)
+    lines = [line for schema, record in listed for line in ("", *_as_text(schema, record, whole=bool(arguments.part)))][1:]
+    return console.print_result(arguments, diagnostics, lines, parts=[_as_data(schema, record) for schema, record in listed])
 
 
 def _list_parts(geometry: GeometryService, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:

@@ -107,9 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
         server.tell(page, made.seconds, diagnostics, kernel=made.kernel)
         lines.say(made)
         if made.number == 1 and not hopeless(made):
-            console.say(server.address)
-            if not arguments.no_open and not webbrowser.open(server.address):
-                console.say("cannot start a browser: open the address in your browser", stream=sys.stderr)
+            console.show_page(server.address, browser=not arguments.no_open)
 
     with server, _overlay(arguments, plain, turn, server) if beside else nullcontext():
         return until_interrupted(live, hear)

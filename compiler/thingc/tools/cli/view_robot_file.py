@@ -7,7 +7,6 @@ import json
 import sys
 import threading
 import time
-import webbrowser
 from contextlib import suppress
 from typing import Any
 
@@ -47,9 +46,7 @@ def view_robot_file(arguments: argparse.Namespace, options: Options, server: Ser
                 return code
             if first:
                 console.say("showing; press Ctrl-C to stop", stream=sys.stderr)
-                console.say(server.address)
-                if not arguments.no_open and not webbrowser.open(server.address):
-                    console.say("cannot start a browser: open the address in your browser", stream=sys.stderr)
+                console.show_page(server.address, browser=not arguments.no_open)
             first = False
     return 0
 
