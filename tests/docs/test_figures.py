@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from docs.pages import ROOT, table, without_fences
+from docs.pages import PAGES, ROOT, table, without_fences
 
 
 @dataclass(frozen=True)
@@ -113,3 +113,9 @@ def largest(rows: list[list[str]], column: int) -> str:
 
 def test_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text().split()) <= 900
+
+
+def test_pages_are_short() -> None:
+    """A page that is not written by a command has at most 3000 words, with its listings and tables."""
+    words = {page.name: len(page.read_text().split()) for page in PAGES if page.parent.name != "studies" and page.name != "diagnostics.md"}
+    assert {name: count for name, count in words.items() if count > 3000} == {}
