@@ -2,7 +2,7 @@
 
 Examples:
   thingc check assemblies/arm.yaml           report errors and warnings
-  thingc build assemblies/arm.yaml           write models, meshes, print files, bill of materials to build/arm/
+  thingc build assemblies/arm.yaml           write models, print files and a bill of materials to build/arm/
   thingc build assemblies/arm.yaml -p 'reach=120 mm' --mode bench --emit mjcf
   thingc info assemblies/arm.yaml            show masses, and the source of each number
 

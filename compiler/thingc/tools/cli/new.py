@@ -96,7 +96,7 @@ def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[s
         *([] if here == os.curdir else [(f"cd {shlex.quote(here)}", "")]),
         (f"thingc check {document}", "report errors and warnings"),
         (f"thingc view {document}", "show the robot in your browser, updated after every save"),
-        (f"thingc build {document}", f"write models, meshes, print files, bill of materials to build/{name}/"),
+        (f"thingc build {document}", f"write models, print files and a bill of materials to build/{name}/"),
         (f"thingc test {document}", "run its tests"),
         (f"thingc watch {document}", "build after every save"),
     ]
